@@ -110,7 +110,10 @@ void branch_prior_forward(struct branch_set *out, const struct branch_prior *p,
 void branch_prior_backward(struct branch_set *dout, float *dvisible,
                            const struct branch_prior *p, bool used)
 {
-    for (size_t i = 0; i < dout->n && used; i++) {
+    const size_t n = used ? dout->n : 0;
+
+#pragma omp parallel for schedule(static)
+    for (size_t i = 0; i < n; i++) {
         float x = p->opacity[i], shift = p->opacity_shift[i];
 
         /* opacity = visible shift(x) */

@@ -97,6 +97,7 @@ void cheek_back_find(float *back, const struct source_picture *picture,
                      const struct source_mesh *mesh, size_t n)
 {
     memset(back, 0, n * n * sizeof *back);
+#pragma omp parallel for schedule(dynamic, 8)
     for (size_t y = 0; y < n; y += STEP)
         for (size_t x = 0; x < n; x += STEP) {
             float *at = back + y * n + x;

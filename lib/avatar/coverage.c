@@ -4,6 +4,7 @@
 #include "lib/avatar/coverage.h"
 
 #include <math.h>
+#include <omp.h>
 #include <stdbool.h>
 #include <string.h>
 
@@ -119,14 +120,20 @@ static void coverage_count(float *C, const uint8_t *bits, size_t n)
     }
 }
 
-/* One bit for each of a cell's 64 points, set by scan lines, then counted. */
-void coverage_fraction(float *C, const float *verts, const int32_t *faces,
-                       size_t F, const float cam[12], size_t n, void *scratch)
-{
-    uint8_t *bits = scratch;
-    size_t m = SUB * n;
+/* The rows of cells that one of several threads fills: all but every `step`th
+ * are the others'. */
+struct coverage_share {
+    size_t first, step;
+};
 
-    memset(bits, 0, m * n);
+/* One bit for each of a cell's 64 points, set by scan lines. */
+static void coverage_set_points(uint8_t *bits, const float *verts,
+                                const int32_t *faces, size_t F,
+                                const float cam[12], size_t n,
+                                struct coverage_share own)
+{
+    const size_t m = SUB * n;
+
     for (size_t f = 0; f < F; f++) {
         struct corner c[3];
         size_t rows[2];
@@ -140,10 +147,26 @@ void coverage_fraction(float *C, const float *verts, const int32_t *faces,
         }
         coverage_rows(rows, c, m);
         for (size_t y = rows[0]; y < rows[1]; y++)
-            if (coverage_span(&lo, &hi, c, (float)y + 0.5f))
+            if (y / SUB % own.step == own.first &&
+                coverage_span(&lo, &hi, c, (float)y + 0.5f))
                 coverage_set_bits(bits + y * n, coverage_first_centre(lo, m),
                                   coverage_first_centre(hi, m));
     }
+}
+
+/* Points in the triangles, counted. */
+void coverage_fraction(float *C, const float *verts, const int32_t *faces,
+                       size_t F, const float cam[12], size_t n, void *scratch)
+{
+    const size_t shares = (size_t)omp_get_max_threads();
+    uint8_t *bits = scratch;
+
+    memset(bits, 0, SUB * n * n);
+#pragma omp parallel for schedule(static, 1)
+    for (size_t i = 0; i < shares; i++)
+        coverage_set_points(bits, verts, faces, F, cam, n,
+                            (struct coverage_share){i, shares});
+#pragma omp parallel for schedule(static)
     for (size_t i = 0; i < n; i++)
         coverage_count(C + i * n, bits + i * SUB * n, n);
 }
@@ -152,6 +175,7 @@ void coverage_fraction(float *C, const float *verts, const int32_t *faces,
 static void coverage_blur_pass(float *out, const float *x, size_t n,
                                const float *w, int r)
 {
+#pragma omp parallel for schedule(static)
     for (size_t i = 0; i < n; i++)
         for (size_t j = 0; j < n; j++) {
             float sum = 0;
@@ -210,10 +234,12 @@ static struct linear coverage_linear(const float v[3],
                            (x1 * v[2] - x2 * v[1]) / det};
 }
 
-/* One triangle into z and, unless NULL, value; attribute at its corners. */
+/* One triangle into own rows of z and, unless NULL, value; attribute at its
+ * corners. */
 static void coverage_depth_face(float *z, float *value,
                                 const struct corner c[3],
-                                const float attribute[3], size_t n)
+                                const float attribute[3], size_t n,
+                                struct coverage_share own)
 {
     float det = (c[1].x - c[0].x) * (c[2].y - c[0].y) -
                 (c[2].x - c[0].x) * (c[1].y - c[0].y);
@@ -233,7 +259,8 @@ static void coverage_depth_face(float *z, float *value,
     for (size_t i = rows[0]; i < rows[1]; i++) {
         float y = (float)i + 0.5f - c[0].y;
 
-        if (!coverage_span(&lo, &hi, c, (float)i + 0.5f))
+        if (i % own.step != own.first ||
+            !coverage_span(&lo, &hi, c, (float)i + 0.5f))
             continue;
         size_t end = coverage_first_centre(hi, n);
         for (size_t j = coverage_first_centre(lo, n); j < end; j++) {
@@ -249,15 +276,12 @@ static void coverage_depth_face(float *z, float *value,
     }
 }
 
-/* A z-buffer at the cells' centres. */
-void coverage_depth(float *z, float *value, const float *verts,
-                    const float *attribute, const int32_t *faces, size_t F,
-                    const float cam[12], size_t n)
+/* All triangles into own rows. */
+static void coverage_depth_share(float *z, float *value, const float *verts,
+                                 const float *attribute, const int32_t *faces,
+                                 size_t F, const float cam[12], size_t n,
+                                 struct coverage_share own)
 {
-    for (size_t i = 0; i < n * n; i++)
-        z[i] = INFINITY;
-    if (value)
-        memset(value, 0, n * n * sizeof *value);
     for (size_t f = 0; f < F; f++) {
         const int32_t *at = faces + 3 * f;
         struct corner c[3];
@@ -267,14 +291,32 @@ void coverage_depth(float *z, float *value, const float *verts,
             continue;
         for (int k = 0; value && k < 3; k++)
             v[k] = attribute[at[k]];
-        coverage_depth_face(z, value, c, v, n);
+        coverage_depth_face(z, value, c, v, n, own);
     }
+}
+
+/* A z-buffer at the cells' centres. */
+void coverage_depth(float *z, float *value, const float *verts,
+                    const float *attribute, const int32_t *faces, size_t F,
+                    const float cam[12], size_t n)
+{
+    const size_t shares = (size_t)omp_get_max_threads();
+
+    for (size_t i = 0; i < n * n; i++)
+        z[i] = INFINITY;
+    if (value)
+        memset(value, 0, n * n * sizeof *value);
+#pragma omp parallel for schedule(static, 1)
+    for (size_t i = 0; i < shares; i++)
+        coverage_depth_share(z, value, verts, attribute, faces, F, cam, n,
+                             (struct coverage_share){i, shares});
 }
 
 /* The depth test of each point against the four cells around it. */
 void coverage_seen(float *seen, const float *x, size_t N, const float *z,
                    size_t n, const float cam[12], float slack)
 {
+#pragma omp parallel for schedule(static)
     for (size_t k = 0; k < N; k++) {
         float uv[2], depth, sum = 0;
 

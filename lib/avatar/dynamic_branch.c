@@ -261,6 +261,7 @@ static void dynamic_branch_hull(const struct source_picture *picture,
     const float scale = REACH * CLOSED * CAMERA_FOCAL /
                         fmaxf(mesh->cam[11], CAMERA_NEAR);
 
+#pragma omp parallel for schedule(static)
     for (size_t k = 0; k < b->count; k++) {
         const float *p = b->place + 2 * k, r = scale * b->spacing[k];
         const float at[8] = {p[0] - r, p[1], p[0] + r, p[1],
@@ -383,6 +384,7 @@ static void dynamic_branch_start(const struct source_picture *picture,
     shut_eye_hide(b->seen, &b->shut, mesh->head, b->dense);
     source_picture_sample(b->pixel, picture, b->place, b->count);
     dynamic_branch_hull(picture, mesh, b);
+#pragma omp parallel for schedule(static)
     for (size_t k = 0; k < b->count; k++) {
         const float *pixel = b->pixel + 4 * k;
         float *extra = b->in + (k + 1) * b->inputs - DYNAMIC_BRANCH_EXTRA;
@@ -414,6 +416,7 @@ static void dynamic_branch_start(const struct source_picture *picture,
     dynamic_branch_white_point(b->white, mesh, b);
     lip_lining_paint(rgb, b->seam, b->normals, b->white, b->count);
     shut_eye_paint(rgb, &b->shut, &light, mesh->head, b->dense);
+#pragma omp parallel for schedule(static)
     for (size_t i = 0; i < 3 * b->count; i++)
         rgb[i] = attribute_logit(rgb[i]);
 }
@@ -452,6 +455,7 @@ static float dynamic_branch_min_scale(const struct dynamic_branch *b, size_t k)
 static void dynamic_branch_unseen(struct branch_set *out,
                                   const struct dynamic_branch *b)
 {
+#pragma omp parallel for schedule(static)
     for (size_t k = 0; k < out->n; k++) {
         float w = dynamic_branch_visibility(b, k), *scale = out->scale + 3 * k;
         float v = dynamic_branch_front(b, k);
@@ -485,6 +489,7 @@ static float dynamic_branch_net_scale(const struct dynamic_branch *b, size_t i)
 static void dynamic_branch_unseen_backward(struct branch_set *dout,
                                            const struct dynamic_branch *b)
 {
+#pragma omp parallel for schedule(static)
     for (size_t k = 0; k < dout->n; k++) {
         float v = dynamic_branch_front(b, k);
         float w = dynamic_branch_visibility(b, k);
@@ -513,6 +518,7 @@ void dynamic_branch_forward(struct branch_set *out, const float *features,
     grid_sample(b->sampled, features, b->place, 1, b->n, b->n, Cf, b->count,
                 false, RESAMPLE_BORDER);
     densify_forward(b->h, param_w(b->ps, b->head_base), b->dense, width);
+#pragma omp parallel for schedule(static)
     for (size_t k = 0; k < b->count; k++) {
         float *row = b->in + k * b->inputs;
 
@@ -561,6 +567,7 @@ void dynamic_branch_backward(float *dfeatures, struct branch_set *dout,
                          b->prior ? b->logit : NULL, &b->decoder);
     memset(b->dh, 0, b->count * width * sizeof *b->dh);
     memset(b->dsampled, 0, b->count * Cf * sizeof *b->dsampled);
+#pragma omp parallel for schedule(static)
     for (size_t k = 0; k < dout->n; k++) {
         const float *row = b->din + k * b->inputs;
 

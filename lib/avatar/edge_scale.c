@@ -44,6 +44,7 @@ void edge_scale_find(float *most, const float *rgba, float least, size_t n)
 void edge_scale_clamp(float *scale, float *clamped, const float *most,
                       float cell, size_t count)
 {
+#pragma omp parallel for schedule(static)
     for (size_t i = 0; i < 3 * count; i++) {
         const float limit = most[i / 3] * cell;
 

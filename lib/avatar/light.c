@@ -124,6 +124,7 @@ void light_fit(float l[3], const float *rgba, const float *normal,
     double length = 0;
 
     memset(l, 0, 3 * sizeof *l);
+#pragma omp parallel for schedule(static)
     for (size_t v = 0; v < V; v++)
         light_split(tmp + 4 * v, rgba + 4 * v);
     for (int round = 0; round < ROUNDS; round++)

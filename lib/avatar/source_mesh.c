@@ -67,9 +67,12 @@ void source_mesh_normal(float normal[3], const float cam[12])
 void source_mesh_project(float *place, const float *x, size_t N,
                          const float cam[12])
 {
-    camera_project(place, NULL, cam, 2, x, N);
-    for (size_t i = 0; i < 2 * N; i++)
-        place[i] -= 1;
+#pragma omp parallel for schedule(static) if (N > 1)
+    for (size_t i = 0; i < N; i++) {
+        camera_project(place + 2 * i, NULL, cam, 2, x + 3 * i, 1);
+        place[2 * i] -= 1;
+        place[2 * i + 1] -= 1;
+    }
 }
 
 size_t source_mesh_cell(const float place[2], size_t n)

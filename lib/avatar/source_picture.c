@@ -16,7 +16,9 @@ int source_picture_init(struct source_picture *p, size_t size,
     size_t n = size * size;
     const struct slice slices[] = {
         {&p->rgb, 3 * n, false}, {&p->rgba, 4 * n, false},
-        {(float **)&p->padded, n / 4 + 1, false}
+        {(float **)&p->padded, n / 4 + 1, false},
+        {(float **)&p->across, n / 4 + 1, false},
+        {(float **)&p->list, 2 * n, false}
     };
 
     p->size = size;
@@ -30,89 +32,129 @@ void source_picture_release(struct source_picture *p)
     memset(p, 0, sizeof *p);
 }
 
-/* Whether pixel i and all within two pixels are the person's: lenses and
- * codecs smear colours over the edge. */
-static uint8_t source_picture_inside(const float *rgba, size_t S, size_t i)
+/* inside (S,S): whether a pixel and all within two pixels are the person's:
+ * lenses and codecs smear colours over the edge.  across (S,S): the same along
+ * rows. */
+static void source_picture_inside(uint8_t *inside, uint8_t *across,
+                                  const float *rgba, size_t S)
 {
-    for (int k = 0; k < 25; k++) {
-        long y = (long)(i / S) + k / 5 - 2, x = (long)(i % S) + k % 5 - 2;
+#pragma omp parallel for schedule(static)
+    for (size_t y = 0; y < S; y++)
+        for (size_t x = 0; x < S; x++) {
+            const size_t from = x < 2 ? 0 : x - 2;
+            const size_t to = x + 2 < S ? x + 2 : S - 1;
+            bool all = true;
 
-        if (y < 0 || x < 0 || y >= (long)S || x >= (long)S)
-            continue;
-        if (rgba[4 * ((size_t)y * S + (size_t)x) + 3] <= 0.95f)
-            return 0;
+            for (size_t i = from; i <= to; i++)
+                all = all && rgba[4 * (y * S + i) + 3] > 0.95f;
+            across[y * S + x] = all;
+        }
+#pragma omp parallel for schedule(static)
+    for (size_t y = 0; y < S; y++) {
+        const size_t from = y < 2 ? 0 : y - 2;
+        const size_t to = y + 2 < S ? y + 2 : S - 1;
+
+        memcpy(inside + y * S, across + from * S, S);
+        for (size_t i = from + 1; i <= to; i++)
+            for (size_t x = 0; x < S; x++)
+                inside[y * S + x] &= across[i * S + x];
     }
-    return 1;
 }
 
-/* Whether a pixel of the three by three about i may be done: all of them for
- * pixels at the border. */
-static bool source_picture_near(const uint8_t *done, size_t S, size_t i)
+/* Pixels of done (S,S) that wait for their step. */
+#define WAITING 255
+
+/* Adds the neighbours of pixel i that have no colour yet to the list; returns
+ * its new length. */
+static size_t source_picture_wait(uint32_t *list, size_t length,
+                                  uint8_t *done, size_t S, size_t i)
 {
     const size_t y = i / S, x = i % S;
 
-    if (y == 0 || x == 0 || y + 1 == S || x + 1 == S)
-        return true;
-    const uint8_t *up = done + i - S - 1, *on = up + S, *down = on + S;
-
-    return up[0] | up[1] | up[2] | on[0] | on[2] | down[0] | down[1] |
-           down[2];
+    for (size_t v = y ? y - 1 : 0; v <= y + 1 && v < S; v++)
+        for (size_t u = x ? x - 1 : 0; u <= x + 1 && u < S; u++)
+            if (!done[v * S + u]) {
+                done[v * S + u] = WAITING;
+                list[length++] = (uint32_t)(v * S + u);
+            }
+    return length;
 }
 
-/* One step of colours outwards over the matte's edge: a pixel that is not
- * wholly the person's takes the mean of its neighbours that are, or became so
- * in an earlier step.  done (S,S) is the step a pixel got its colour in. */
-static void source_picture_pad(float *rgba, uint8_t *done, size_t S,
-                               uint8_t step)
+/* A pixel takes the mean of its neighbours that are wholly the person's, or got
+ * a colour in an earlier step. */
+static void source_picture_pad_pixel(float *rgba, const uint8_t *done,
+                                     size_t S, uint8_t step, size_t i)
 {
-    for (size_t i = 0; i < S * S; i++) {
-        float sum[3] = {0}, n = 0;
+    const size_t y = i / S, x = i % S;
+    float sum[3] = {0}, n = 0;
 
-        if (done[i] || !source_picture_near(done, S, i))
-            continue;
-        for (int k = 0; k < 9; k++) {
-            long y = (long)(i / S) + k / 3 - 1, x = (long)(i % S) + k % 3 - 1;
+    for (size_t v = y ? y - 1 : 0; v <= y + 1 && v < S; v++)
+        for (size_t u = x ? x - 1 : 0; u <= x + 1 && u < S; u++) {
+            const size_t j = v * S + u;
 
-            if (y < 0 || x < 0 || y >= (long)S || x >= (long)S)
-                continue;
-            size_t j = (size_t)y * S + (size_t)x;
             if (!done[j] || done[j] > step)
                 continue;
             for (size_t c = 0; c < 3; c++)
                 sum[c] += rgba[4 * j + c];
             n++;
         }
-        if (n == 0)
-            continue;
-        for (size_t c = 0; c < 3; c++)
-            rgba[4 * i + c] = sum[c] / n;
-        done[i] = (uint8_t)(step + 1);
+    for (size_t c = 0; c < 3; c++)
+        rgba[4 * i + c] = sum[c] / n;
+}
+
+/* Colours go outwards over the matte's edge, PADDING steps.  done (S,S): the
+ * step a pixel got its colour in; list (2,S,S): whose turn it is, and who comes
+ * next. */
+static void source_picture_pad(float *rgba, uint8_t *done, uint32_t *list,
+                               size_t S)
+{
+    uint32_t *now = list, *next = list + S * S;
+    size_t n = 0;
+
+    for (size_t i = 0; i < S * S; i++)
+        if (done[i] == 1)
+            n = source_picture_wait(now, n, done, S, i);
+    for (uint8_t step = 1; step <= PADDING; step++) {
+        uint32_t *swap = now;
+        size_t more = 0;
+
+        for (size_t k = 0; k < n; k++)
+            source_picture_pad_pixel(rgba, done, S, step, now[k]);
+        for (size_t k = 0; k < n; k++)
+            done[now[k]] = (uint8_t)(step + 1);
+        for (size_t k = 0; k < n; k++)
+            more = source_picture_wait(next, more, done, S, now[k]);
+        now = next;
+        next = swap;
+        n = more;
     }
 }
 
-/* Bytes to floats, matte, then PADDING steps outwards. */
+/* Bytes to floats, matte, then colours outwards. */
 void source_picture_set(struct source_picture *p, const uint8_t *rgb,
                         const uint8_t *matte, bool pad)
 {
     size_t S = p->size;
+    float value[256];
 
+    for (int i = 0; i < 256; i++)
+        value[i] = (float)i / 255;
 #pragma omp parallel for schedule(static)
     for (size_t i = 0; i < S * S; i++) {
-        float m = matte ? (float)matte[i] / 255 : 1;
+        float m = matte ? value[matte[i]] : 1;
 
         for (size_t c = 0; c < 3; c++) {
-            float x = (float)rgb[3 * i + c] / 255;
+            float x = value[rgb[3 * i + c]];
 
             p->rgba[4 * i + c] = x;
             p->rgb[3 * i + c] = m * x;
         }
         p->rgba[4 * i + 3] = m;
     }
-#pragma omp parallel for schedule(static)
-    for (size_t i = 0; i < S * S; i++)
-        p->padded[i] = source_picture_inside(p->rgba, S, i);
-    for (uint8_t step = 1; step <= PADDING && pad; step++)
-        source_picture_pad(p->rgba, p->padded, S, step);
+    if (!pad)
+        return;
+    source_picture_inside(p->padded, p->across, p->rgba, S);
+    source_picture_pad(p->rgba, p->padded, p->list, S);
 }
 
 void source_picture_sample(float *out, const struct source_picture *p,

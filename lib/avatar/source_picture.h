@@ -17,6 +17,9 @@ struct source_picture {
                              * edge; matte */
     uint8_t *padded;        /* (S,S) step in which a pixel got its colour: 1
                              * its own, 0 none */
+    uint8_t *across;        /* (S,S) of a pixel and two to either side, whether
+                             * all are the person's */
+    uint32_t *list;         /* (2,S,S) pixels whose turn it is */
     float *block;           /* what the arrays are part of */
 };
 

@@ -42,6 +42,7 @@ void static_branch_lift(float *mu, const float *U, const float *p,
     float o[3];
 
     camera_origin(o, cam);
+#pragma omp parallel for schedule(static) if (N > 1)
     for (size_t k = 0; k < N; k++) {
         float rise = surface ? surface[k] : 0;
         /* x/z and y/z of the ray: NDC over the focal length; its camera depth
@@ -63,6 +64,7 @@ void static_branch_lift_backward(float *dU, float *dp, const float *dmu,
                                  const float *surface, const float cam[12],
                                  const float normal[3], size_t N)
 {
+#pragma omp parallel for schedule(static)
     for (size_t k = 0; k < N; k++) {
         const float *d = dmu + 3 * k;
         float depth = cam[11] - (surface ? surface[k] : 0);
@@ -173,6 +175,7 @@ void static_branch_release(struct static_branch *b)
 static void static_branch_surface(struct static_branch *b,
                                   const struct source_mesh *mesh)
 {
+#pragma omp parallel for schedule(static)
     for (size_t k = 0; k < b->count; k++) {
         const float h = mesh->cam[11] - mesh->depth[k];
         const float most = STATIC_BRANCH_HEIGHT;
@@ -219,6 +222,7 @@ static void static_branch_neck(float *neck, float *mean,
     static_branch_lift(mean, b->U, b->p, b->height, mesh->cam, mesh->normal,
                        b->count);
     beside_distance(neck, mesh->coverage, b->n);
+#pragma omp parallel for schedule(static)
     for (size_t k = 0; k < b->count; k++) {
         const float *x = mean + 3 * k;
         float y = back[4] * x[0] + back[5] * x[1] + back[6] * x[2] + back[7];
@@ -263,6 +267,7 @@ static void static_branch_locate(float *neck, float *scratch,
                                  struct static_branch *b)
 {
     memcpy(scratch, neck, b->count * sizeof *neck);
+#pragma omp parallel for schedule(static)
     for (size_t k = 0; k < b->count; k++) {
         const size_t at = source_mesh_cell(b->U + 2 * k, b->n);
 
@@ -305,6 +310,7 @@ static void static_branch_deform_backward(float *dfeatures,
     if (b->uniform)
         return;
     plane_init_backward(b->dinit_in, b->dU, &b->init);
+#pragma omp parallel for schedule(static)
     for (size_t k = 0; k < b->count; k++)
         for (size_t c = 0; c < Cf; c++)
             dfeatures[k * Cf + c] += b->dinit_in[k * (Cf + 1) + c];
@@ -350,6 +356,7 @@ static void static_branch_inputs_backward(struct static_branch *b)
 {
     size_t Cf = b->feature;
 
+#pragma omp parallel for schedule(static)
     for (size_t k = 0; k < b->count; k++) {
         const float *row = b->din + k * b->inputs;
 
@@ -387,6 +394,7 @@ static void static_branch_clamp_tint(struct branch_set *out,
 static void static_branch_clamp_tint_backward(struct branch_set *dout,
                                               struct static_branch *b)
 {
+#pragma omp parallel for schedule(static)
     for (size_t k = 0; k < dout->n; k++)
         for (size_t c = 0; c < 3; c++) {
             float *own = b->clamped + 3 * k + c;
@@ -422,6 +430,7 @@ void static_branch_forward(struct branch_set *out, const float *features,
         edge_scale_clamp(out->scale, b->enlarged, b->most,
                          source_mesh_spacing(mesh, b->n), b->count);
     }
+#pragma omp parallel for schedule(static)
     for (size_t k = 0; k < b->count; k++)
         b->p[k] = b->prior ? attribute_shift(b->p_raw[k], b->p_shift[k])
                            : b->p_raw[k];
@@ -443,6 +452,8 @@ void static_branch_backward(float *dfeatures, struct branch_set *dout,
                             const struct source_mesh *mesh,
                             struct static_branch *b)
 {
+    const size_t shifted = b->prior ? b->count : 0;
+
     if (dout->n == 0)
         return;
     memset(b->dU, 0, 2 * b->count * sizeof *b->dU);
@@ -452,7 +463,8 @@ void static_branch_backward(float *dfeatures, struct branch_set *dout,
     static_branch_lift_backward(b->dU, b->dp, dout->mean,
                                 b->prior ? b->surface : NULL, mesh->cam,
                                 mesh->normal, b->count);
-    for (size_t k = 0; b->prior && k < b->count; k++)
+#pragma omp parallel for schedule(static)
+    for (size_t k = 0; k < shifted; k++)
         b->dp[k] = attribute_shift_backward(b->dp[k], b->p_raw[k],
                                             b->p_shift[k]);
     if (b->prior)

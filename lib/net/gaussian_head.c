@@ -3,6 +3,7 @@
 #include "lib/net/gaussian_head.h"
 
 #include <math.h>
+#include <string.h>
 
 #include "lib/nn/math.h"
 
@@ -32,29 +33,70 @@ static float gaussian_quat_norm(const float *q)
     return (float)fmax(n, TINY);
 }
 
-/* Gaussian `at` of all, point n of its item. */
-static void gaussian_forward(struct gaussian_out *o, const float *raw,
-                             const float *logit, const struct gaussian_head *h,
-                             size_t at, size_t n, size_t image_w)
-{
-    const size_t C = h->colors, kept = h->kept ? h->kept : C;
-    float *color = o->color + at * kept;
+/* What goes through a sigmoid, of one Gaussian: side by side, so that it is
+ * computed at once. */
+enum { COLOR, OPACITY = COLOR + 3, SCALE, DEPTH = SCALE + 3, SIGMOIDS };
 
+/* y <- the sigmoids of these numbers of raw, colours with their prior. */
+static void gaussian_sigmoids(float y[SIGMOIDS], const float *raw,
+                              const float *logit,
+                              const struct gaussian_head *h)
+{
+    const size_t C = h->colors;
+
+    for (size_t c = 0; c < 3; c++) {
+        y[COLOR + c] = (c < C ? raw[c] : 0) + (logit ? logit[c] : 0.0f);
+        y[SCALE + c] = raw[C + 1 + c];
+    }
+    y[OPACITY] = raw[C];
+    y[DEPTH] = h->position == GAUSSIAN_POSITION_DEPTH ? raw[C + 8] : 0;
+#pragma omp simd
+    for (size_t i = 0; i < SIGMOIDS; i++)
+        y[i] = math_sigmoid(y[i]);
+}
+
+/* Colours of one Gaussian, some of which are sigmoids. */
+static void gaussian_colors(float *color, const float *raw, const float *logit,
+                            const float y[SIGMOIDS],
+                            const struct gaussian_head *h, size_t n,
+                            size_t image_w)
+{
+    const size_t kept = h->kept ? h->kept : h->colors;
+
+    if (!h->quirk_columns) {
+        for (size_t c = 0; c < 3 && c < kept; c++)
+            color[c] = y[COLOR + c];
+        for (size_t c = 3; c < kept; c++)
+            color[c] = raw[c];
+        return;
+    }
     for (size_t c = 0; c < kept; c++) {
         float x = raw[c] + (logit && c < 3 ? logit[c] : 0.0f);
 
         color[c] = gaussian_color_sigmoid(h, n, c, image_w) ? math_sigmoid(x)
                                                             : x;
     }
-    o->opacity[at] = math_sigmoid(raw[C]);
+}
+
+/* Gaussian `at` of all, point n of its item. */
+static void gaussian_forward(struct gaussian_out *o, const float *raw,
+                             const float *logit, const struct gaussian_head *h,
+                             size_t at, size_t n, size_t image_w)
+{
+    const size_t C = h->colors, kept = h->kept ? h->kept : C;
+    float y[SIGMOIDS];
+
+    gaussian_sigmoids(y, raw, logit, h);
+    gaussian_colors(o->color + at * kept, raw, logit, y, h, n, image_w);
+    o->opacity[at] = y[OPACITY];
     for (size_t i = 0; i < 3; i++)
-        o->scale[3 * at + i] = SCALE_MAX * math_sigmoid(raw[C + 1 + i]);
+        o->scale[3 * at + i] = SCALE_MAX * y[SCALE + i];
     float unit = h->quirk_rotation ? 1.0f
                                    : 1.0f / gaussian_quat_norm(raw + C + 4);
     for (size_t i = 0; i < 4; i++)
         o->quat[4 * at + i] = raw[C + 4 + i] * unit;
     if (h->position == GAUSSIAN_POSITION_DEPTH)
-        o->position[at] = math_sigmoid(raw[C + 8]);
+        o->position[at] = y[DEPTH];
     else if (h->position == GAUSSIAN_POSITION_OFFSET)
         for (size_t i = 0; i < 3; i++)
             o->position[3 * at + i] = raw[C + 8 + i];
@@ -94,11 +136,9 @@ void gaussian_head_forward(struct gaussian_out *out, const float *raw,
         }
 }
 
-/* Derivative of the sigmoid at x. */
-static float gaussian_sigmoid_slope(float x)
+/* Derivative of the sigmoid where it is y. */
+static float gaussian_sigmoid_slope(float y)
 {
-    float y = math_sigmoid(x);
-
     return y * (1.0f - y);
 }
 
@@ -118,6 +158,33 @@ static void gaussian_quat_backward(float *draw, const float *dq,
                            ((double)n * (double)n)) / (double)n);
 }
 
+/* In the forward pass: colours, some of them sigmoids; g (C) or NULL is their
+ * gradient. */
+static void gaussian_colors_backward(float *draw, const float *g,
+                                     const float *raw, const float *logit,
+                                     const float y[SIGMOIDS],
+                                     const struct gaussian_head *h, size_t n,
+                                     size_t image_w)
+{
+    if (!g) {
+        memset(draw, 0, h->colors * sizeof *draw);
+        return;
+    }
+    if (!h->quirk_columns) {
+        for (size_t c = 0; c < 3 && c < h->colors; c++)
+            draw[c] = g[c] * gaussian_sigmoid_slope(y[COLOR + c]);
+        for (size_t c = 3; c < h->colors; c++)
+            draw[c] = g[c];
+        return;
+    }
+    for (size_t c = 0; c < h->colors; c++) {
+        float x = raw[c] + (logit && c < 3 ? logit[c] : 0.0f);
+
+        draw[c] = gaussian_color_sigmoid(h, n, c, image_w)
+                      ? g[c] * gaussian_sigmoid_slope(math_sigmoid(x)) : g[c];
+    }
+}
+
 /* draw, and dlogit unless NULL, of one Gaussian. */
 static void gaussian_backward(float *draw, float *dlogit,
                               const struct gaussian_out *d, const float *raw,
@@ -126,30 +193,27 @@ static void gaussian_backward(float *draw, float *dlogit,
                               size_t n, size_t image_w)
 {
     size_t C = h->colors;
+    float y[SIGMOIDS];
 
-    for (size_t c = 0; c < C; c++) {
-        float x = raw[c] + (logit && c < 3 ? logit[c] : 0.0f);
-        float g = d->color ? d->color[at * C + c] : 0.0f;
-
-        draw[c] = gaussian_color_sigmoid(h, n, c, image_w)
-                      ? g * gaussian_sigmoid_slope(x) : g;
-        if (dlogit && c < 3)
-            dlogit[c] = draw[c];
-    }
-    draw[C] = d->opacity ? d->opacity[at] * gaussian_sigmoid_slope(raw[C]) :
-        0.0f;
+    gaussian_sigmoids(y, raw, logit, h);
+    gaussian_colors_backward(draw, d->color ? d->color + at * C : NULL, raw,
+                             logit, y, h, n, image_w);
+    for (size_t c = 0; dlogit && c < 3 && c < C; c++)
+        dlogit[c] = draw[c];
+    draw[C] = d->opacity ? d->opacity[at] * gaussian_sigmoid_slope(y[OPACITY])
+                         : 0.0f;
     for (size_t i = 0; i < 3; i++)
         draw[C + 1 + i] = d->scale ? SCALE_MAX * d->scale[3 * at + i] *
-                                         gaussian_sigmoid_slope(raw[C + 1 + i])
+                                         gaussian_sigmoid_slope(y[SCALE + i])
                                    : 0.0f;
     for (size_t i = 0; i < 4; i++)
         draw[C + 4 + i] = 0.0f;
     if (d->quat && !h->quirk_rotation)
         gaussian_quat_backward(draw + C + 4, d->quat + 4 * at, raw + C + 4);
     if (h->position == GAUSSIAN_POSITION_DEPTH)
-        draw[C + 8] = d->position ? d->position[at] *
-            gaussian_sigmoid_slope(raw[C + 8])
-                                  : 0.0f;
+        draw[C + 8] = d->position
+                    ? d->position[at] * gaussian_sigmoid_slope(y[DEPTH])
+                    : 0.0f;
     else if (h->position == GAUSSIAN_POSITION_OFFSET)
         for (size_t i = 0; i < 3; i++)
             draw[C + 8 + i] = d->position ? d->position[3 * at + i] : 0.0f;

@@ -93,9 +93,11 @@ void place_channels_backward(float *dmean, const float *dout,
 void place_of_source(float *uv, float *seen, const float *mean,
                      const float cam[12], size_t N)
 {
-    camera_project(uv, NULL, cam, 1, mean, N);
-    for (size_t i = 0; i < N; i++)
+#pragma omp parallel for schedule(static)
+    for (size_t i = 0; i < N; i++) {
+        camera_project(uv + 2 * i, NULL, cam, 1, mean + 3 * i, 1);
         if (!(uv[2 * i] >= 0 && uv[2 * i] <= 1 && uv[2 * i + 1] >= 0 &&
               uv[2 * i + 1] <= 1))
             seen[i] = 0;
+    }
 }
