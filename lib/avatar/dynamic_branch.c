@@ -431,9 +431,8 @@ static float dynamic_branch_visibility(const struct dynamic_branch *b, size_t k)
 
 /* How far Gaussian k lies on the side of the head that the source shows, its
  * outline included, 0..1: there it must not cover what is beside the head.  0
- * on upper lids, which must cover the eyeballs when they close (the decoder has
- * not learned that), and on the lips' inner edge, which must have no holes
- * before the teeth. */
+ * on upper lids, which must cover closing eyeballs (the decoder has not learned
+ * that), and on the lips' inner edge: no holes before the teeth. */
 static float dynamic_branch_front(const struct dynamic_branch *b, size_t k)
 {
     return b->seen[k] * branch_ramp(b->facing[k], -0.4f, -0.1f) *
