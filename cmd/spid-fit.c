@@ -8,16 +8,29 @@
 #include "lib/fit/agreement.h"
 #include "lib/fit/face_fit.h"
 #include "lib/fit/fit_records.h"
+#include "lib/track/encoders.h"
 
 #define MAX_SAME 64
 
 static long size = 384, rounds = 5;
-static const char *head_path, *assets_path, *base_path, *except_name;
-static const char *agreement_path, *motions_path;
-static long acts = 20;
+static const char *head_path, *assets_path, *base_path;
+static const char *agreement_path, *motions_path, *held_path;
+static long acts = 20, every = 1;
+static struct label_names except, hold;
 static const char *same[MAX_SAME][2];
 static size_t nsame;
-static bool plain;
+static bool plain, matte;
+
+/* PREFIX, one more of dest, a struct label_names. */
+static int fit_parse_name(const char *value, void *dest, struct error *err)
+{
+    struct label_names *to = dest;
+
+    if (to->n == LABEL_NAMES)
+        return error_set(err, EX_USAGE, "more than %d", LABEL_NAMES);
+    to->begin[to->n++] = value;
+    return 0;
+}
 
 /* --same A,B */
 static int fit_parse_same(const char *value, void *dest, struct error *err)
@@ -48,8 +61,15 @@ static const struct cli_option options[] = {
     OPTION_STRING("base", 0, &base_path, "DIR",
                   "what the labels' names are relative to (default: the "
                   "folder that DIR of --assets is in)"),
-    OPTION_STRING("except", 0, &except_name, "PREFIX",
-                  "leave out the names that begin so"),
+    OPTION_CALL("except", 0, &except, "PREFIX", fit_parse_name,
+                "leave out the names that begin so; repeatable"),
+    OPTION_CALL("hold", 0, &hold, "PREFIX", fit_parse_name,
+                "people with such names go to the file of --held; "
+                "repeatable"),
+    OPTION_STRING("held", 0, &held_path, "FILE",
+                  "where they go, for validation"),
+    OPTION_INT("every", 0, &every, 1, 100000, "N",
+               "write each N-th labelled frame of a clip (default 1)"),
     OPTION_CALL("same", 0, &nsame, "A,B", fit_parse_same,
                 "these two files show one person"),
     OPTION_INT("size", 0, &size, 64, 2048, "PIXELS",
@@ -58,6 +78,8 @@ static const struct cli_option options[] = {
                "rounds of the fit (default 5)"),
     OPTION_FLAG("plain", 0, &plain,
                 "only pictures before a plain wall: their masks are exact"),
+    OPTION_FLAG("matte", 0, &matte,
+                "masks by MODEL's matte network where no wall is plain"),
     OPTION_STRING("motions", 0, &motions_path, "FILE",
                   "also avatars of the people, acting as this stream's do"),
     OPTION_INT("acts", 0, &acts, 1, 100000, "N",
@@ -70,7 +92,8 @@ static const struct cli_option options[] = {
 
 static const struct cli_usage usage = {
     "spid-fit", "--assets DIR [--base DIR] [--except PREFIX] [--same A,B] "
-    "[--size PIXELS] [--rounds N] [--plain] [--motions FILE] [--acts N] "
+    "[--hold PREFIX] [--held FILE] [--size PIXELS] [--rounds N] [--every N] "
+    "[--plain] [--matte] [--motions FILE] [--acts N] "
     "[--agreement FILE] [--head FILE] "
     "[-o FILE] [-j N] [-m MODEL] [-q] [--stats FILE] LABELS ...",
     "make training data of labelled pictures", options
@@ -101,7 +124,7 @@ static void fit_open_labels(struct labels *l, char **file, int count)
     struct error err = {0};
 
     for (int i = 0; i < count; i++)
-        if (labels_read(l, file[i], except_name, &err))
+        if (labels_read(l, file[i], &except, &err))
             die_error(&err);
     if (labels_sort(l, (const char *const (*)[2])same, nsame, &err))
         die_error(&err);
@@ -141,8 +164,8 @@ static void fit_write_agreement(const struct face_fit *f)
         die_error(&err);
 }
 
-/* Avatars by the model, at work for r. */
-static void fit_open_reenact(struct reenact *reenact, struct fit_records *r)
+/* Avatars by the model. */
+static void fit_open_reenact(struct reenact *reenact)
 {
     struct error err = {0};
     char model[4096], head[4096];
@@ -151,41 +174,86 @@ static void fit_open_reenact(struct reenact *reenact, struct fit_records *r)
         (!head_path &&
          cli_find_model("head.safetensors", head, sizeof head, &err)) ||
         reenact_open(reenact, model, head_path ? head_path : head,
-                     motions_path, (size_t)size, 1, &err)) {
-        fit_records_close(r, false, &err);
+                     motions_path, (size_t)size, 1, &err))
         die_error(&err);
-    }
-    r->reenact = reenact;
-    r->acts = (size_t)acts;
 }
 
-/* Everybody's records. */
-static void fit_write_stream(const struct head *head, const struct face_fit *f)
+/* The model's matte network. */
+static void fit_open_matte(struct encoders *nets)
 {
     struct error err = {0};
-    struct fit_records r;
-    struct reenact reenact;
-    int rc = 0;
+    struct model model;
 
-    if (fit_records_open(&r, cli.output, head, f, base_path, (size_t)size,
-                         &err))
+    if (option_model_open(&model, &err) ||
+        encoders_open(nets, &model, true, OPTION_PRECISION_DEFAULT, &err))
         die_error(&err);
-    r.plain = plain;
-    if (motions_path)
-        fit_open_reenact(&reenact, &r);
+    if (!nets->has_matte)
+        die(EX_CONFIG, "%s: no matte network (expected for --matte)",
+            model_path(&model));
+    model_close(&model);
+}
+
+/* Whether one of a person's names is held. */
+static bool fit_is_held(const struct face_fit *f, size_t who)
+{
+    const struct fit_person *p = &f->person[who];
+
+    for (size_t k = p->first; k < p->first + p->count; k++)
+        if (label_is_named(f->frame[k].label->file, &hold))
+            return true;
+    return false;
+}
+
+/* Everybody's records to r[0], of who is held to r[1]. */
+static int fit_write_people(struct fit_records r[2], const struct face_fit *f,
+                            struct error *err)
+{
     for (size_t k = 0; k < f->count; k++) {
+        const bool held = fit_is_held(f, f->frame[k].label->person);
         double begun = stats_begin();
 
-        if ((rc = fit_records_write(&r, k, &err)))
-            break;
+        if (fit_records_write(&r[held], k, err))
+            return -1;
         stats_end("cut", begun);
         progress("frames", k + 1, f->count, NULL);
     }
-    progress_end();
-    if (fit_records_close(&r, rc == 0, &err))
-        die_error(&err);
+    return 0;
+}
+
+/* The output, and that of --held. */
+static void fit_write_streams(const struct head *head,
+                              const struct face_fit *f)
+{
+    const char *path[2] = {cli.output, held_path};
+    const int n = held_path ? 2 : 1;
+    struct error err = {0};
+    struct fit_records r[2];
+    struct reenact reenact = {0};
+    struct encoders nets = {0};
+    int rc = 0;
+
+    if (matte)
+        fit_open_matte(&nets);
     if (motions_path)
-        reenact_release(&reenact);
+        fit_open_reenact(&reenact);
+    for (int i = 0; i < n; i++) {
+        if (fit_records_open(&r[i], path[i], head, f, base_path, (size_t)size,
+                             &err))
+            die_error(&err);
+        r[i].plain = plain;
+        r[i].every = (size_t)every;
+        r[i].portrait.net = matte ? &nets.matte : NULL;
+    }
+    r[0].reenact = motions_path ? &reenact : NULL;
+    r[0].acts = (size_t)acts;
+    const bool whole = !fit_write_people(r, f, &err);
+    progress_end();
+    for (int i = 0; i < n; i++)
+        rc = fit_records_close(&r[i], whole, &err) ? -1 : rc;
+    if (rc)
+        die_error(&err);
+    encoders_release(&nets);
+    reenact_release(&reenact);
 }
 
 int main(int argc, char **argv)
@@ -202,6 +270,8 @@ int main(int argc, char **argv)
         die(EX_USAGE, "--assets is missing (expected a folder with ict/)");
     if (operand == argc)
         die(EX_USAGE, "no labels (expected safetensors of landmarks)");
+    if (!held_path != !hold.n)
+        die(EX_USAGE, "--hold and --held go together (expected both)");
     if (!base_path) {
         snprintf(above, sizeof above, "%s/..", assets_path);
         base_path = above;
@@ -215,7 +285,7 @@ int main(int argc, char **argv)
     fit_run_rounds(&fit);
     if (agreement_path)
         fit_write_agreement(&fit);
-    fit_write_stream(&head, &fit);
+    fit_write_streams(&head, &fit);
     face_fit_release(&fit);
     face_points_release(&points);
     labels_release(&labels);

@@ -182,6 +182,15 @@ static bool fit_records_acts(size_t k, size_t n)
     return k % every == 0;
 }
 
+/* Whether the frame is one of its clip's that are wanted. */
+static bool fit_records_wants(struct fit_records *r, const struct label *l,
+                              bool first)
+{
+    r->place = first || l->clip != r->clip ? 0 : r->place + 1;
+    r->clip = l->clip;
+    return r->every < 2 || r->place % r->every == 0;
+}
+
 int fit_records_write(struct fit_records *r, size_t k, struct error *err)
 {
     const struct fit_frame *f = &r->fit->frame[k];
@@ -191,6 +200,8 @@ int fit_records_write(struct fit_records *r, size_t k, struct error *err)
 
     if (k == p->first && fit_records_begin(r, p, err))
         return -1;
+    if (!fit_records_wants(r, f->label, k == p->first))
+        return 0;
     face_fit_motion(&m, r->fit, k);
     m.pose.exp = m.exp;
     if (fit_records_picture(r, f->label, err) ||

@@ -31,15 +31,18 @@ struct fit_records {
     size_t acts;                    /* pictures of each photograph by it */
     bool plain;                     /* set by the caller: only pictures before
                                      * a plain wall */
+    size_t every;                   /* likewise: of a clip's frames that are
+                                     * labelled only each so-manieth; 0 as 1 */
+    size_t clip, place;             /* of the last frame: where in which */
 };
 
 /* Create the stream and write CONF. */
 int fit_records_open(struct fit_records *r, const char *path,
                      const struct head *head, const struct face_fit *fit,
                      const char *base, size_t size, struct error *err);
-/* Frame k, in order: SHAP before a person's first; MOTN with the landmarks of
- * our head and the face crop; IMAG with rgb, mask
- * and the person alone.  Up to four frames of a
+/* Frame k of the fit, in order; whoever is written here is with all frames.
+ * SHAP before a person's first; MOTN with the landmarks of our head and the
+ * face crop; IMAG with rgb, mask and the person alone.  Up to four frames of a
  * person are followed by r->acts pictures of them as avatars. */
 int fit_records_write(struct fit_records *r, size_t k, struct error *err);
 /* Finish the stream, or give it up unless `whole`; -1 then, and *err is left

@@ -5,7 +5,6 @@
 #include <cjson/cJSON.h>
 #include <ctype.h>
 #include <math.h>
-#include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
@@ -136,8 +135,16 @@ static int label_append(struct labels *l, const struct label_rows *r,
     return 0;
 }
 
-int labels_read(struct labels *l, const char *path, const char *except,
-                struct error *err)
+bool label_is_named(const char *name, const struct label_names *of)
+{
+    for (size_t i = 0; i < of->n; i++)
+        if (!strncmp(name, of->begin[i], strlen(of->begin[i])))
+            return true;
+    return false;
+}
+
+int labels_read(struct labels *l, const char *path,
+                const struct label_names *except, struct error *err)
 {
     struct safetensors *st = st_open(path, err);
     struct label_rows r = {0};
@@ -156,9 +163,7 @@ int labels_read(struct labels *l, const char *path, const char *except,
     l->label = grown;
     rc = 0;
     cJSON_ArrayForEach(e, r.names) {
-        bool out = except && !strncmp(e->valuestring, except, strlen(except));
-
-        if (!rc && r.found[i] && !out)
+        if (!rc && r.found[i] && !label_is_named(e->valuestring, except))
             rc = label_append(l, &r, i, e->valuestring, err);
         i++;
     }

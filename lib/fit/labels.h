@@ -7,6 +7,7 @@
 #ifndef SPID_FIT_LABELS_H
 #define SPID_FIT_LABELS_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -29,11 +30,22 @@ struct labels {
     size_t count, people, clips;
 };
 
-/* Add the rows of a file.  Names that begin with `except` (NULL: none) are
- * left out.  -1 and *err naming file, tensor and row when something is
- * missing, misshapen or not finite. */
-int labels_read(struct labels *l, const char *path, const char *except,
-                struct error *err);
+#define LABEL_NAMES 64
+
+/* Beginnings of names, borrowed. */
+struct label_names {
+    const char *begin[LABEL_NAMES];
+    size_t n;
+};
+
+/* Whether name begins as one of them does. */
+bool label_is_named(const char *name, const struct label_names *of);
+
+/* Add the rows of a file.  Names that begin as `except` says are left out.  -1
+ * and *err naming file, tensor and row when something is missing, misshapen or
+ * not finite. */
+int labels_read(struct labels *l, const char *path,
+                const struct label_names *except, struct error *err);
 
 /* Give people and clips their numbers and sort.  Frames of a video are one
  * person's; a picture's person is its name without what follows the last

@@ -8,6 +8,7 @@
 
 #include "formats/layers.h"
 #include "formats/matte.h"
+#include "lib/track/network_matte.h"
 #include "lib/track/overlay.h"
 
 int portrait_init(struct portrait *p, size_t size, struct error *err)
@@ -51,14 +52,19 @@ static int portrait_silhouette(uint8_t *silhouette, size_t size,
     return 0;
 }
 
-/* Mask and back by GrabCut from the posed head's silhouette. */
-static int portrait_grabcut(struct portrait *p, const uint8_t *silhouette,
-                            const uint8_t *inside, struct error *err)
+/* Mask and back from the posed head's silhouette, by the matte network where it
+ * is there and sees somebody, else by GrabCut. */
+static int portrait_estimate(struct portrait *p, const uint8_t *silhouette,
+                             const uint8_t *inside, struct error *err)
 {
-    bool fallback;
+    bool absurd = true, fallback;
 
-    if (matte_grabcut(p->mask, &fallback, p->rgb, silhouette, inside, p->size,
-                      err))
+    if (p->net && p->size >= MATTE_SIDE &&
+        network_matte(p->mask, &absurd, p->rgb, silhouette, inside, p->size,
+                      p->net, err))
+        return -1;
+    if (absurd && matte_grabcut(p->mask, &fallback, p->rgb, silhouette, inside,
+                                p->size, err))
         return -1;
     for (size_t i = 0; i < p->size * p->size; i++)
         if (!inside[i])
@@ -66,7 +72,7 @@ static int portrait_grabcut(struct portrait *p, const uint8_t *silhouette,
     return layers_split(p->mask, p->back, p->rgb, inside, p->size, err);
 }
 
-/* Mask and back by the colour of a plain wall, else by GrabCut. */
+/* Mask and back by the colour of a plain wall, else estimated. */
 static int portrait_split(struct portrait *p, const uint8_t *silhouette,
                           const uint8_t *inside, struct error *err)
 {
@@ -76,7 +82,7 @@ static int portrait_split(struct portrait *p, const uint8_t *silhouette,
         return -1;
     p->plain = plain;
     if (!plain)
-        return portrait_grabcut(p, silhouette, inside, err);
+        return portrait_estimate(p, silhouette, inside, err);
     if (layers_fill(p->back, p->rgb, p->mask, inside, p->size, err))
         return -1;
     for (size_t i = 0; i < p->size * p->size; i++)

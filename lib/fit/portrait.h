@@ -10,6 +10,7 @@
 #include "lib/base/error.h"
 #include "lib/geom/crop.h"
 #include "lib/head/lbs.h"
+#include "lib/net/matte_net.h"
 #include "lib/record/motion.h"
 
 struct portrait {
@@ -20,6 +21,7 @@ struct portrait {
     uint8_t *alone;             /* (size,size,3) the person over black */
     bool plain;                 /* the mask is by a plain wall's colour */
     uint8_t *scratch;           /* silhouette, inside */
+    struct matte_net *net;      /* borrowed, set by the caller, or NULL */
 };
 
 /* Memory for portraits of size x size. */
@@ -28,8 +30,9 @@ int portrait_init(struct portrait *p, size_t size, struct error *err);
 void portrait_release(struct portrait *p);
 
 /* Fill all from the window of a picture rgb (H,W,3).  The mask is made by the
- * colour of a plain wall where there is one, else by GrabCut about the head
- * that m poses id into, softened by the colours; it is 0 beyond the picture's
+ * colour of a plain wall where there is one; else by p->net, from portraits of
+ * MATTE_SIDE on; without it, or where it sees nobody, by GrabCut about the head
+ * that m poses id into, softened by the colours.  It is 0 beyond the picture's
  * border, where rgb goes on as background. */
 int portrait_cut(struct portrait *p, const uint8_t *rgb, size_t W, size_t H,
                  struct square window, const struct identity *id,

@@ -11,6 +11,7 @@
 #include "formats/matte.h"
 #include "lib/base/cpu.h"
 #include "lib/track/beyond.h"
+#include "lib/track/network_matte.h"
 #include "lib/track/outline.h"
 #include "lib/track/overlay.h"
 #include "lib/track/tta.h"
@@ -262,31 +263,12 @@ static int source_project_head(uint8_t *silhouette, const struct source *s,
 static int source_matte_network(struct source *s, const uint8_t *silhouette,
                                 struct encoders *nets, struct error *err)
 {
-    const size_t S = s->person.size, n = MATTE_SIDE, pixels = n * n;
-    const double half = 0.5 * (double)S;
-    uint8_t *small = malloc(3 * pixels);
-    float *rgb = malloc(4 * pixels * sizeof *rgb);
     bool absurd = false;
-    int rc = -1;
 
-    if (!small || !rgb ||
-        crop_resize_u8(small, n, s->person.rgb, S, S, 3 * S, 3,
-                       (struct square){half, half, (double)S})) {
-        error_set(err, EX_OSERR, "no memory for the matte");
-        goto out;
-    }
-    for (size_t i = 0; i < 3 * pixels; i++)
-        rgb[i] = (float)small[i] / 255;
-    matte_net_forward(rgb + 3 * pixels, rgb, &nets->matte);
-    for (size_t i = 3 * pixels; i < 4 * pixels; i++)
-        rgb[i] = (float)matte_net_alpha(rgb[i]);
-    rc = matte_refine(s->person.matte, &absurd, rgb + 3 * pixels, n,
-                      s->person.rgb, silhouette, s->inside, S, err);
     s->how = SOURCE_NETWORK;
-out:
-    free(small);
-    free(rgb);
-    return rc ? -1 : !absurd;
+    return network_matte(s->person.matte, &absurd, s->person.rgb, silhouette,
+                         s->inside, s->person.size, &nets->matte, err)
+               ? -1 : !absurd;
 }
 
 /* From the picture: by the model's network, else by GrabCut, from the

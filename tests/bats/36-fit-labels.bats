@@ -42,6 +42,68 @@ has_labels() {
     [ "$(spid-dump --json --only SHAP one.spid | wc -l)" -eq 1 ]
 }
 
+@test "who is held goes to a stream of their own, by the same fit" {
+    has_labels
+    shapes() { # FILE...: without the frames' numbers
+        for file; do
+            spid-dump --json --values --only SHAP "$file" |
+                sed 's/.*"arrays"//'
+        done
+    }
+    fit -o all.spid
+    fit --hold assets/photos/cc0/lisa --hold nobody --held held.spid \
+        -o rest.spid
+    shapes rest.spid held.spid >parts
+    shapes all.spid | diff - parts
+    [ "$(spid-dump --json --only IMAG held.spid | wc -l)" -eq 4 ]
+    [ "$(spid-dump --json --only IMAG rest.spid | wc -l)" -eq 4 ]
+    status 64 fit --held held.spid -o x.spid
+    has 'hold and --held'
+    status 73 fit --hold assets --held none/held.spid -o x.spid
+    [ ! -e x.spid ]
+}
+
+@test "several beginnings of names may be left out" {
+    has_labels
+    fit --except assets/photos/cc0/lisa1 --except assets/photos/cc0/15 \
+        -o some.spid
+    [ "$(spid-dump --json --only IMAG some.spid | wc -l)" -eq 6 ]
+}
+
+@test "of a clip each n-th frame" {
+    has_labels
+    spid-fit -q --assets "$ASSETS" --except assets/clips/b \
+        --except assets/clips/i --except assets/clips/l --except real/ \
+        --size 64 --rounds 1 --head "$TOP/examples/model/head.safetensors" \
+        --every 10 -o tenth.spid "$ASSETS/labels/clips.safetensors"
+    spid-dump --check tenth.spid
+    [ "$(spid-dump --json --only SHAP tenth.spid | wc -l)" -eq 1 ]
+    [ "$(spid-dump --json --only IMAG tenth.spid | wc -l)" -eq 8 ]
+}
+
+@test "masks may be the matte network's" {
+    has_labels
+    need_numpy
+    big() {
+        fit --except assets/photos/cc0/lisa --size 256 "$@" \
+            -m "$TOP/examples/model/model.safetensors"
+    }
+    big -j 1 --matte -o net.spid
+    big -j 3 --matte -o three.spid
+    cmp net.spid three.spid
+    big -o cut.spid
+    spid-dump -q --npy net net.spid
+    spid-dump -q --npy cut cut.spid
+    "$PYTHON" -c '
+import numpy as np
+net, cut = (np.load(f"{k}/IMAG.mask.npy") / 255 for k in ("net", "cut"))
+# a panelled door close behind her: GrabCut takes most of it for her
+print(net[1].mean(), cut[1].mean())
+assert net[1].mean() < 0.8 * cut[1].mean()
+assert (net[:, 128, 128] > 0.9).all() and (cut[:, 128, 128] > 0.9).all()
+assert (net[:, :20] < 0.5).all()'
+}
+
 @test "photographs act as avatars, with their truth" {
     has_labels
     spid-synth -q -n 2 --frames 3 --size 64 --without mesh -o moves.spid \
