@@ -1,10 +1,11 @@
 #!/bin/sh
 # train-real.sh ASSETS [DIR]: a model for real people, start to end.  What
 # `make model ASSETS=...` runs.  People of scans under real light, labelled
-# photographs and clips, and at last the people of the photographs as avatars
-# that act.  Everything lands in DIR (default build/train-real; 30 GB); a run
-# that was stopped goes on where it was.  SEED, PEOPLE, ACTS (pictures of each
-# avatar) and STEPS (of every stage, for a trial) change the size.
+# photographs and clips, pairs of photographs as source and target, and at last
+# the people of the photographs as avatars that act.  Everything lands in DIR
+# (default build/train-real; 30 GB); a run that was stopped goes on where it
+# was.  SEED, PEOPLE, ACTS (pictures of each avatar) and STEPS (of every stage,
+# for a trial) change the size.
 set -eu
 
 here=$(dirname "$0")
@@ -13,6 +14,7 @@ dir=${2:-build/train-real}
 seed=${SEED:-1}
 people=${PEOPLE:-8000}
 chunks=8
+apart='012 024 037 068 100 117 130 143'  # people that the refiner never sees
 mkdir -p "$dir"
 
 make_once() { # FILE COMMAND...: -o FILE is added
@@ -30,6 +32,18 @@ fit() { # FILE OPTION...
     shift
     make_once "$name" spid-fit --assets "$assets" --except real/ \
         --same id2_vcd_swwp2s,pwij3p --head "$dir/head.safetensors" "$@" \
+        "$assets/labels/photos.safetensors" "$assets/labels/clips.safetensors"
+}
+pairs() { # FILE: neutral and smiling, frames of clips; the held apart
+    name=$1
+    set --
+    for person in $apart; do
+        set -- "$@" --hold "assets/photos/london/$person"
+    done
+    make_once "$name" spid-fit --assets "$assets" --size 512 --plain --every 8 \
+        --except real/ --except assets/clips/lrwp9a \
+        --except assets/clips/brbk7n --head "$dir/head.safetensors" "$@" \
+        --held "$dir/held-pairs.spid" \
         "$assets/labels/photos.safetensors" "$assets/labels/clips.safetensors"
 }
 train() { # NAME CONFIG HELD OPTIONS AND DATA
@@ -67,14 +81,21 @@ done
 synth held.spid 40 4 384 "$((90000 + seed))" 1
 synth faces-384.spid "$((people / 80 + 1))" 3 384 "$((62000 + seed))" 1
 synth held-512.spid 8 4 512 "$((91000 + seed))" 1
-synth people.spid "$((people / 40 + 1))" 4 512 "$((80000 + seed))" 0.4
+pairs pairs.spid
+some=''
+for i in 1 2 3 4; do
+    synth "people-$i.spid" "$((people / 160 + 1))" 4 512 \
+        "$((80000 + 10 * seed + i))" 0.4
+    some="$some $dir/people-$i.spid $dir/pairs.spid"
+done
 
 # pose and expression, shape, then branches and refiner through the photograph
 # shellcheck disable=SC2086 # a list of files
 train motion motion-real held.spid $mixed
 # shellcheck disable=SC2086
 train shape shape held.spid $mixed
-train avatar avatar-photo held-512.spid "$dir/people.spid"
+# shellcheck disable=SC2086
+train avatar avatar-photo held-512.spid $some
 join first.safetensors avatar motion shape
 
 # what that model makes of the photographs, and pose and expression again
@@ -84,8 +105,9 @@ train motion-acts motion-acts held.spid \
     --init "$dir/motion/model.safetensors" \
     --shapes "$dir/first.safetensors" \
     $(echo "$mixed" | sed "s:$dir/real.spid:$dir/acts.spid:g")
-train refiner refiner-photo held-512.spid \
-    --init "$dir/avatar/model.safetensors" "$dir/people.spid"
+# shellcheck disable=SC2086
+train refiner refiner-photo held-pairs.spid \
+    --init "$dir/avatar/model.safetensors" $some
 train sure sure held.spid \
     --init "$dir/motion-acts/model.safetensors:motion.encoder." \
     "$dir/faces-384.spid" "$dir/real.spid"
