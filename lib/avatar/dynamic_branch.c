@@ -11,6 +11,7 @@
 #include "lib/avatar/lid_skin.h"
 #include "lib/avatar/light.h"
 #include "lib/avatar/lip_lining.h"
+#include "lib/avatar/white_point.h"
 #include "lib/base/slices.h"
 #include "lib/geom/camera.h"
 #include "lib/geom/neck_blend.h"
@@ -27,14 +28,13 @@
                          * seventh of them stood out before the background */
 #define SEAM_MM 4.5f    /* the photograph is used for lips moved less than this
                          * from where it shows them */
+#define ON_TEETH_MM 1.5f        /* the same where it shows teeth in their place */
 #define SLACK 0.03f     /* a vertex is visible if no further behind the surface,
                          * head units */
 /* A dropped jaw takes skin at its angle further than the one, and less far than
  * the other, as it takes the chin. */
 #define DROP_MM 1.0f
 #define DROP_MOST_MM 20.0f
-#define WHITE_LIGHT 1.3f        /* of eyeballs, which lids shade, to white */
-#define WHITE_EYES 8    /* visible vertices of eyeballs that suffice */
 
 /* ---- colours for hidden vertices --------------------------------------- */
 
@@ -183,6 +183,7 @@ int dynamic_branch_plan(struct dynamic_branch *b, size_t points,
         {&b->in, D * b->inputs, false}, {&b->din, D * b->inputs, true},
         {&b->logit, 3 * D, false}, {&b->trust, D, false},
         {&b->skin, D, false}, {&b->hull, D, false},
+        {&b->seam, D, false}, {&b->on_teeth, D, false},
         {&b->tmp, 7 * V, false}, {(float **)&b->level, V, false}
     };
 
@@ -234,7 +235,7 @@ static void dynamic_branch_geometry(const struct source_mesh *mesh,
     densify_spacing(b->spacing, mesh->verts, b->dense);
     b->lid = mesh->weights->lid;
     b->fold = mesh->weights->fold;
-    b->seam = mesh->weights->seam;
+    memcpy(b->seam, mesh->weights->seam, b->count * sizeof *b->seam);
     b->shut = shut_eye_find(mesh->posed, mesh->rest, mesh->head);
     if (b->prior)
         shut_eye_stretch(b->spacing, &b->shut, mesh->weights->stretch,
@@ -279,32 +280,18 @@ static void dynamic_branch_hull(const struct source_picture *picture,
     }
 }
 
-/* rgb (3): mean colour of the vertices of a region (any: -1) that the picture
- * shows, as bright as `least` and more; returns their weight. */
-static float dynamic_branch_mean(float rgb[3], const struct dynamic_branch *b,
-                                 const int32_t *regions, int region,
-                                 float least)
-{
-    float *weight = b->tmp;
-
-    for (size_t v = 0; v < b->dense->V; v++)
-        weight[v] = b->trust[v] > 0.2f &&
-                    (region < 0 || (regions && regions[v] == region))
-                  ? b->trust[v] : 0;
-    return branch_mean_color(rgb, b->pixel, weight, b->dense->V, least);
-}
-
 /* skin: trust, less where the neck shows cloth or hair: those colours do not
  * spread to what the jaw hides, which is skin. */
 static void dynamic_branch_set_skin(const struct source_mesh *mesh,
                                     struct dynamic_branch *b)
 {
+    const struct white_point_colors seen = {b->pixel, b->trust, b->tmp};
     const int32_t *regions = mesh->head->region;
     float skin[3];
 
     memcpy(b->skin, b->trust, b->count * sizeof *b->skin);
-    if (!regions || !(dynamic_branch_mean(skin, b, regions, REGION_FACE, 0) >
-                      1))
+    if (!regions || !(white_point_mean(skin, &seen, mesh->head, REGION_FACE,
+                                       0) > 1))
         return;
     for (size_t k = 0; k < b->count; k++) {
         size_t end[2];
@@ -312,35 +299,6 @@ static void dynamic_branch_set_skin(const struct source_mesh *mesh,
         densify_ends(end, b->dense, k);
         if (regions[end[0]] == REGION_NECK && regions[end[1]] == REGION_NECK)
             b->skin[k] *= branch_likeness(b->pixel + 4 * k, skin);
-    }
-}
-
-/* The colour of white things in the picture: the mean of the brighter eyeball
- * vertices that are visible (above the mean, twice over), or of all skin where
- * too few are; and at least so bright that the palest skin would be as bright
- * as the face. */
-static void dynamic_branch_white_point(float white[3],
-                                       const struct source_mesh *mesh,
-                                       const struct dynamic_branch *b)
-{
-    static const float pale[3] = {0.9f, 0.78f, 0.68f};
-    const int32_t *regions = mesh->head->region;
-    float skin[3], gray = 0;
-    float n = dynamic_branch_mean(white, b, regions, REGION_EYEBALL, 0);
-    const bool eyes = n > WHITE_EYES;
-
-    for (int i = 0; i < 2 && eyes; i++)
-        dynamic_branch_mean(white, b, regions, REGION_EYEBALL,
-                            (white[0] + white[1] + white[2]) / 3);
-    if (!eyes)
-        dynamic_branch_mean(white, b, regions, -1, 0);
-    for (int c = 0; c < 3; c++)
-        gray += white[c] / 3;
-    dynamic_branch_mean(skin, b, regions, REGION_FACE, 0);
-    for (int c = 0; c < 3; c++) {   /* half of its tint: skin is tan */
-        white[c] = fmaxf(WHITE_LIGHT * (0.5f * white[c] + 0.5f * gray),
-                         skin[c] / pale[c]);
-        white[c] = fminf(fmaxf(white[c], 0.2f), 1);
     }
 }
 
@@ -368,6 +326,18 @@ static float dynamic_branch_protrusion(const struct source_picture *picture,
            cheek_back_at(picture, mesh, cell % mesh->n, cell / mesh->n);
 }
 
+/* Lips that lie on teeth in the picture do not have those colours. */
+static void dynamic_branch_uncover_teeth(const struct source_mesh *mesh,
+                                         struct dynamic_branch *b)
+{
+    lip_lining_on_teeth(b->on_teeth, b->pixel, mesh, b->white, b->dense,
+                        b->tmp);
+    for (size_t k = 0; k < b->count; k++) {
+        b->seam[k] = fmaxf(b->seam[k], b->on_teeth[k]);
+        b->trust[k] *= 1 - b->on_teeth[k];
+    }
+}
+
 /* The prior: visibility, coverage and matte of every densified vertex, into
  * the extra columns of the decoder's input; colours and shifts. */
 static void dynamic_branch_start(const struct source_picture *picture,
@@ -376,6 +346,7 @@ static void dynamic_branch_start(const struct source_picture *picture,
 {
     const struct lid_skin_source lids = {b->verts, b->pixel, b->trust};
     const struct shut_eye_light light = {b->white, b->pixel, b->trust};
+    const struct white_point_colors seen = {b->pixel, b->trust, b->tmp};
     float eye[3], *rgb = b->logit;
 
     camera_origin(eye, mesh->cam);
@@ -406,6 +377,8 @@ static void dynamic_branch_start(const struct source_picture *picture,
         b->start.scale_shift[k] = attribute_logit(OVERLAP * b->spacing[k] /
                                                   BRANCH_SCALE_MAX);
     }
+    white_point(b->white, &seen, mesh->head);
+    dynamic_branch_uncover_teeth(mesh, b);
     dynamic_branch_set_skin(mesh, b);
     dynamic_branch_spread(rgb, b->skin, mesh->weights->mirror, b->dense,
                           b->level, b->tmp);
@@ -413,7 +386,6 @@ static void dynamic_branch_start(const struct source_picture *picture,
         rgb[i] += (b->trust[i / 3] - b->skin[i / 3]) *
                   (b->pixel[i / 3 * 4 + i % 3] - rgb[i]);
     lid_skin(rgb, &lids, mesh->head, mesh->weights, b->dense, b->tmp);
-    dynamic_branch_white_point(b->white, mesh, b);
     lip_lining_paint(rgb, b->seam, b->normals, b->white, b->count);
     shut_eye_paint(rgb, &b->shut, &light, mesh->head, b->dense);
 #pragma omp parallel for schedule(static)
@@ -471,8 +443,8 @@ static void dynamic_branch_unseen(struct branch_set *out,
         for (size_t c = 3; c < out->channels; c++)
             color[c] *= w;
         out->opacity[k] = v * out->opacity[k] +
-                          (1 - v) * SOLID * fmaxf(b->hull[k], b->lid[k]) *
-                              b->start.visible[k];
+                          (1 - v) * SOLID * b->start.visible[k] *
+                              fmaxf(b->hull[k], fmaxf(b->lid[k], b->seam[k]));
     }
 }
 
@@ -589,7 +561,9 @@ void dynamic_branch_reach(float *reach, const struct source_mesh *mesh,
 
         reach[k] = mesh->weights->reach[k];
         if (seam > 0.1f && reach[k] == 0)
-            reach[k] = SEAM_MM * 1e-3f * mesh->head->scale / seam;
+            reach[k] = fminf(SEAM_MM / seam, ON_TEETH_MM /
+                             fmaxf(b->on_teeth[k], 1e-3f)) *
+                       1e-3f * mesh->head->scale;
     }
 }
 

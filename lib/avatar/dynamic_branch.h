@@ -49,9 +49,11 @@ struct dynamic_branch {
     float *logit;                       /* (D,3) RGB to start from */
     float *hull;                        /* (D) 1 where all of a Gaussian lies
                                          * on the person in the picture */
-    const float *lid, *fold, *seam;     /* (D) upper lids, those but their
-                                         * margin, where lips meet: the mesh's
-                                         * weights */
+    const float *lid, *fold;            /* (D) upper lids, those but their
+                                         * margin: the mesh's weights */
+    float *seam;                        /* (D) where lips meet, and */
+    float *on_teeth;                    /* (D) where they lie on what are teeth
+                                         * in the picture */
     float *trust;                       /* (D) in the sampled colour, */
     float *skin;                        /* (D) and in its being skin */
     struct shut_eye shut;               /* which eyes the source has shut */

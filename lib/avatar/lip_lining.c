@@ -2,6 +2,7 @@
 #include "lib/avatar/lip_lining.h"
 
 #include <math.h>
+#include <stdbool.h>
 #include <string.h>
 
 #define MUCOSA 0.3f     /* of the inner lips' colour is anyone's, and */
@@ -12,6 +13,16 @@
 #define VEIL_MM 1.8f    /* and their standard deviation */
 #define SHUT_MM 0.5f    /* lips so little open are closed, */
 #define OPEN_MM 2.0f    /* so far they are open */
+
+#define TEETH_OFF 0.035f        /* teeth differ so little from white, in shares
+                                 * of red, green and blue, */
+#define LIPS_OFF 0.065f /* lips and skin at least so much; */
+#define TEETH_DARK 0.45f        /* and teeth are so bright at least, over
+                                 * white */
+#define TEETH_LIT 0.6f
+
+#define LIP_RINGS 8     /* of the mesh from the inner lips to a lip's end, */
+#define RIM_RINGS 1     /* about teeth: gums, and lines between them */
 
 static const float lip_lining_mucosa[3] = {0.76f, 0.42f, 0.42f};
 static const float lip_lining_dark[3] = {0.12f, 0.045f, 0.045f};
@@ -29,6 +40,53 @@ void lip_lining_paint(float *rgb, const float *seam, const float *normals,
             *own = light * (*own + MUCOSA * seam[k] * (red - *own));
         }
     }
+}
+
+/* How far the photograph shows teeth at vertex k, by its colour. */
+static float lip_lining_tooth(const float rgb[3], const float white[3])
+{
+    const float all = white[0] + white[1] + white[2];
+    const float sum = rgb[0] + rgb[1] + rgb[2] + 1e-3f;
+    float off = 0;
+
+    for (int c = 0; c < 3; c++)
+        off += fabsf(rgb[c] / sum - white[c] / all);
+    return (1 - branch_ramp(off, TEETH_OFF, LIPS_OFF)) *
+           branch_ramp(sum / all, TEETH_DARK, TEETH_LIT);
+}
+
+/* One ring further: on (V+E) becomes at each vertex what it is at most around,
+ * where may (V) lets it; through midpoints, which may not be less. */
+static void lip_lining_grow(float *on, const float *may, bool through,
+                            const struct densify *d, float *tmp)
+{
+    memcpy(tmp, on, d->V * sizeof *tmp);
+    for (size_t e = 0; e < 2 * d->E; e++) {
+        const size_t i = (size_t)d->edge[e], j = (size_t)d->edge[e ^ 1];
+        const float way = through ? may[d->V + e / 2] : 1;
+
+        tmp[i] = fmaxf(tmp[i], fminf(on[j], fminf(may[i], way)));
+    }
+    memcpy(on, tmp, d->V * sizeof *tmp);
+}
+
+void lip_lining_on_teeth(float *on, const float *pixel,
+                         const struct source_mesh *mesh, const float white[3],
+                         const struct densify *d, float *tmp)
+{
+    const float open = 1 - lip_lining_closed(mesh);
+    const float *lips = mesh->weights->lips, *seam = mesh->weights->seam;
+    float *tooth = tmp + d->V;
+
+    for (size_t k = 0; k < d->V + d->E; k++)
+        tooth[k] = open * lips[k] * lip_lining_tooth(pixel + 4 * k, white);
+    for (size_t v = 0; v < d->V; v++)
+        on[v] = tooth[v] * seam[v];
+    for (int ring = 0; ring < LIP_RINGS; ring++)
+        lip_lining_grow(on, tooth, true, d, tmp);
+    for (int ring = 0; ring < RIM_RINGS; ring++)
+        lip_lining_grow(on, lips, false, d, tmp);
+    densify_midpoints(on + d->V, on, d, 1);
 }
 
 float lip_lining_closed(const struct source_mesh *mesh)

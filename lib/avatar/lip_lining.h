@@ -5,12 +5,21 @@
 
 #include "lib/avatar/branch.h"
 #include "lib/avatar/source_mesh.h"
+#include "lib/geom/densify.h"
 
 /* rgb (n,3): the colours found for seam (n, mesh_weights.h) become redder and,
  * the more the less their normals (n,3) look upwards, darker; white (3): what
  * is white in the picture. */
 void lip_lining_paint(float *rgb, const float *seam, const float *normals,
                       const float white[3], size_t n);
+
+/* on (D): how far the mesh's open lips lie on the photograph's teeth, since the
+ * mesh fits to a few pixels: from the inner lips on, the picture at the
+ * densified vertices, pixel (D,4), is bright and whiter than lips; or that is
+ * next to it on the mesh.  0 where they are closed.  tmp: (V+D). */
+void lip_lining_on_teeth(float *on, const float *pixel,
+                         const struct source_mesh *mesh, const float white[3],
+                         const struct densify *d, float *tmp);
 
 /* 1 where the source's lips are closed, 0 where they are open. */
 float lip_lining_closed(const struct source_mesh *mesh);

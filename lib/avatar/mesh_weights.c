@@ -25,9 +25,11 @@
 #define LID_REACH 0.3f
 #define LID_REACH_MM 1.5f
 /* `seam` is 1 up to the one distance from the inner lips, 0 from the other on;
- * `crease` the same about the mouth's corners. */
+ * `crease` the same about the mouth's corners, and `lips` further out. */
 #define SEAM_MM 1.0f
 #define SEAM_END_MM 4.0f
+#define LIPS_MM 6.0f
+#define LIPS_END_MM 9.0f
 #define CORNER_MM 3.0f
 #define CORNER_END_MM 7.0f
 #define DROP 0.4f           /* radians of a mouth wide open */
@@ -210,9 +212,11 @@ static void mesh_weights_seam(struct mesh_weights *w, const struct head *h,
         w->seam[v] = 1 - branch_ramp(nearest * mm, SEAM_MM, SEAM_END_MM);
         w->crease[v] = fmaxf(w->seam[v], 1 - branch_ramp(
             aside * mm, CORNER_MM, CORNER_END_MM));
+        w->lips[v] = 1 - branch_ramp(nearest * mm, LIPS_MM, LIPS_END_MM);
     }
     densify_midpoints(w->seam + h->V, w->seam, d, 1);
     densify_midpoints(w->crease + h->V, w->crease, d, 1);
+    densify_midpoints(w->lips + h->V, w->lips, d, 1);
 }
 
 /* Into the stretch goes a part of what the skin of posed (V,3) stretches by;
@@ -277,9 +281,11 @@ static bool mesh_weights_allocate(struct mesh_weights *w, size_t V, size_t D)
     w->reach = malloc(D * sizeof *w->reach);
     w->seam = malloc(D * sizeof *w->seam);
     w->crease = malloc(D * sizeof *w->crease);
+    w->lips = malloc(D * sizeof *w->lips);
     w->drop = malloc(3 * D * sizeof *w->drop);
     return w->neck && w->moving && w->lining && w->mirror && w->lid &&
-           w->stretch && w->fold && w->reach && w->seam && w->crease && w->drop;
+           w->stretch && w->fold && w->reach && w->seam && w->crease &&
+           w->lips && w->drop;
 }
 
 /* Of each vertex: how far it moves against the skull, its share of the neck
@@ -340,6 +346,7 @@ void mesh_weights_release(struct mesh_weights *w)
     free(w->reach);
     free(w->seam);
     free(w->crease);
+    free(w->lips);
     free(w->stretch);
     free(w->drop);
     memset(w, 0, sizeof *w);

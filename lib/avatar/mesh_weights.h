@@ -26,6 +26,7 @@ struct mesh_weights {
                              * there */
     float *crease;          /* (V+E) the same, and 1 at the mouth's corners,
                              * from which the lips' line goes on */
+    float *lips;            /* (V+E) 1 on the lips, 0 beyond them */
     float *stretch;         /* (V+E) neighbours' distance there on closed lids,
                              * at a dropped jaw and under raised brows over
                              * that at rest, at least 1 */

@@ -11,6 +11,7 @@
 
 #define SOLID 0.97f     /* the prior's opacity: no holes */
 #define BACK_LIKE 0.5f  /* what is behind the teeth is seen so well at most */
+#define AROUND 20       /* the cells around one: the grid's side over this */
 #define JAW_MM 4.5f     /* of the chin's way change what is between the lips */
 
 /* ---- the equations ----------------------------------------------------- */
@@ -105,6 +106,7 @@ int mouth_branch_plan(struct mouth_branch *b, struct nn_options opt,
         {(float **)&b->teeth, M * sizeof *b->teeth / sizeof(float), false},
         {&b->jaw, 3 * M, false}, {&b->pixel, 4 * M, false},
         {&b->shown, M, false}, {&b->reach, M, false},
+        {&b->like, M, false}, {&b->alike, M, false},
         {&b->in, M * b->inputs, false},
         {&b->din, M * b->inputs, true}, {&b->logit, 3 * M, false},
         {&b->q, 3 * M, false}, {&b->dq, 3 * M, true}
@@ -157,14 +159,39 @@ static float mouth_branch_reach(const struct teeth_cell *t, float mm,
     return like < 0.99f ? still / (1 - like) : 0;
 }
 
+/* b->alike from b->like: what most cells around are.  Lines between teeth and
+ * what gums the photograph shows belong to teeth, though no generic tooth is
+ * dark or red just there. */
+static void mouth_branch_alike(struct mouth_branch *b)
+{
+    const size_t K = b->K, R = K / AROUND;
+
+    for (size_t k = 0; k < b->count; k++) {
+        const size_t i = k / K, j = k % K;
+        float sum = 0, n = 0;
+
+        for (size_t y = i > R ? i - R : 0; y <= i + R && y < K; y++)
+            for (size_t x = j > R ? j - R : 0; x <= j + R && x < K; x++) {
+                if (b->teeth[y * K + x].layer != b->teeth[k].layer)
+                    continue;
+                sum += b->like[y * K + x];
+                n++;
+            }
+        b->alike[k] = branch_ramp(sum / n, 0.5f, 0.75f);
+    }
+}
+
 /* The prior: extra columns of the decoder's input, and the colours it starts
  * from; r: the grid's radius, mm: a millimetre. */
 static void mouth_branch_start(float r, float mm, struct mouth_branch *b)
 {
+    for (size_t k = 0; k < b->count; k++)
+        b->like[k] = branch_likeness(b->pixel + 4 * k, b->teeth[k].color);
+    mouth_branch_alike(b);
     for (size_t k = 0; k < b->count; k++) {
         const float *pixel = b->pixel + 4 * k, *own = b->teeth[k].color;
         float *extra = b->in + (k + 1) * b->inputs - MOUTH_BRANCH_EXTRA;
-        const float like = branch_likeness(pixel, own);
+        const float like = b->alike[k];
 
         b->shown[k] = teeth_hidden(b->teeth, b->K, k)
                     ? 0 : mouth_branch_opening(b, k, r);

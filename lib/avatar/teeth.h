@@ -46,8 +46,9 @@ void teeth_make(struct teeth_cell *cells, const struct head *h,
 float teeth_lift(const struct teeth_cell *cells, const float *like, size_t K);
 
 /* light, by which the cells' colours were multiplied, becomes that of the upper
- * teeth in the picture, up to twice as bright, where it shows K cells of them;
- * from K/2 cells down it stays.  pixel (K,K,4): the picture at each cell. */
+ * teeth in the picture, up to twice as bright, where it shows K K / 32 cells of
+ * them; from half of that down it stays.  pixel (K,K,4): the picture at each
+ * cell. */
 void teeth_light(float light[3], const struct teeth_cell *cells,
                  const float *like, const float *pixel, size_t K);
 

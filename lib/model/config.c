@@ -54,6 +54,7 @@ void avatar_config_shipped(struct avatar_config *c)
     c->dynamic_width = 64;
     c->dynamic_hidden = 32;
     c->vertex_width = 16;
+    c->mouth = 64;
     c->mouth_width = 32;
     c->rgb_skip = true;
     c->refiner.type = REFINER_NARROW;

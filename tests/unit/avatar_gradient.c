@@ -110,7 +110,7 @@ static void gradient_make(struct world *w, bool skip, unsigned without)
     for (size_t i = 0; i < 3 * S * S; i++) {    /* smooth, so that steps of
                                                  * the plane see a slope */
         size_t x = i / 3 % S, y = i / 3 / S;
-        w->rgb[i] = (uint8_t)(128 + 90 * sin(0.11 * (double)(x + i % 3 * 9)) *
+        w->rgb[i] = (uint8_t)(128 + 90 * sin(0.11 * (double)(x + i % 3 * 2)) *
                               cos(0.07 * (double)y));
     }
     memset(w->matte, 255, sizeof w->matte);

@@ -11,7 +11,8 @@
 #include "lib/avatar/teeth.h"
 #include "tests/check.h"
 
-enum { K = 32, BACK = 14 };     /* the shipped model's grid; rows of its back */
+/* The shipped model's grid, rows of its back, columns of a front tooth. */
+enum { K = 64, BACK = 28, TOOTH = 8 };
 
 static float mouth_light(const float rgb[3])
 {
@@ -22,6 +23,12 @@ static float mouth_light(const float rgb[3])
 static float mouth_row(size_t i)
 {
     return (float)i / (BACK - 1);
+}
+
+/* v of section i of 14 along the sheet. */
+static float mouth_section(size_t i)
+{
+    return (float)i / 13;
 }
 
 /* Nothing stands out before the teeth or through a cheek; both sides are
@@ -62,19 +69,19 @@ static void mouth_shading(void)
     expect("half of it, in sRGB, as deep as the opening's radius",
            (double)cavity_light(18), pow(0.5, 1 / 2.2), 1e-6);
     for (size_t i = 4; i <= 11; i++) {
-        cavity_place(&p, 0.2f, mouth_row(i));
+        cavity_place(&p, 0.2f, mouth_section(i));
         brighter += mouth_light(p.color) > last;
         last = mouth_light(p.color);
     }
-    expect("every row from the throat to the tip is brighter", brighter, 8, 0);
-    cavity_place(&p, 0.2f, mouth_row(4));
+    expect("every section from the throat to the tip is brighter", brighter, 8, 0);
+    cavity_place(&p, 0.2f, mouth_section(4));
     check_range("the throat over the tongue's tip",
                 (double)(mouth_light(p.color) / last), 0.05, 0.3);
-    cavity_place(&p, 0, mouth_row(10));
+    cavity_place(&p, 0, mouth_section(10));
     const float furrow = mouth_light(p.color);
-    cavity_place(&p, 0.25f, mouth_row(10));
+    cavity_place(&p, 0.25f, mouth_section(10));
     const float top = mouth_light(p.color);
-    cavity_place(&p, 0.7f, mouth_row(10));
+    cavity_place(&p, 0.7f, mouth_section(10));
     const float side = mouth_light(p.color);
     check_range("the furrow over what is beside it", (double)(furrow / top),
                 0.7, 0.9);
@@ -109,29 +116,40 @@ static void mouth_cover(void)
 }
 
 /* Between two teeth it is darker than on them, and the more the further from
- * the middle; the lower ones' edges are just under the closed lips. */
+ * the middle; their corners are rounded; the lower ones' edges are just under
+ * the closed lips. */
 static void mouth_teeth(void)
 {
     struct head head = {.scale = 5};
     const struct head_mouth rest = {.radius = 0.11f};
     struct teeth_cell *c = malloc(K * K * sizeof *c);
-    const size_t middle = K / 2, lower = 5 * K / 16 * K + middle;
+    const size_t row = 5, middle = K / 2, lower = 5 * K / 16 * K + middle;
 
     teeth_make(c, &head, &rest, rest.chin, 0, K);
     for (size_t t = 0; t < 3; t++) {
-        const float *at = c[middle + 4 * t + 1].color;
-        const float *between = c[middle + 4 * t + 3].color;
-        const float *next = c[middle + 4 * t + 5].color;
+        const struct teeth_cell *edge = c + middle + TOOTH * t;
+        const struct teeth_cell *at = edge + row * K + TOOTH / 2;
+        const float *between = edge[row * K + TOOTH - 1].color;
+        const float *next = at[t < 2 ? TOOTH : TOOTH / 2 + 2].color;
 
         check_range("between two teeth over their mean",
                     2 * (double)(mouth_light(between) /
-                                 (mouth_light(at) + mouth_light(next))),
-                    0.75, 0.92);
+                                 (mouth_light(at->color) +
+                                  mouth_light(next))),
+                    0.65, 0.92);
         check_that("the next one is darker",
-                   mouth_light(next) < 0.98f * mouth_light(at));
+                   mouth_light(next) < 0.99f * mouth_light(at->color));
+        check_range("the corner over the edge's middle, mm",
+                    200 * (double)(edge[TOOTH - 1].mean[1] -
+                                   edge[TOOTH / 2].mean[1]), 0.3, 2);
     }
+    check_that("gums come down between teeth",
+               c[13 * K + middle + TOOTH].color[1] <
+                   0.8f * c[13 * K + middle + TOOTH / 2].color[1] &&
+               c[13 * K + middle + TOOTH].color[0] >
+                   1.2f * c[13 * K + middle + TOOTH].color[1]);
     check_range("the lower front teeth's highest row, mm from the closed lips",
-                200 * (double)c[lower].mean[1], -2.5, -0.6);
+                200 * (double)c[lower].mean[1], -2.5, -0.4);
     free(c);
 }
 
