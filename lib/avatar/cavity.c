@@ -16,8 +16,8 @@
 #define CHEEK_DIM 0.6f  /* of the light is lost beside the tongue, */
 #define SIDE_DIM 0.5f   /* on its sides, */
 #define WALL_DIM 0.3f   /* where the palate comes down, */
-#define FURROW_DIM 0.16f        /* and along the tongue's middle, */
-#define FURROW 1.2f     /* mm: its standard deviation */
+#define FURROW_DIM 0.1f        /* and along the tongue's middle, */
+#define FURROW 1.8f     /* mm: its standard deviation */
 #define BEHIND 7.0f     /* mm that all stays behind the teeth's front */
 #define DROP 14.0f      /* mm that a jaw takes the tongue's back down */
 #define OVERLAP 0.7f    /* standard deviation over the spacing */
