@@ -102,6 +102,21 @@ J
     [[ $output == *another\ configuration* ]]
 }
 
+@test "a discriminator tells what an untrained avatar draws" {
+    cd "$BATS_TEST_TMPDIR"
+    spid-synth --people 6 --frames 2 --size 64 --seed 7 -q -o p.spid
+    small_avatar ',"adversarial":0.001,"adversarial_rate":1e-3,
+        "adversarial_penalty":0.1' | sed 's/"rate":1e-3/"rate":1e-5/
+        s/"steps":5/"steps":90/; s/"pool":2/"pool":6/
+        s/"checkpoint_every":1/"checkpoint_every":90/' >against.json
+    train -q -c against.json -o told p.spid
+    # from about 2, which is what knowing nothing costs
+    awk -F '\t' 'NR == 1 { for (i = 1; $i != "hinge"; i++); next }
+        $1 < 5 { first += $i / 5 } $1 >= 75 { last += $i / 15 }
+        END { print first, last; exit !(first > 1.7 && last < 1.4) }' \
+        told/log.tsv
+}
+
 @test "two processes teach one discriminator" {
     command -v mpirun || skip "no mpirun"
     ldd "$(command -v spid-train)" | grep -q libmpi || skip "built without MPI"
