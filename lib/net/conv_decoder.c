@@ -13,10 +13,15 @@
 struct conv_decoder_impl {
     struct nn_plan plan;
     struct conv conv[4];
-    size_t padded;               /* in + gamma, a multiple of 16 */
+    size_t padded;               /* in + gamma or 1, a multiple of 16 */
     float *gamma, *dgamma;       /* (B,27) */
+    /* Where it learns in bfloat16 from one image, gamma is the same in all of
+     * its pixels: one channel of ones with weights of its own stands for its
+     * 27 (NULL where not). */
+    float *folded, *dfolded;     /* (width,in + 1,3,3) */
     float *x;                    /* (B,h,w,padded) */
-    float *y[3], *raw;           /* (B,h,w,width), (B,h,w,head) */
+    void *y[3];                  /* (B,h,w,width), bfloat16 where they may be */
+    float *raw;                  /* (B,h,w,head) */
     float *grad[2], *dx;
 };
 
@@ -46,6 +51,70 @@ int conv_decoder_init(struct conv_decoder *d, struct params *ps,
     return 0;
 }
 
+/* ---- gamma as one channel ------------------------------------------------ */
+
+#define TAPS 9                   /* of the first layer's kernel */
+
+/* Decide on it; the first layer then has its own weights. */
+static void conv_decoder_plan_fold(struct conv_decoder *d)
+{
+    struct conv_decoder_impl *im = d->impl;
+    struct conv *c = &im->conv[0];
+    struct nn_plan *p = &im->plan;
+    const bool fold = conv_halves(p) && d->batch == 1 &&
+                      !c->ps->tensor[c->weight].frozen;
+    const size_t n = d->width * (d->in + 1) * TAPS;
+
+    im->folded = fold ? nn_plan_floats(p, n) : NULL;
+    im->dfolded = fold ? nn_plan_floats(p, n) : NULL;
+    c->from = im->folded;
+    c->from_g = im->dfolded;
+    c->in = d->in + (fold ? 1 : HARMONIC_OUT);
+    im->padded = (c->in + 15) / 16 * 16;
+    c->in_data = im->padded;
+}
+
+/* The weights of the ones: gamma through its own. */
+static void conv_decoder_fold(struct conv_decoder *d)
+{
+    struct conv_decoder_impl *im = d->impl;
+    const size_t own = d->in * TAPS, all = own + HARMONIC_OUT * TAPS;
+    const float *w = param_w(im->conv[0].ps, im->conv[0].weight);
+
+    for (size_t o = 0; o < d->width; o++, w += all) {
+        float *to = im->folded + o * (own + TAPS), *ones = to + own;
+
+        memcpy(to, w, own * sizeof *to);
+        memset(ones, 0, TAPS * sizeof *ones);
+        for (size_t i = 0; i < HARMONIC_OUT * TAPS; i++)
+            ones[i % TAPS] += im->gamma[i / TAPS] * w[own + i];
+    }
+    conv_update(&im->conv[0], NULL);
+}
+
+/* In the forward pass: ones[t] += gamma[j] w[in + j][t]. */
+static void conv_decoder_fold_backward(struct conv_decoder *d)
+{
+    struct conv_decoder_impl *im = d->impl;
+    const size_t own = d->in * TAPS, all = own + HARMONIC_OUT * TAPS;
+    const float *w = param_w(im->conv[0].ps, im->conv[0].weight);
+    float *g = param_g(im->conv[0].ps, im->conv[0].weight);
+
+    for (size_t o = 0; o < d->width; o++, w += all, g += all) {
+        const float *from = im->dfolded + o * (own + TAPS);
+        const float *dones = from + own;
+
+        for (size_t i = 0; i < own; i++)
+            g[i] += from[i];
+        for (size_t i = 0; i < HARMONIC_OUT * TAPS; i++) {
+            g[own + i] += im->gamma[i / TAPS] * dones[i % TAPS];
+            im->dgamma[i / TAPS] += w[own + i] * dones[i % TAPS];
+        }
+    }
+}
+
+/* ---- the network --------------------------------------------------------- */
+
 int conv_decoder_plan(struct conv_decoder *d, size_t batch, size_t height,
                       size_t width, struct nn_options opt, struct error *err)
 {
@@ -58,14 +127,18 @@ int conv_decoder_plan(struct conv_decoder *d, size_t batch, size_t height,
     d->batch = batch;
     d->height = height;
     d->image_w = width;
-    im->padded = (d->in + HARMONIC_OUT + 15) / 16 * 16;
-    im->conv[0].in_data = im->padded;
+    conv_decoder_plan_fold(d);
     im->gamma = nn_plan_floats(p, batch * HARMONIC_OUT);
     im->x = nn_plan_map(p, pixels * im->padded);
     for (int i = 0; i < 4; i++) {
-        float **y = i < 3 ? &im->y[i] : &im->raw;
+        float *y = nn_plan_map(p, pixels * (i < 3 ? d->width : raw));
 
-        *y = nn_plan_map(p, pixels * (i < 3 ? d->width : raw));
+        if (i < 3)
+            im->y[i] = y;
+        else
+            im->raw = y;
+        im->conv[i].half_in = i > 0 && conv_halves(p);
+        im->conv[i].half_out = i < 3 && conv_halves(p);
         conv_plan(&im->conv[i], p, batch, height, width);
         nn_plan_recycle(p, i ? im->y[i - 1] : im->x);
     }
@@ -79,13 +152,15 @@ int conv_decoder_plan(struct conv_decoder *d, size_t batch, size_t height,
     }
     if (nn_plan_finish(p, err))
         return -1;
+    for (size_t i = 0; im->folded && i < pixels; i++)
+        im->x[i * im->padded + d->in] = 1;
     conv_decoder_update(d);
     return 0;
 }
 
 void conv_decoder_update(struct conv_decoder *d)
 {
-    for (int i = 0; i < 4; i++)
+    for (int i = d->impl->folded ? 1 : 0; i < 4; i++)
         conv_update(&d->impl->conv[i], NULL);
 }
 
@@ -114,8 +189,15 @@ void conv_decoder_forward(struct gaussian_out *out, const float *features,
     size_t N = d->height * d->image_w;
 
     harmonic_forward(im->gamma, dir, d->batch);
-    concat_forward(im->x, features, im->gamma, d->batch * N, d->in,
-                   HARMONIC_OUT, im->padded, N);
+    if (im->folded) {
+        conv_decoder_fold(d);
+        for (size_t i = 0; features && i < N; i++)
+            memcpy(im->x + i * im->padded, features + i * d->in,
+                   d->in * sizeof *features);
+    } else {
+        concat_forward(im->x, features, im->gamma, d->batch * N, d->in,
+                       HARMONIC_OUT, im->padded, N);
+    }
     conv_forward(im->y[0], im->x, &im->conv[0]);
     conv_forward(im->y[1], im->y[0], &im->conv[1]);
     conv_forward(im->y[2], im->y[1], &im->conv[2]);
@@ -140,12 +222,17 @@ void conv_decoder_backward(float *dfeatures, float *ddir, float *drgb_logit,
     conv_backward(b, a, im->raw, im->y[2], &im->conv[3]);
     conv_backward(a, b, im->y[2], im->y[1], &im->conv[2]);
     conv_backward(b, a, im->y[1], im->y[0], &im->conv[1]);
+    if (im->folded)
+        memset(im->dfolded, 0, d->width * (d->in + 1) * TAPS *
+                                   sizeof *im->dfolded);
     conv_backward(input ? im->dx : NULL, b, im->y[0], im->x, &im->conv[0]);
+    memset(im->dgamma, 0, d->batch * HARMONIC_OUT * sizeof *im->dgamma);
+    if (im->folded)
+        conv_decoder_fold_backward(d);
     if (!input)
         return;
-    memset(im->dgamma, 0, d->batch * HARMONIC_OUT * sizeof *im->dgamma);
-    concat_backward(dfeatures, ddir ? im->dgamma : NULL, im->dx, d->batch * N,
-                    d->in, HARMONIC_OUT, im->padded, N);
+    concat_backward(dfeatures, ddir && !im->folded ? im->dgamma : NULL,
+                    im->dx, d->batch * N, d->in, HARMONIC_OUT, im->padded, N);
     if (ddir) {
         memset(ddir, 0, 3 * d->batch * sizeof *ddir);
         harmonic_backward(ddir, im->dgamma, dir, d->batch);

@@ -11,7 +11,8 @@ struct plane_init_impl {
     struct nn_plan plan;
     struct conv conv[3];
     const float *in;
-    float *y[2], *t;             /* hidden layers; tanh's output */
+    void *y[2];                  /* hidden layers, bfloat16 where they may be */
+    float *t;                    /* tanh's output */
     float *grad[2], *dt;
 };
 
@@ -53,9 +54,14 @@ int plane_init_plan(struct plane_init *p, size_t batch, size_t height,
     p->height = height;
     p->image_w = width;
     for (int i = 0; i < 3; i++) {
-        float **y = i < 2 ? &im->y[i] : &im->t;
+        float *y = nn_plan_map(pl, pixels * (i < 2 ? p->width : 2));
 
-        *y = nn_plan_map(pl, pixels * (i < 2 ? p->width : 2));
+        if (i < 2)
+            im->y[i] = y;
+        else
+            im->t = y;
+        im->conv[i].half_in = i > 0 && conv_halves(pl);
+        im->conv[i].half_out = i < 2 && conv_halves(pl);
         conv_plan(&im->conv[i], pl, batch, height, width);
     }
     if (nn_plan_backward(pl)) {

@@ -37,6 +37,15 @@ void act_backward_out(float *dx, const float *dy, const float *y,
                             n - i < CHUNK ? n - i : CHUNK);
 }
 
+/* db (C), unless NULL, += the rows of part (parts,C). */
+static void act_add_parts(float *db, const float *part, size_t parts,
+                          size_t C)
+{
+    for (size_t i = 0; db && i < parts; i++)
+        for (size_t c = 0; c < C; c++)
+            db[c] += part[i * C + c];
+}
+
 void act_bias_backward(float *db, float *dout, float *part, const float *out,
                        enum nn_act act, size_t rows, size_t C)
 {
@@ -52,11 +61,26 @@ void act_bias_backward(float *db, float *dout, float *part, const float *out,
         k->act_sums(part + i * C, dout + r0 * C, out ? out + r0 * C : dout,
                     (int)act, r1 - r0, C);
     }
-    if (!db)
+    act_add_parts(db, part, parts, C);
+}
+
+void act_bias_backward_half(float *db, uint16_t *dout, float *part,
+                            const uint16_t *out, enum nn_act act, size_t rows,
+                            size_t C)
+{
+    const struct nn_kernels *k = nn_kernels();
+    size_t parts = rows < 8 * NN_SUMS ? 1 : NN_SUMS;
+
+    if (!db && act == ACT_NONE)
         return;
-    for (size_t i = 0; i < parts; i++)
-        for (size_t c = 0; c < C; c++)
-            db[c] += part[i * C + c];
+#pragma omp parallel for schedule(static) if (parts > 1)
+    for (size_t i = 0; i < parts; i++) {
+        size_t r0 = i * rows / parts, r1 = (i + 1) * rows / parts;
+
+        k->act_sums_half(part + i * C, dout + r0 * C, out + r0 * C, (int)act,
+                         r1 - r0, C);
+    }
+    act_add_parts(db, part, parts, C);
 }
 
 double act_value(enum nn_act act, double x)

@@ -3,6 +3,7 @@
 #define SPID_NN_ACT_H
 
 #include <stddef.h>
+#include <stdint.h>
 
 enum nn_act {
     ACT_NONE,
@@ -33,6 +34,10 @@ void act_backward_out(float *dx, const float *dy, const float *y,
  * same bits for any number of threads. */
 void act_bias_backward(float *db, float *dout, float *part, const float *out,
                        enum nn_act act, size_t rows, size_t C);
+/* The same where dout and out are bfloat16; ACT_NONE or ACT_RELU. */
+void act_bias_backward_half(float *db, uint16_t *dout, float *part,
+                            const uint16_t *out, enum nn_act act, size_t rows,
+                            size_t C);
 
 /* One value, in double: the reference of the tests. */
 double act_value(enum nn_act act, double x);

@@ -127,3 +127,25 @@ void ISA(act_sums)(float *sum, float *dout, const float *out, int act,
     }
 #undef LOOP
 }
+
+/* The same of bfloat16, which relu's slope leaves as it is or clears. */
+void ISA(act_sums_half)(float *sum, uint16_t *dout, const uint16_t *out,
+                        int act, size_t rows, size_t C)
+{
+    for (size_t c = 0; c < C; c++)
+        sum[c] = 0.0f;
+    for (size_t r = 0; r < rows; r++) {
+        uint16_t *restrict d = dout + r * C;
+        const uint16_t *restrict y = out + r * C;
+        float *restrict s = sum;
+
+        /* positive: neither the sign's bit, nor none at all */
+        for (size_t c = 0; act == ACT_RELU && c < C; c++)
+            d[c] = (int16_t)y[c] > 0 ? d[c] : 0;
+        for (size_t c = 0; c < C; c++) {
+            union { uint32_t u; float f; } v = { (uint32_t)d[c] << 16 };
+
+            s[c] += v.f;
+        }
+    }
+}

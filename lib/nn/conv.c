@@ -14,6 +14,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/cpu.h"
 #include "lib/nn/act.h"
 #include "lib/nn/conv_impl.h"
 #include "lib/nn/image.h"
@@ -200,9 +201,17 @@ static bool conv_rounds(const struct conv *c)
     return nn_plan_type(c->plan) == NN_BF16 && !nn_bf16_products();
 }
 
+bool conv_halves(const struct nn_plan *p)
+{
+    return nn_plan_backward(p) && p->opt.type == NN_BF16 &&
+           nn_type_native(NN_BF16) && cpu_level() == CPU_AVX512;
+}
+
 /* Layers that learn in bfloat16 and have enough channels to gain by it. */
 static bool conv_half_wanted(const struct conv *c)
 {
+    if (c->half_in || c->half_out)
+        return true;
     return nn_plan_backward(c->plan) && c->plan->opt.type == NN_BF16 &&
            nn_type_native(NN_BF16) && c->in >= 16 && c->out >= 16 &&
            c->batch * c->h * c->w >= 256;
@@ -237,7 +246,9 @@ static void conv_forward_direct(float *out, const float *in, struct conv *c)
     void *half = c->plan->scratch + c->impl->half_at;
     size_t count = c->batch * c->h * c->w * c->in_data;
 
-    if (c->impl->input == dnnl_bf16)
+    if (c->half_in)
+        half = NULL;
+    else if (c->impl->input == dnnl_bf16)
         image_to_bf16(half, in, count);
     else if (conv_rounds(c))
         image_round_bf16(half, in, count);
@@ -329,6 +340,7 @@ void conv_plan(struct conv *c, struct nn_plan *p, size_t batch, size_t h,
     c->oh = s.oh;
     c->ow = s.ow;
     assert(!nn_plan_backward(p) || c->act <= ACT_LRELU);
+    assert(!c->half_out || (!c->add && !c->shuffle && c->act <= ACT_RELU));
     im->input = im->weights =
         nn_plan_type(p) == NN_BF16 && nn_bf16_products() ? dnnl_bf16 : dnnl_f32;
     while (!m->wanted(c))
@@ -452,13 +464,13 @@ void conv_update(struct conv *c, const struct batch_norm *bn)
         conv_onednn_reorder(&im->to_bwd, im->w_bwd, w, c);
 }
 
-void conv_forward(float *out, const float *in, struct conv *c)
+void conv_forward(void *out, const void *in, struct conv *c)
 {
     c->impl->method->forward(out, in, c);
 }
 
 /* dw (out,in_data,k,k) += the weights' gradient. */
-static void conv_add_gradient(float *dw, const float *dout, const float *in,
+static void conv_add_gradient(float *dw, const void *dout, const void *in,
                               struct conv *c)
 {
     if (c->impl->wgrad.dw) {
@@ -472,11 +484,11 @@ static void conv_add_gradient(float *dw, const float *dout, const float *in,
 }
 
 /* The weights' gradient, added to ps->g in the checkpoint's layout. */
-static void conv_backward_weights(struct conv *c, const float *dout,
-                                  const float *in)
+static void conv_backward_weights(struct conv *c, const void *dout,
+                                  const void *in)
 {
     struct conv_impl *im = c->impl;
-    float *g = param_g(c->ps, c->weight);
+    float *g = c->from_g ? c->from_g : param_g(c->ps, c->weight);
 
     if (c->in_data == c->in && !c->shuffle) {
         conv_add_gradient(g, dout, in, c);
@@ -502,7 +514,21 @@ static void conv_backward_data(float *din, const float *dout, struct conv *c)
         conv_onednn_backward_data(din, dout, c);
 }
 
-void conv_backward(float *din, float *dout, const float *out, const float *in,
+/* dout becomes the gradient before the activation; db (out) += its sum, unless
+ * NULL. */
+static void conv_act_backward(float *db, void *dout, const void *out,
+                              struct conv *c)
+{
+    const size_t rows = c->batch * c->oh * c->ow;
+
+    if (c->half_out)
+        act_bias_backward_half(db, dout, c->impl->sums, out, c->act, rows,
+                               c->out);
+    else
+        act_bias_backward(db, dout, c->impl->sums, out, c->act, rows, c->out);
+}
+
+void conv_backward(void *din, void *dout, const void *out, const void *in,
                    struct conv *c)
 {
     struct conv_impl *im = c->impl;
@@ -514,8 +540,7 @@ void conv_backward(float *din, float *dout, const float *out, const float *in,
         memset(each, 0, c->out * sizeof *each);
         db = each;
     }
-    act_bias_backward(db, dout, im->sums, out, c->act,
-                      c->batch * c->oh * c->ow, c->out);
+    conv_act_backward(db, dout, out, c);
     if (c->shuffle && learns)
         for (size_t o = 0, O = c->out / (c->shuffle * c->shuffle);
              o < c->out; o++)

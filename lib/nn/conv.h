@@ -36,10 +36,17 @@ struct conv {
     const float *from;            /* weights in place of the tensor's, for
                                    * conv_update (conditional_conv.h), or
                                    * NULL */
+    float *from_g;                /* where their gradient is added then, in
+                                   * place of the tensor's; or NULL */
     size_t shuffle;               /* factor of a transposed convolution, or 0:
                                    * `out` then counts its pixels too */
     size_t in_data;               /* channels in memory if more than `in`
                                    * (the rest is zero), else 0 */
+    bool half_in, half_out;       /* input or output, and its gradient, lie in
+                                   * memory as bfloat16, which is what is
+                                   * multiplied: only where conv_halves says
+                                   * so; no act but RELU, and no add.  Outputs
+                                   * of 1x1 layers then fill whole vectors */
     /* as planned */
     size_t batch, h, w, oh, ow;
     struct nn_plan *plan;
@@ -58,6 +65,8 @@ void linear_init(struct conv *c, struct params *ps, const char *name,
  * depth_to_space (lib/nn/image.h) lays out as (B,h f,w f,out). */
 void deconv_init(struct conv *c, struct params *ps, const char *name,
                  size_t in, size_t out, size_t f);
+/* Whether layers of this plan may have half_in and half_out. */
+bool conv_halves(const struct nn_plan *p);
 /* Inputs (batch,h,w,in_data); chooses who computes the forward. */
 void conv_plan(struct conv *c, struct nn_plan *p, size_t batch, size_t h,
                size_t w);
@@ -68,13 +77,14 @@ void conv_update(struct conv *c, const struct batch_norm *bn);
 /* Free what _init and _plan allocated; zeroed then. */
 void conv_release(struct conv *c);
 
-/* out (B,oh,ow,out) = act(conv(in (B,h,w,in_data))). */
-void conv_forward(float *out, const float *in, struct conv *c);
+/* out (B,oh,ow,out) = act(conv(in (B,h,w,in_data))); floats, or what half_in
+ * and half_out say. */
+void conv_forward(void *out, const void *in, struct conv *c);
 /* din (B,h,w,in) is written unless NULL; weight and bias gradients are added
  * to ps->g, unless their tensors are frozen (which weights must be before the
  * planning, or never); dout is overwritten by the gradient before the
  * activation. */
-void conv_backward(float *din, float *dout, const float *out, const float *in,
+void conv_backward(void *din, void *dout, const void *out, const void *in,
                    struct conv *c);
 /* The same for din alone: no gradient of weight or bias. */
 void conv_backward_input(float *din, float *dout, const float *out,

@@ -73,12 +73,12 @@ void conv_onednn_plan_backward_weights(struct conv *c,
 void conv_onednn_reorder(struct nn_call *call, void *to, const void *from,
                          struct conv *c);
 /* out (B,oh,ow,out) from src, the input in the type planned. */
-void conv_onednn_forward(float *out, const void *src, const float *bias,
+void conv_onednn_forward(void *out, const void *src, const float *bias,
                          struct conv *c);
 /* din (B,h,w,in_data) from dout (B,oh,ow,out). */
-void conv_onednn_backward_data(float *din, const float *dout, struct conv *c);
+void conv_onednn_backward_data(void *din, const void *dout, struct conv *c);
 /* The parts' gradients, added up in order; returned in oneDNN's layout. */
-const float *conv_onednn_backward_weights(const float *dout, const float *in,
+const float *conv_onednn_backward_weights(const void *dout, const void *in,
                                           struct conv *c);
 
 #endif

@@ -33,7 +33,9 @@ static void conv_onednn_describe(struct conv_onednn_mds *m,
     dnnl_memory_desc_init_by_tag(&m->wei, 4, wei, c->impl->weights,
                                  dnnl_format_tag_any);
     dnnl_memory_desc_init_by_tag(&m->bia, 1, bia, dnnl_f32, dnnl_a);
-    dnnl_memory_desc_init_by_tag(&m->dst, 4, dst, dnnl_f32, dnnl_nhwc);
+    dnnl_memory_desc_init_by_tag(&m->dst, 4, dst,
+                                 c->half_out ? dnnl_bf16 : dnnl_f32,
+                                 dnnl_nhwc);
     m->stride[0] = m->stride[1] = c->stride;
     m->pad0[0] = s->top;
     m->pad0[1] = s->left;
@@ -92,16 +94,25 @@ static bool conv_onednn_half(const struct conv *c)
     return nn_plan_backward(c->plan) && c->impl->input == dnnl_bf16;
 }
 
+/* Whether a layer of halves computes its input's gradient in float: oneDNN
+ * 2.6's is wrong in bfloat16 for 1x1 layers whose outputs fill no whole vector
+ * and some numbers of pixels (300 and 600, 32 -> 41). */
+static bool conv_onednn_full_data(const struct conv *c)
+{
+    return conv_onednn_half(c) && c->kernel == 1 && c->out % 16;
+}
+
 /* The types of a backward pass, which differ from its forward's. */
 static void conv_onednn_describe_backward(struct conv_onednn_mds *m,
                                           const struct conv *c,
                                           enum conv_onednn_pass pass)
 {
-    if (!conv_onednn_half(c))
+    if (!conv_onednn_half(c) ||
+        (pass == BACKWARD_DATA && conv_onednn_full_data(c)))
         return;
     m->dst.data_type = dnnl_bf16;
     if (pass == BACKWARD_DATA)
-        m->src.data_type = dnnl_f32;
+        m->src.data_type = c->half_in ? dnnl_bf16 : dnnl_f32;
     else
         m->wei.data_type = dnnl_f32;
 }
@@ -119,6 +130,8 @@ static dnnl_primitive_desc_t conv_onednn_primitive(const struct conv *c,
     bool bwd = nn_plan_backward(p);
 
     conv_onednn_describe(&m, c, s);
+    if (pass == BACKWARD_DATA && conv_onednn_full_data(c))
+        m.src.data_type = m.wei.data_type = m.dst.data_type = dnnl_f32;
     dnnl_primitive_attr_t attr = conv_onednn_attributes(c, pass == FORWARD);
     dnnl_status_t ok = dnnl_convolution_forward_desc_init(
         &d, bwd ? dnnl_forward_training : dnnl_forward_inference,
@@ -238,7 +251,7 @@ void conv_onednn_plan_forward(struct conv *c, const struct conv_shape *s)
 }
 
 /* A backward's scratch: `bytes` of oneDNN's, then the input and the output's
- * gradient as bfloat16 where those are read. */
+ * gradient as bfloat16 where those are read, or the input's in float. */
 static void conv_onednn_reserve(struct conv *c, size_t bytes)
 {
     struct conv_impl *im = c->impl;
@@ -249,7 +262,7 @@ static void conv_onednn_reserve(struct conv *c, size_t bytes)
     if (bytes > im->back_at)
         im->back_at = bytes;
     if (conv_onednn_half(c))
-        bytes = im->back_at + ((in + out) * sizeof(uint16_t) + 128);
+        bytes = im->back_at + ((2 * in + out) * sizeof(uint16_t) + 128);
     nn_plan_scratch(c->plan, bytes);
 }
 
@@ -377,7 +390,7 @@ void conv_onednn_reorder(struct nn_call *call, void *to, const void *from,
     nn_call_run(call);
 }
 
-void conv_onednn_forward(float *out, const void *src, const float *bias,
+void conv_onednn_forward(void *out, const void *src, const float *bias,
                          struct conv *c)
 {
     struct nn_call *call = &c->impl->fwd;
@@ -390,14 +403,15 @@ void conv_onednn_forward(float *out, const void *src, const float *bias,
     nn_call_run(call);
 }
 
-/* n values at place `at` of the backward's bfloat16 ones, or as they are. */
-static const void *conv_onednn_narrow(const float *x, size_t n, size_t at,
-                                      const struct conv *c)
+/* n values at place `at` of the backward's bfloat16 ones; or as they are, where
+ * they lie as they are wanted. */
+static const void *conv_onednn_narrow(const void *x, size_t n, size_t at,
+                                      bool lie, const struct conv *c)
 {
     uint16_t *half = (uint16_t *)(void *)(c->plan->scratch +
                                           c->impl->back_at) + at;
 
-    if (!conv_onednn_half(c))
+    if (lie || !conv_onednn_half(c))
         return x;
     image_to_bf16(half, x, n);
     return half;
@@ -412,29 +426,33 @@ static const void *conv_onednn_at(const void *x, size_t at,
                                                        : sizeof(float));
 }
 
-void conv_onednn_backward_data(float *din, const float *dout, struct conv *c)
+void conv_onednn_backward_data(void *din, const void *dout, struct conv *c)
 {
     struct nn_call *call = &c->impl->bwd_data;
+    const bool full = conv_onednn_full_data(c);
+    void *to = full && c->half_in ? c->plan->scratch + c->impl->back_at : din;
     const void *from = conv_onednn_narrow(dout, c->batch * c->oh * c->ow *
-                                          c->out, 0, c);
+                                          c->out, 0, full || c->half_out, c);
 
-    assert(call->prim);
-    nn_call_set(call, 0, din);
+    assert(call->prim && !(full && c->half_out));
+    nn_call_set(call, 0, to);
     nn_call_set(call, 1, c->impl->w_bwd);
     nn_call_set(call, 2, from);
     nn_call_set(call, 3, c->plan->scratch);
     nn_call_run(call);
+    if (to != din)
+        image_to_bf16(din, to, c->batch * c->h * c->w * c->in_data);
 }
 
-const float *conv_onednn_backward_weights(const float *dout, const float *in,
+const float *conv_onednn_backward_weights(const void *dout, const void *in,
                                           struct conv *c)
 {
     struct conv_impl *im = c->impl;
     size_t out = c->batch * c->oh * c->ow * c->out;
-    const void *d = conv_onednn_narrow(dout, out, 0, c);
+    const void *d = conv_onednn_narrow(dout, out, 0, c->half_out, c);
     const void *x = conv_onednn_narrow(in, c->batch * c->h * c->w *
                                        c->in_data, (out + 31) & ~(size_t)31,
-                                       c);
+                                       c->half_in, c);
 #pragma omp parallel for schedule(static, 1)
     for (size_t i = 0; i < im->parts; i++) {
         struct conv_part *part = &im->part[i];

@@ -34,6 +34,8 @@ struct winograd;
                                int act, size_t n))                           \
     X(void, act_sums, (float *sum, float *dout, const float *out, int act,   \
                        size_t rows, size_t C))                               \
+    X(void, act_sums_half, (float *sum, uint16_t *dout, const uint16_t *out, \
+                            int act, size_t rows, size_t C))                 \
     X(void, norm_sums, (float *sum, const float *x, const float *shift,      \
                         size_t rows, size_t C))                              \
     X(void, norm_apply, (float *y, const float *x, const float *res,         \
@@ -124,7 +126,7 @@ struct winograd;
     X(void, pointwise_weights, (float *dw, const float *dout,                \
                                 const float *in, uint32_t *pairs, size_t M,  \
                                 size_t out, size_t channels))                \
-    X(void, wgrad_rows, (float *dw, const float *dout, const float *in,      \
+    X(void, wgrad_rows, (float *dw, const void *dout, const void *in,        \
                          uint32_t *room, const struct wgrad *g, size_t y,    \
                          size_t rows))                                       \
     X(void, softmax, (float *p, size_t rows, size_t n, size_t ld,            \

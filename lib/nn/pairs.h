@@ -79,6 +79,33 @@ VF_INLINE void pairs_round_rows(uint32_t *to, const float *a,
     }
 }
 
+/* n <= VF_LANES halves from p, each in a word, zeros after them. */
+VF_INLINE vf_u32 pairs_load_halves(const uint16_t *p, size_t n)
+{
+#if defined(ISA_AVX512)
+    return (vf_u32)_mm512_cvtepu16_epi32(
+        _mm256_maskz_loadu_epi16((__mmask16)((1u << n) - 1), p));
+#else
+    uint32_t lane[VF_LANES] = { 0 };
+
+    for (size_t i = 0; i < n; i++)
+        lane[i] = p[i];
+    return *(vf_u32 *)lane;
+#endif
+}
+
+/* to (16) = pairs of the n <= 16 halves of a and b, then pairs of zeros. */
+VF_INLINE void pairs_join_rows(uint32_t *to, const uint16_t *a,
+                               const uint16_t *b, size_t n)
+{
+    for (size_t i = 0; i < PAIRS_PANEL; i += VF_LANES) {
+        size_t left = n < i ? 0 : n - i < VF_LANES ? n - i : VF_LANES;
+
+        *(vf_u32 *)(to + i) = pairs_load_halves(a + i, left) |
+                              pairs_load_halves(b + i, left) << 16;
+    }
+}
+
 /* C (rows <= 12, n <= 32 columns, ld apart) = A B over K pairs, or += with
  * add: element (r,k) of A at A[r rs + k ks], B in `wide` vectors of one or two
  * panels. */

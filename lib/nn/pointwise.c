@@ -14,7 +14,7 @@ bool pointwise_wanted(const struct conv *c)
            cpu_level() == CPU_AVX512 && c->kernel == 1 && c->stride == 1 &&
            c->in % 2 == 0 && c->out % 2 == 0 && c->in_data == c->in &&
            c->bias == NN_NONE && c->gamma == NN_NONE && !c->shuffle &&
-           !c->add && c->act == ACT_NONE;
+           !c->add && c->act == ACT_NONE && !c->half_in && !c->half_out;
 }
 
 /* n up to whole panels. */

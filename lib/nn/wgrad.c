@@ -10,12 +10,18 @@
 
 #define CACHE ((size_t)640 << 10)   /* bytes of a part's pairs of inputs */
 #define NEAR 160                    /* pairs that the next cache holds */
+#define WGRAD_TAPS 49                /* of the largest kernel */
 #define STRIP 256                   /* pixels of a row where rows say nothing */
+
+_Static_assert(NN_PARTS == 4, "wgrad_sum_parts adds four");
 
 bool wgrad_wanted(const struct conv *c)
 {
+    if (c->half_in || c->half_out)
+        return true;
     return nn_plan_backward(c->plan) && c->plan->opt.type == NN_BF16 &&
            cpu_level() == CPU_AVX512 && c->in >= 8 && c->out >= 8 &&
+           c->kernel * c->kernel <= WGRAD_TAPS &&
            c->batch * c->h * c->w >= 256;
 }
 
@@ -61,7 +67,8 @@ void wgrad_plan(struct wgrad *g, const struct conv *c,
         .plan = c->plan, .images = s->n, .h = s->h, .w = s->w, .oh = s->oh,
         .ow = s->ow, .in = c->in, .out = c->out, .kernel = c->kernel,
         .stride = c->stride, .top = s->top, .left = s->left,
-        .in_row = c->in_data, .in_pixels = s->h * s->w,
+        .in_row = c->in_data, .half_in = c->half_in,
+        .half_out = c->half_out, .in_pixels = s->h * s->w,
         .out_pixels = s->oh * s->ow
     };
     if (c->kernel == 1 && c->stride == 1)
@@ -73,43 +80,61 @@ void wgrad_plan(struct wgrad *g, const struct conv *c,
 }
 
 /* Rows `from` to `to` of all images' outputs, one after another. */
-static void wgrad_sum(float *dw, const float *dout, const float *in,
+static void wgrad_sum(float *dw, const void *dout, const void *in,
                       uint32_t *room, const struct wgrad *g, size_t from,
                       size_t to)
 {
+    const size_t out_image = g->oh * g->ow * g->out *
+                             (g->half_out ? sizeof(uint16_t) : sizeof(float));
+    const size_t in_image = g->h * g->w * g->in_row *
+                            (g->half_in ? sizeof(uint16_t) : sizeof(float));
+
     memset(dw, 0, g->kernel * g->kernel * g->in * g->wide * sizeof *dw);
     while (from < to) {
         const size_t image = from / g->oh, y = from % g->oh;
         size_t rows = to - from < g->oh - y ? to - from : g->oh - y;
 
         rows = rows < g->rows ? rows : g->rows;
-        nn_kernels()->wgrad_rows(dw, dout + image * g->oh * g->ow * g->out,
-                                 in + image * g->h * g->w * g->in_row, room,
-                                 g, y, rows);
+        nn_kernels()->wgrad_rows(dw, (const char *)dout + image * out_image,
+                                 (const char *)in + image * in_image, room, g,
+                                 y, rows);
         from += rows;
+    }
+}
+
+/* sum (taps,16) of the parts, for input channel i and outputs from o on. */
+static void wgrad_sum_parts(float *sum, const struct wgrad *g, size_t i,
+                            size_t o)
+{
+    const size_t k = g->kernel, M = k * g->in, each = k * M * g->wide;
+
+    for (size_t t = 0; t < k * k; t++, sum += PAIRS_PANEL) {
+        const float *p = g->dw + (t / k * M + t % k * g->in + i) * g->wide + o;
+
+        for (size_t n = 0; n < PAIRS_PANEL; n++)
+            sum[n] = ((p[n] + p[each + n]) + p[2 * each + n]) +
+                     p[3 * each + n];
     }
 }
 
 /* Input channel i: all its weights' parts, into the checkpoint's layout. */
 static void wgrad_scatter(float *dw, const struct wgrad *g, size_t i)
 {
-    const size_t k = g->kernel, M = k * g->in, each = k * M * g->wide;
+    const size_t taps = g->kernel * g->kernel;
+    float sum[WGRAD_TAPS * PAIRS_PANEL];
 
-    for (size_t t = 0; t < k * k; t++) {
-        const float *p = g->dw + (t / k * M + t % k * g->in + i) * g->wide;
+    for (size_t o = 0; o < g->out; o += PAIRS_PANEL) {
+        wgrad_sum_parts(sum, g, i, o);
+        for (size_t n = 0; n < PAIRS_PANEL && o + n < g->out; n++) {
+            float *to = dw + ((o + n) * g->in_row + i) * taps;
 
-        for (size_t o = 0; o < g->out; o++) {
-            float sum = 0;
-
-            for (size_t part = 0; part < NN_PARTS; part++)
-                sum += p[part * each + o];
-            dw[(o * g->in_row + i) * k * k + t] += sum;
+            for (size_t t = 0; t < taps; t++)
+                to[t] += sum[t * PAIRS_PANEL + n];
         }
     }
 }
 
-void wgrad_add(float *dw, const float *dout, const float *in,
-               struct wgrad *g)
+void wgrad_add(float *dw, const void *dout, const void *in, struct wgrad *g)
 {
     const size_t all = g->images * g->oh;
     const size_t each = g->kernel * g->kernel * g->in * g->wide;

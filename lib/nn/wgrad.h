@@ -17,6 +17,7 @@ struct wgrad {
     size_t images, h, w, oh, ow;
     size_t in, out, kernel, stride, top, left;
     size_t in_row;               /* channels in memory, `in` and more */
+    bool half_in, half_out;      /* the input or the gradient is bfloat16 */
     size_t in_pixels, out_pixels;   /* of an image; the last row may be short */
     size_t pairs;                /* of pixels in a row of the output */
     size_t rows;                 /* of the output, summed at a time */
@@ -35,9 +36,8 @@ bool wgrad_wanted(const struct conv *c);
 void wgrad_plan(struct wgrad *g, const struct conv *c,
                 const struct conv_shape *s);
 /* dw (out,in_row,kernel,kernel) += the gradient, from dout (B,oh,ow,out) and
- * in (B,h,w,in_row); channels beyond `in` get none. */
-void wgrad_add(float *dw, const float *dout, const float *in,
-               struct wgrad *g);
+ * in (B,h,w,in_row), floats or as planned; channels beyond `in` get none. */
+void wgrad_add(float *dw, const void *dout, const void *in, struct wgrad *g);
 
 /* Input rows that `rows` rows of the output see through the kernel's rows
  * first, first + stride, ... */
