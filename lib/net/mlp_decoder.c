@@ -6,6 +6,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/net/attribute_heads.h"
 #include "lib/net/harmonic.h"
 #include "lib/nn/conv.h"
 #include "lib/nn/image.h"
@@ -15,15 +16,18 @@ static const char *const attribute[4] = { "color", "opacity", "scale",
 
 struct mlp_decoder_impl {
     struct nn_plan plan;
-    struct conv trunk[4], inner[4], outer[4];
+    struct conv trunk[4], inner[ATTRIBUTE_HEADS], outer[ATTRIBUTE_HEADS];
+    struct attribute_heads heads;   /* of inner and outer, where... */
+    bool halves;                 /* ... it learns in bfloat16: y and grad are */
     size_t padded;               /* width + gamma, a multiple of 16 */
     const float *features;
     float *gamma, *dgamma;       /* (B,27) */
-    float *y[4];                 /* (B,N,width) */
+    void *y[4];                  /* (B,N,width) */
     float *x;                    /* (B,N,padded) */
     float *h[4], *o[4];          /* (B,N,hidden), (B,N,attribute) */
     float *raw, *draw;           /* (B,N,colors + 8) */
-    float *grad[2], *dx, *dsum;
+    void *grad[2];
+    float *dx, *dsum;
 };
 
 /* Numbers of attribute i. */
@@ -78,10 +82,27 @@ static void mlp_decoder_plan_gradients(struct mlp_decoder *d, size_t rows)
     most = most > d->head.colors ? most : d->head.colors;
     im->grad[0] = nn_plan_floats(p, rows * most);
     im->grad[1] = nn_plan_floats(p, rows * most);
-    im->dx = nn_plan_floats(p, rows * im->padded);
-    im->dsum = nn_plan_floats(p, rows * im->padded);
+    im->dx = im->halves ? NULL : nn_plan_floats(p, rows * im->padded);
+    im->dsum = im->halves ? NULL : nn_plan_floats(p, rows * im->padded);
     im->draw = nn_plan_floats(p, rows * (d->head.colors + 8));
     im->dgamma = nn_plan_floats(p, d->batch * HARMONIC_OUT);
+}
+
+/* The heads, one after another. */
+static void mlp_decoder_plan_heads(struct mlp_decoder *d, size_t rows)
+{
+    struct mlp_decoder_impl *im = d->impl;
+    struct nn_plan *p = &im->plan;
+
+    im->x = nn_plan_map(p, rows * im->padded);
+    for (int i = 0; i < ATTRIBUTE_HEADS; i++) {
+        im->inner[i].in_data = im->padded;
+        im->h[i] = nn_plan_map(p, rows * d->hidden);
+        linear_plan(&im->inner[i], p, rows);
+        im->o[i] = nn_plan_map(p, rows * mlp_decoder_width(d, i));
+        linear_plan(&im->outer[i], p, rows);
+        nn_plan_recycle(p, im->h[i]);
+    }
 }
 
 int mlp_decoder_plan(struct mlp_decoder *d, size_t batch, size_t points,
@@ -98,21 +119,21 @@ int mlp_decoder_plan(struct mlp_decoder *d, size_t batch, size_t points,
     im->padded = (d->width + HARMONIC_OUT + 15) / 16 * 16;
     im->gamma = nn_plan_floats(p, batch * HARMONIC_OUT);
     im->raw = nn_plan_map(p, rows * (d->head.colors + 8));
+    im->halves = batch == 1 &&
+                 attribute_heads_wanted(im->inner, im->outer, p);
     for (int i = 0; i < 4; i++) {
         im->y[i] = nn_plan_map(p, rows * d->width);
+        im->trunk[i].half_in = im->halves && i > 0;
+        im->trunk[i].half_out = im->halves;
         linear_plan(&im->trunk[i], p, rows);
         if (i)
             nn_plan_recycle(p, im->y[i - 1]);
     }
-    im->x = nn_plan_map(p, rows * im->padded);
-    for (int i = 0; i < 4; i++) {
-        im->inner[i].in_data = im->padded;
-        im->h[i] = nn_plan_map(p, rows * d->hidden);
-        linear_plan(&im->inner[i], p, rows);
-        im->o[i] = nn_plan_map(p, rows * mlp_decoder_width(d, i));
-        linear_plan(&im->outer[i], p, rows);
-        nn_plan_recycle(p, im->h[i]);
-    }
+    if (im->halves)
+        attribute_heads_plan(&im->heads, im->inner, im->outer, p, rows,
+                             d->width);
+    else
+        mlp_decoder_plan_heads(d, rows);
     if (nn_plan_backward(p))
         mlp_decoder_plan_gradients(d, rows);
     if (nn_plan_finish(p, err))
@@ -123,8 +144,9 @@ int mlp_decoder_plan(struct mlp_decoder *d, size_t batch, size_t points,
 
 void mlp_decoder_update(struct mlp_decoder *d)
 {
-    for (int i = 0; i < 4; i++) {
+    for (int i = 0; i < 4; i++)
         conv_update(&d->impl->trunk[i], NULL);
+    for (int i = 0; i < ATTRIBUTE_HEADS && !d->impl->halves; i++) {
         conv_update(&d->impl->inner[i], NULL);
         conv_update(&d->impl->outer[i], NULL);
     }
@@ -139,6 +161,7 @@ void mlp_decoder_release(struct mlp_decoder *d)
         conv_release(&d->impl->inner[i]);
         conv_release(&d->impl->outer[i]);
     }
+    attribute_heads_release(&d->impl->heads);
     nn_plan_release(&d->impl->plan);
     free(d->impl);
     memset(d, 0, sizeof *d);
@@ -166,6 +189,39 @@ static void mlp_decoder_gather(struct mlp_decoder *d, float *const part[4],
     }
 }
 
+/* raw from y[3] and gamma. */
+static void mlp_decoder_heads(struct mlp_decoder *d)
+{
+    struct mlp_decoder_impl *im = d->impl;
+
+    concat_forward(im->x, im->y[3], im->gamma, d->batch * d->points, d->width,
+                   HARMONIC_OUT, im->padded, d->points);
+    for (int i = 0; i < ATTRIBUTE_HEADS; i++) {
+        conv_forward(im->h[i], im->x, &im->inner[i]);
+        conv_forward(im->o[i], im->h[i], &im->outer[i]);
+    }
+    mlp_decoder_gather(d, im->o, false);
+}
+
+/* Reverse of mlp_decoder_heads: dy (B,N,width) from draw; b is scratch. */
+static void mlp_decoder_heads_backward(float *dy, float *b, bool dir,
+                                       struct mlp_decoder *d)
+{
+    struct mlp_decoder_impl *im = d->impl;
+    size_t rows = d->batch * d->points;
+
+    mlp_decoder_gather(d, im->o, true);       /* o[i] holds its gradient now */
+    for (int i = 0; i < ATTRIBUTE_HEADS; i++) {
+        conv_backward(b, im->o[i], im->o[i], im->h[i], &im->outer[i]);
+        conv_backward(i ? im->dx : im->dsum, b, im->h[i], im->x,
+                      &im->inner[i]);
+        if (i)
+            image_add(im->dsum, im->dx, rows * im->padded);
+    }
+    concat_backward(dy, dir ? im->dgamma : NULL, im->dsum, rows, d->width,
+                    HARMONIC_OUT, im->padded, d->points);
+}
+
 void mlp_decoder_forward(struct gaussian_out *out, const float *features,
                          const float *dir, const float *rgb_logit,
                          struct mlp_decoder *d)
@@ -177,13 +233,10 @@ void mlp_decoder_forward(struct gaussian_out *out, const float *features,
     for (int i = 1; i < 4; i++)
         conv_forward(im->y[i], im->y[i - 1], &im->trunk[i]);
     harmonic_forward(im->gamma, dir, d->batch);
-    concat_forward(im->x, im->y[3], im->gamma, d->batch * d->points, d->width,
-                   HARMONIC_OUT, im->padded, d->points);
-    for (int i = 0; i < 4; i++) {
-        conv_forward(im->h[i], im->x, &im->inner[i]);
-        conv_forward(im->o[i], im->h[i], &im->outer[i]);
-    }
-    mlp_decoder_gather(d, im->o, false);
+    if (im->halves)
+        attribute_heads_forward(im->raw, im->y[3], im->gamma, &im->heads);
+    else
+        mlp_decoder_heads(d);
     gaussian_head_forward(out, im->raw, rgb_logit, &d->head, d->batch,
                           d->points, d->head.colors + 8, d->points);
 }
@@ -194,30 +247,24 @@ void mlp_decoder_backward(float *dfeatures, float *ddir, float *drgb_logit,
                           struct mlp_decoder *d)
 {
     struct mlp_decoder_impl *im = d->impl;
-    size_t rows = d->batch * d->points;
-    float *a = im->grad[0], *b = im->grad[1];
+    void *a = im->grad[0], *b = im->grad[1];
 
     gaussian_head_backward(im->draw, drgb_logit, dout, im->raw, rgb_logit,
                            &d->head, d->batch, d->points, d->head.colors + 8,
                            d->points);
-    mlp_decoder_gather(d, im->o, true);       /* o[i] holds its gradient now */
-    for (int i = 0; i < 4; i++) {
-        conv_backward(b, im->o[i], im->o[i], im->h[i], &im->outer[i]);
-        conv_backward(i ? im->dx : im->dsum, b, im->h[i], im->x,
-                      &im->inner[i]);
-        if (i)
-            image_add(im->dsum, im->dx, rows * im->padded);
-    }
     memset(im->dgamma, 0, d->batch * HARMONIC_OUT * sizeof *im->dgamma);
-    concat_backward(a, ddir ? im->dgamma : NULL, im->dsum, rows, d->width,
-                    HARMONIC_OUT, im->padded, d->points);
+    if (im->halves)
+        attribute_heads_backward(a, im->dgamma, im->draw, im->raw, im->y[3],
+                                 &im->heads);
+    else
+        mlp_decoder_heads_backward(a, b, ddir != NULL, d);
     if (ddir) {
         memset(ddir, 0, 3 * d->batch * sizeof *ddir);
         harmonic_backward(ddir, im->dgamma, dir, d->batch);
     }
     for (int i = 3; i > 0; i--) {
         conv_backward(b, a, im->y[i], im->y[i - 1], &im->trunk[i]);
-        float *swap = a;
+        void *swap = a;
         a = b;
         b = swap;
     }

@@ -39,17 +39,24 @@ void adam_release(struct adam *a)
     memset(a, 0, sizeof *a);
 }
 
+/* Sum of squares. */
+static double adam_square(const float *g, size_t n)
+{
+    double sum = 0;
+
+#pragma omp simd reduction(+ : sum)
+    for (size_t i = 0; i < n; i++)
+        sum += (double)g[i] * g[i];
+    return sum;
+}
+
 double adam_norm(const struct params *ps)
 {
     double sum = 0;
 
-    for (size_t t = 0; t < ps->count; t++) {
-        const float *g = param_g(ps, t);
-        if (ps->tensor[t].frozen)
-            continue;
-        for (size_t i = 0; i < ps->tensor[t].count; i++)
-            sum += (double)g[i] * g[i];
-    }
+    for (size_t t = 0; t < ps->count; t++)
+        if (!ps->tensor[t].frozen)
+            sum += adam_square(param_g(ps, t), ps->tensor[t].count);
     return sqrt(sum);
 }
 
@@ -67,12 +74,14 @@ size_t adam_first_bad(const struct params *ps, int values)
 }
 
 /* One tensor: m and v move, then the weights. */
-static void adam_update_tensor(const struct adam *a, float *w, float *m,
-                               float *v, const float *g, size_t n, float scale,
+static void adam_update_tensor(const struct adam *a, float *restrict w,
+                               float *restrict m, float *restrict v,
+                               const float *restrict g, size_t n, float scale,
                                float rate, float root2)
 {
     float b1 = a->beta1, b2 = a->beta2, eps = a->eps;
 
+#pragma omp simd
     for (size_t i = 0; i < n; i++) {
         float d = g[i] * scale;
         m[i] = b1 * m[i] + (1 - b1) * d;
@@ -87,15 +96,19 @@ static void adam_move_average(struct adam *a, const struct params *ps)
     double t = (double)a->step;
     float keep = (float)fmin(a->decay, (1 + t) / (10 + t));
 
+#pragma omp parallel for schedule(dynamic)
     for (size_t k = 0; k < ps->count; k++) {
         const struct param *p = &ps->tensor[k];
-        float *e = a->average + p->offset;
-        const float *w = ps->w + p->offset;
-        if (p->frozen)
+        float *restrict e = a->average + p->offset;
+        const float *restrict w = ps->w + p->offset;
+
+        if (p->frozen) {    /* running statistics are averages already */
             memcpy(e, w, p->count * sizeof *e);
-        else
-            for (size_t i = 0; i < p->count; i++)
-                e[i] = keep * e[i] + (1 - keep) * w[i];
+            continue;
+        }
+#pragma omp simd
+        for (size_t i = 0; i < p->count; i++)
+            e[i] = keep * e[i] + (1 - keep) * w[i];
     }
 }
 

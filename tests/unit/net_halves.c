@@ -79,7 +79,6 @@ static void halves_plane(struct halves_result *r, struct nn_options opt,
     struct error err = {0};
     struct gaussian_out out = halves_views(r->out, true);
     static float copy[PIXELS * RAW];
-    float ddir[3];
 
     memcpy(copy, dout, sizeof copy);
     struct gaussian_out back = halves_views(copy, true);
@@ -91,8 +90,7 @@ static void halves_plane(struct halves_result *r, struct nn_options opt,
     if (conv_decoder_plan(&d, 1, SIDE, SIDE, opt, &err))
         exit(1);
     conv_decoder_forward(&out, in, dir, NULL, &d);
-    conv_decoder_backward(r->din, ddir, NULL, &back, dir, NULL, &d);
-    memcpy(r->ddir, ddir, sizeof ddir);
+    conv_decoder_backward(r->din, r->ddir, NULL, &back, dir, NULL, &d);
     conv_decoder_release(&d);
 }
 
@@ -116,7 +114,7 @@ static void halves_points(struct halves_result *r, struct nn_options opt,
     if (mlp_decoder_plan(&d, 1, PIXELS, opt, &err))
         exit(1);
     mlp_decoder_forward(&out, in, dir, NULL, &d);
-    mlp_decoder_backward(r->din, NULL, NULL, &back, dir, NULL, &d);
+    mlp_decoder_backward(r->din, r->ddir, NULL, &back, dir, NULL, &d);
     mlp_decoder_release(&d);
 }
 
@@ -205,7 +203,7 @@ static void halves_compare(enum network k, const struct halves_result *half,
     CHECK(out <= 0.01, "%s: output differs by %.3g", network_name[k], out);
     if (full->ins)
         most = halves_check(k, "the input", half->din, full->din, full->ins);
-    if (k == PLANE)
+    if (k == PLANE || k == POINTS)
         halves_check(k, "the direction", half->ddir, full->ddir, 3);
     for (size_t t = 0; t < ps->count; t++)
         most = fmax(most, halves_check(k, ps->tensor[t].name,
