@@ -1,5 +1,6 @@
 /* Training steps: the motion encoder's, the narrow refiner's, and the whole
- * system's at 256x256, two people a step, with its parts. */
+ * system's at 256x256, two people a step, with its parts; in bfloat16 what
+ * spid-train computes so. */
 #include "lib/bench/bench.h"
 
 #include <math.h>
@@ -272,7 +273,7 @@ static int bench_system(struct course *c, struct error *err)
     if (bench_train_open(c, err) ||
         bench_time(&t, c->b->seconds / 2, 3, bench_call_system, c, err))
         return -1;
-    snprintf(config, sizeof config, "system, 256x256, batch 2, N=%zu",
+    snprintf(config, sizeof config, "system, 256x256, batch 2, bf16, N=%zu",
              c->tr.avatar.set.n);
     bench_add(c->b, "train", config, "step", c->b->threads, &t, NAN, NAN);
     bench_note(c->b, "train: whole system %.2f pictures a second; mean of "
@@ -282,7 +283,7 @@ static int bench_system(struct course *c, struct error *err)
                    1e3 * c->spent[p] / (double)c->steps);
     if (bench_time(&t, c->b->seconds / 8, 5, bench_call_refiner, c, err))
         return -1;
-    bench_add(c->b, "train", "narrow refiner, 256x256, f32",
+    bench_add(c->b, "train", "narrow refiner, 256x256, bf16",
               "forward + backward", c->b->threads, &t, NAN, NAN);
     return 0;
 }
