@@ -46,6 +46,8 @@ struct texture_rim {
                          * doubted and filled; they would be slits */
     float inner;        /* the same well inside the drawn head: 0 up to 3
                          * degrees, 1 from 8 on */
+    float still;        /* 1 at 0 degrees, 0 from 3 on: how much the
+                         * photograph is believed where it shows nobody */
     float most;         /* the photograph covers at most so many times what is
                          * drawn: without limit at 0 degrees, 2 from 8 on.  Past
                          * an outline lie places from anywhere beyond it */
@@ -84,6 +86,21 @@ static inline float texture_whole(float matte, float alpha,
         return t;
     const float share = matte * matte / (whole * whole);
     return t * (1 - rim.least * (1 - share * share));
+}
+
+/* The confidence in a pixel of that matte, from the share and the smoothness of
+ * its places: times texture_whole, and more on a head that has not turned where
+ * the photograph shows nobody: the tails of Gaussians beside hair. */
+static inline float texture_sure(float sure, float matte, float alpha,
+                                 struct texture_rim rim)
+{
+    const float nobody = 1 - 255 * matte;
+
+    sure *= texture_whole(matte, alpha, rim);
+    if (!(nobody > 0))
+        return sure;
+    const float more = 3 * sure;
+    return sure + rim.still * nobody * (more < 1 ? more : 1) * (1 - sure);
 }
 
 /* Factor of a looked-up pixel's colours and matte.  They cover at most rim.most

@@ -56,7 +56,7 @@ typedef void lookup_confidence_fn(struct lookup_row *row,
 
 /* photo (n,5) = texture (S,S,4) at positions (u,v), pixels from the corner, by
  * Keys's bicubic, 0..1, times texture_cover of its matte and the coverage alpha
- * (n), and weight * texture_whole of the same, by texture_rim_at of inside (n);
+ * (n), and texture_sure of weight and the same, by texture_rim_at of inside (n);
  * a position's weight of 0 or less leaves its pixel alone.  Border pixels go on
  * outside.  u, v and weight have room for a multiple of 16. */
 typedef void texture_bicubic_fn(float *photo, const float *u, const float *v,

@@ -321,7 +321,7 @@ static void ISA(texture_bicubic)(float *photo, const float *u, const float *v,
 
         c = lookup_saturate(c);
         const struct texture_rim here = texture_rim_at(rim, inside[i]);
-        photo[4] = weight[i] * texture_whole(c[3], alpha[i], here);
+        photo[4] = texture_sure(weight[i], c[3], alpha[i], here);
         c *= texture_cover(c[3], alpha[i], here);
         vq_store(photo, c);
     }

@@ -184,6 +184,7 @@ struct texture_rim texture_rim(const struct splat_place_view *v)
         .turned = fminf(fmaxf((off - 0.022f) / (0.1f - 0.022f), 0), 1),
         .least = fminf(fmaxf((off - 0.006f) / (0.022f - 0.006f), 0), 1),
         .inner = fminf(fmaxf((off - 0.0014f) / (0.0098f - 0.0014f), 0), 1),
+        .still = fmaxf(1 - off / 0.0014f, 0),
         .most = 2 / fminf(fmaxf(off / 0.01f, 1e-6f), 1)
     };
 }

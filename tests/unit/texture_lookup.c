@@ -96,11 +96,22 @@ static double lookup_bicubic(const uint8_t *t, long n, double u, double v,
     return fmin(fmax(sum / 255, 0), 1);
 }
 
+/* The confidence in a pixel of matte m where `cover` is drawn. */
+static double lookup_belief(double weight, double m, float cover,
+                          struct texture_rim rim)
+{
+    const double sure = weight * (double)texture_whole((float)m, cover, rim);
+
+    return sure + (double)rim.still * fmax(1 - 255 * m, 0) *
+                      fmin(3 * sure, 1) * (1 - sure);
+}
+
 static void against_double(size_t n)
 {
     enum { AT = 500, STRIDE = TEXTURE_PHOTO };
     const struct texture_rim rim = {
-        .turned = 0.6f, .least = 0.5f, .inner = 0.8f, .most = 1.5f};
+        .turned = 0.6f, .least = 0.5f, .inner = 0.8f, .still = 0.7f,
+        .most = 1.5f};
     static uint8_t t[4 * 65 * 65];
     static float uv[2][(AT + 15) / 16 * 16], weight[AT], out[STRIDE * AT];
     static float cover[AT], inside[AT];
@@ -110,8 +121,8 @@ static void against_double(size_t n)
     char what[64];
 
     random_init(&r, n, "bicubic");
-    for (size_t i = 0; i < 4 * n * n; i++)
-        t[i] = (uint8_t)random_below(&r, 256);
+    for (size_t i = 0; i < 4 * n * n; i++)      /* nobody in the upper half */
+        t[i] = i < 2 * n * n ? 0 : (uint8_t)random_below(&r, 256);
     for (size_t i = 0; i < AT; i++) {
         weight[i] = i % 5 ? 1 - (float)i / AT : 0;
         cover[i] = (float)random_uniform(&r);
@@ -134,9 +145,8 @@ static void against_double(size_t n)
             if (weight[i] == 0) {
                 kept = kept && got == -3;
             } else if (c == 4) {
-                double whole = texture_whole((float)m, cover[i], here);
-
-                worst = fmax(worst, fabs(got - weight[i] * whole));
+                worst = fmax(worst, fabs((double)got - lookup_belief(
+                    (double)weight[i], m, cover[i], here)));
             } else {
                 double want = lookup_bicubic(t, (long)n, uv[0][i], uv[1][i],
                                              c);
@@ -349,6 +359,24 @@ static void test_slit(void)
     check("the source's own rims are the photograph's", 1 - kept, 0);
     check("a head that hardly turns: nearly so", jump, 0.011);
     check("so is a turned head's inside", 1 - texture_whole(1, 1, rim), 0);
+}
+
+/* Where the photograph shows nobody, a head that has not turned leaves no more
+ * of what is drawn than a place's share allows; a turned one all of it. */
+static void test_nobody(void)
+{
+    const struct texture_rim still = {.still = 1, .most = 2};
+    const struct texture_rim turned = {.most = 2};
+
+    expect("nobody: believed", (double)texture_sure(0.4f, 0, 0.5f, still), 1,
+           0);
+    expect("as far as its share", (double)texture_sure(0.1f, 0, 0.5f, still),
+           0.1 + 0.3 * 0.9, 1e-6);
+    expect("somebody: no more than before",
+           (double)texture_sure(0.4f, 0.5f, 0.5f, still),
+           (double)texture_sure(0.4f, 0.5f, 0.5f, turned), 0);
+    expect("nor on a turned head", (double)texture_sure(0.4f, 0, 1, turned),
+           (double)(0.4f * texture_whole(0, 1, turned)), 0);
 }
 
 /* One step of a pixel to the right in the source. */
@@ -576,6 +604,7 @@ static int at_level(void)
     test_turned();
     test_inside();
     test_slit();
+    test_nobody();
     test_outline();
     test_shifted();
     straight_colours();

@@ -180,7 +180,9 @@ float inside(ivec2 at) {
 
 /* seen's share of the picture, the more the head has turned the less: less
  * where matte or coverage is not full (texture_whole, texture_rim_at), no more
- * than twice what is drawn, and as much on an old outline (texture_cover). */
+ * than twice what is drawn, and as much on an old outline (texture_cover);
+ * more where the photograph shows nobody beside a head that has not turned
+ * (texture_sure). */
 vec4 believe(vec4 own, vec4 seen, float sure, ivec2 at) {
   float square = dot(placeA, placeA);
   float area = max(placeA.x * placeA.w - placeA.y * placeA.z, 1e-6);
@@ -193,10 +195,13 @@ vec4 believe(vec4 own, vec4 seen, float sure, ivec2 at) {
   float most = 2.0 / clamp(off / 0.01, 1e-6, 1.0) * own.a;
   float rim = clamp((min(seen.a, own.a) - 0.5) / 0.45, 0.0, 1.0);
   if (seen.a < whole) sure *= 1.0 - least * (1.0 - pow(seen.a / whole, 4.0));
+  sure *= 1.0 - turned * (1.0 - rim);
+  sure += max(1.0 - off / 0.0014, 0.0) * max(1.0 - 255.0 * seen.a, 0.0) *
+          min(3.0 * sure, 1.0) * (1.0 - sure);
   if (seen.a > most) seen *= most / seen.a;
   else if (seen.a < own.a)
     seen *= 1.0 + least * min(own.a / max(seen.a, 1e-6) - 1.0, 1.0);
-  return mix(own, seen, sure * (1.0 - turned * (1.0 - rim)));
+  return mix(own, seen, sure);
 }
 
 /* The source's own picture, and its mean colour, dimmed, beyond its edges. */
