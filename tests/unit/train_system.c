@@ -14,7 +14,7 @@
 #define LIMIT 0.08
 
 static const char config[] =
-    "{\"stage\":\"all\",\"seed\":8,\"batch\":1,\"micro\":1,\"pool\":2,"
+    "{\"stage\":\"all\",\"seed\":12,\"batch\":1,\"micro\":1,\"pool\":2,"
     "\"targets\":2,\"image\":32,"
     "\"augment\":{\"jitter\":0,\"colour\":0,\"background\":0},"
     "\"loss\":{\"silhouette\":1,\"smooth\":true,\"adversarial\":0.5,"
