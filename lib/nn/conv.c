@@ -558,10 +558,9 @@ void conv_backward(void *din, void *dout, const void *out, const void *in,
         conv_backward_data(din, dout, c);
 }
 
-void conv_backward_input(float *din, float *dout, const float *out,
+void conv_backward_input(void *din, void *dout, const void *out,
                          struct conv *c)
 {
-    act_bias_backward(NULL, dout, c->impl->sums, out, c->act,
-                      c->batch * c->oh * c->ow, c->out);
+    conv_act_backward(NULL, dout, out, c);
     conv_backward_data(din, dout, c);
 }

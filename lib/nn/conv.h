@@ -88,7 +88,7 @@ void conv_forward(void *out, const void *in, struct conv *c);
 void conv_backward(void *din, void *dout, const void *out, const void *in,
                    struct conv *c);
 /* The same for din alone: no gradient of weight or bias. */
-void conv_backward_input(float *din, float *dout, const float *out,
+void conv_backward_input(void *din, void *dout, const void *out,
                          struct conv *c);
 
 struct winograd;
