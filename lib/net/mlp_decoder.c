@@ -105,6 +105,17 @@ static void mlp_decoder_plan_heads(struct mlp_decoder *d, size_t rows)
     }
 }
 
+/* Whether maps are halves: of one picture, and where every layer fills whole
+ * vectors (the gradients of others' inputs are computed in float). */
+static bool mlp_decoder_halves(const struct mlp_decoder *d)
+{
+    const struct mlp_decoder_impl *im = d->impl;
+
+    return d->batch == 1 && d->width % 16 == 0 &&
+           ATTRIBUTE_HEADS * d->hidden % 16 == 0 &&
+           attribute_heads_wanted(im->inner, im->outer, &im->plan);
+}
+
 int mlp_decoder_plan(struct mlp_decoder *d, size_t batch, size_t points,
                      struct nn_options opt, struct error *err)
 {
@@ -119,8 +130,7 @@ int mlp_decoder_plan(struct mlp_decoder *d, size_t batch, size_t points,
     im->padded = (d->width + HARMONIC_OUT + 15) / 16 * 16;
     im->gamma = nn_plan_floats(p, batch * HARMONIC_OUT);
     im->raw = nn_plan_map(p, rows * (d->head.colors + 8));
-    im->halves = batch == 1 &&
-                 attribute_heads_wanted(im->inner, im->outer, p);
+    im->halves = mlp_decoder_halves(d);
     for (int i = 0; i < 4; i++) {
         im->y[i] = nn_plan_map(p, rows * d->width);
         im->trunk[i].half_in = im->halves && i > 0;
