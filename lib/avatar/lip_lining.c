@@ -8,11 +8,11 @@
 #define MUCOSA 0.3f     /* of the inner lips' colour is anyone's, and */
 #define DIM 0.14f       /* so much of the light is lost between them, */
 #define DIM_UP 0.16f    /* less where they face upwards */
-#define VEIL 0.2f      /* opacity of one of the veil's Gaussians, */
-#define VEIL_LOW 0.04f  /* of the lower lip's, for light comes from above, */
+#define VEIL 0.1f      /* opacity of one of the veil's Gaussians, */
+#define VEIL_LOW 0.03f  /* of the lower lip's, for light comes from above, */
 #define VEIL_MM 2.6f    /* and their standard deviation */
-#define SHUT_MM 0.5f    /* lips so little open are closed, */
-#define OPEN_MM 2.0f    /* so far they are open */
+#define SHUT_MM 1.5f    /* lips so little open are closed, */
+#define OPEN_MM 4.0f    /* so far they are open */
 
 #define TEETH_OFF 0.035f        /* teeth differ so little from white, in shares
                                  * of red, green and blue, */
@@ -21,11 +21,11 @@
                                  * white */
 #define TEETH_LIT 0.6f
 
-#define LIP_RINGS 8     /* of the mesh from the inner lips to a lip's end, */
+#define LIP_RINGS 4     /* of the mesh from the inner lips on, */
 #define RIM_RINGS 1     /* about teeth: gums, and lines between them */
 
 static const float lip_lining_mucosa[3] = {0.76f, 0.42f, 0.42f};
-static const float lip_lining_dark[3] = {0.2f, 0.08f, 0.075f};
+static const float lip_lining_dark[3] = {0.24f, 0.1f, 0.09f};
 
 void lip_lining_paint(float *rgb, const float *seam, const float *normals,
                       const float white[3], size_t n)

@@ -208,7 +208,7 @@ static void mouth_shade(void)
 
     mouth_veil(shut, 0);
     mouth_veil(open, 0.02f);
-    check_range("the upper lip's veil", (double)shut[0], 0.1, 0.4);
+    check_range("the upper lip's veil", (double)shut[0], 0.05, 0.4);
     check_range("the lower lip's", (double)shut[1], 0.01, 0.1);
     expect("open lips have none", (double)(open[0] + open[1]), 0, 0);
 }
