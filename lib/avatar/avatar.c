@@ -8,9 +8,12 @@
 #include <sysexits.h>
 
 #include "lib/avatar/ablation.h"
+#include "lib/avatar/lip_lining.h"
 #include "lib/base/slices.h"
 #include "lib/model/model.h"
 #include "lib/texture/place.h"
+
+#define GREY 0.8f       /* what is white where no face says it */
 
 /* The order of declaration is the order of the weights in memory, in
  * checkpoints and for Adam: it stays. */
@@ -183,7 +186,7 @@ void avatar_bake(struct avatar *a, const struct avatar_source *src)
     struct branch_set dynamic = avatar_part(a, &a->all, BRANCH_DYNAMIC);
     struct branch_set plane = avatar_part(a, &a->all, BRANCH_STATIC);
     struct branch_set mouth = avatar_part(a, &a->all, BRANCH_MOUTH);
-    static const float grey[3] = {0.8f, 0.8f, 0.8f};
+    float white[3];
 
     source_picture_set(&a->picture, src->rgb, src->matte, a->config.rgb_skip);
     source_mesh_set(&a->source, src->verts, src->rest, src->cam,
@@ -195,8 +198,14 @@ void avatar_bake(struct avatar *a, const struct avatar_source *src)
                            &a->dynamic);
     static_branch_forward(&plane, a->features, &a->picture, &a->source,
                           &a->plane);
-    mouth_branch_forward(&mouth, a->features, &a->picture, &a->source,
-                         dynamic.n ? a->dynamic.white : grey, &a->mouth);
+    memset(a->light, 0, sizeof a->light);
+    if (a->config.rgb_skip && dynamic.n)
+        dynamic_branch_light(a->light, &a->source, &a->dynamic);
+    for (int c = 0; c < 3; c++)
+        white[c] = lip_lining_share(a->light) *
+                   (dynamic.n ? a->dynamic.white[c] : GREY);
+    mouth_branch_forward(&mouth, a->features, &a->picture, &a->source, white,
+                         &a->mouth);
     memset(a->reach, 0, a->all.n * sizeof *a->reach);
     if (a->config.rgb_skip && dynamic.n)
         dynamic_branch_reach(a->reach, &a->source, &a->dynamic);
@@ -204,9 +213,6 @@ void avatar_bake(struct avatar *a, const struct avatar_source *src)
         memcpy(a->reach + a->first[BRANCH_MOUTH], a->mouth.reach,
                mouth.n * sizeof *a->reach);
     place_of_source(a->uv, a->all.seen, a->all.mean, src->cam, a->all.n);
-    memset(a->light, 0, sizeof a->light);
-    if (a->config.rgb_skip && dynamic.n)
-        dynamic_branch_light(a->light, &a->source, &a->dynamic);
     avatar_views(a);
     if (!a->train)
         return;

@@ -13,6 +13,10 @@
 void lip_lining_paint(float *rgb, const float *seam, const float *normals,
                       const float white[3], size_t n);
 
+/* The share of the light before the lips that teeth get, under light l (3,
+ * light.h): what comes from above falls on the upper lip instead. */
+float lip_lining_share(const float l[3]);
+
 /* on (D): how far the mesh's open lips lie on the photograph's teeth, since the
  * mesh fits to a few pixels: from the inner lips on, the picture at the
  * densified vertices, pixel (D,4), is bright and whiter than lips; or that is

@@ -45,10 +45,9 @@ static const struct teeth_row teeth_rows[2] = {
 
 /* sRGB over that of what is white (white_point.h).  In the middle of the teeth
  * of 20 smiling people of the London set, lit from the front, the medians are
- * 1.00, 1.02, 0.98; in mouths that speak, in the lips' shade, of seven of the
- * GRID corpus, 0.76, 0.71, 0.68.  These are between, the shades below made up
- * for. */
-static const float teeth_enamel[3] = {0.98f, 0.98f, 0.91f};
+ * 1.00, 1.02, 0.98; of seven of the GRID corpus who speak, lit from above,
+ * 0.76, 0.71, 0.68 (lip_lining_share: 0.8).  Shades below are made up for. */
+static const float teeth_enamel[3] = {1.05f, 1.05f, 0.98f};
 static const float teeth_gum[3] = {0.84f, 0.59f, 0.59f};
 
 /* Rows of a grid of K by K: the upper teeth's, and the lower ones', below. */

@@ -201,6 +201,17 @@ static void mouth_veil(float veil[2], float gap)
                    color[0] == 0.7f && opacity[0] == 0.9f);
 }
 
+/* Light from above does not reach the teeth, light from the front does. */
+static void mouth_overhead(void)
+{
+    const float front[3] = {0.1f, -0.2f, 0.9f}, above[3] = {0, 0.3f, 0.1f};
+    const float high[3] = {0, 1, 0};
+
+    expect("light from the front", (double)lip_lining_share(front), 1, 0);
+    check_range("from above", (double)lip_lining_share(above), 0.7, 0.85);
+    check_range("and only that", (double)lip_lining_share(high), 0.65, 0.75);
+}
+
 /* It is there when the source's lips are closed, and weaker below. */
 static void mouth_shade(void)
 {
@@ -221,5 +232,6 @@ int main(void)
     mouth_teeth();
     mouth_paint();
     mouth_shade();
+    mouth_overhead();
     return check_status();
 }
