@@ -184,7 +184,8 @@ int dynamic_branch_plan(struct dynamic_branch *b, size_t points,
         {&b->logit, 3 * D, false}, {&b->trust, D, false},
         {&b->skin, D, false}, {&b->hull, D, false},
         {&b->seam, D, false}, {&b->on_teeth, D, false},
-        {&b->tmp, 7 * V, false}, {(float **)&b->level, V, false}
+        {&b->tmp, 7 * V > V + D ? 7 * V : V + D, false},
+        {(float **)&b->level, V, false}
     };
 
     if (slices_allocate(&b->block, slices, sizeof slices / sizeof *slices,

@@ -59,7 +59,7 @@ struct dynamic_branch {
     struct shut_eye shut;               /* which eyes the source has shut */
     float white[3];                     /* what is white in the picture; with
                                          * the prior */
-    float *tmp;                         /* (V,7) */
+    float *tmp;                         /* (V,7), and (V+D) at least */
     int *level;                         /* (V) */
     float *block;                       /* what the arrays are part of */
 };
