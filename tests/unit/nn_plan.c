@@ -70,6 +70,7 @@ static int plan_parts(void)
         bad |= part < large || part + MOST > large + 4 * MOST;
     }
     bad |= nn_plan_finish(&second, NULL) != 0;
+    nn_plan_release(&second);
     nn_plan_init(&second, opt);         /* the parts are one again */
     bad |= nn_plan_map(&second, 4 * MOST) != large;
     bad |= nn_plan_finish(&second, NULL) != 0;
