@@ -1,6 +1,6 @@
 /* The whole driving pipeline on a synthetic person, its frames in memory or in
- * a video.  It draws the paper's number of Gaussians, whatever grid the model
- * was trained on: convolutions do not know their picture's size.  Every row's
+ * a video.  It draws at least the paper's number of Gaussians, whatever grid
+ * the model was trained on: convolutions do not know their picture's size.  Every row's
  * pictures are held against those of the slowest way: float everywhere, no
  * cut-offs, every Gaussian. */
 #include "lib/bench/bench.h"
