@@ -48,14 +48,14 @@ VIDEO_LIBS := -Wl,--as-needed -lavformat -lavcodec -lswscale -lavutil
 
 # ---- sources: a new file is found by where it lies -------------------------
 
-LIB_C   := $(sort $(wildcard lib/*/*.c formats/*.c))
+LIB_C   := $(sort $(wildcard lib/*/*.c lib/lab/*/*.c formats/*.c))
 LIB_CC  := $(sort $(wildcard formats/*.cc))
 TMPL_C  := $(filter %_tmpl.c,$(LIB_C))
 PLAIN_C := $(filter-out %_tmpl.c,$(LIB_C))
-PROGRAMS := $(patsubst cmd/%.c,$(BUILD)/bin/%,\
-              $(sort $(wildcard cmd/spid.c cmd/spid-*.c)))
+MAINS    := $(sort $(wildcard cmd/spid.c cmd/spid-*.c cmd/lab/spid-*.c))
+PROGRAMS := $(patsubst %.c,$(BUILD)/bin/%,$(notdir $(MAINS)))
 # What the programs share; not part of the library.
-SHARED  := $(filter-out cmd/spid%,$(sort $(wildcard cmd/*.c)))
+SHARED  := $(filter-out $(MAINS),$(sort $(wildcard cmd/*.c cmd/lab/*.c)))
 UNIT    := $(patsubst tests/%.c,$(BUILD)/tests/%,\
               $(sort $(wildcard tests/unit/*.c)))
 GOLDEN_C := $(sort $(wildcard tests/golden/*.c))
@@ -166,17 +166,17 @@ $(VIDEO): $(VIDEO_O)
 	$(CC) -shared $(BASE) $(LDFLAGS) $^ $(VIDEO_LIBS) -o $@
 
 # People are shaded by plain loops, a tenth faster so; the bytes are the same.
-$(BUILD)/obj/lib/synth/%.o: CFLAGS_ALL += $(if $(filter -O2,$(OPT)),-O3)
+$(BUILD)/obj/lib/lab/people/%.o: CFLAGS_ALL += $(if $(filter -O2,$(OPT)),-O3)
 
 # A page's style and script as C strings.
-$(BUILD)/gen/report_%.inc: lib/report/%
+$(BUILD)/gen/report_%.inc: lib/lab/report/%
 	@mkdir -p $(@D)
 	sed 's/[\\"]/\\&/g; s/.*/"&\\n"/' $< > $@
-$(BUILD)/obj/lib/report/html.o: $(BUILD)/gen/report_page.css.inc \
+$(BUILD)/obj/lib/lab/report/html.o: $(BUILD)/gen/report_page.css.inc \
                                 $(BUILD)/gen/report_page.js.inc
 
 # Pictures of spid-synth are the same bytes on every processor.
-$(BUILD)/obj/lib/synth/%: TMPL_LAST := -ffp-contract=off
+$(BUILD)/obj/lib/lab/people/%: TMPL_LAST := -ffp-contract=off
 
 define tmpl_rule
 $(BUILD)/obj/%.$(1).o: %.c
@@ -194,10 +194,13 @@ $(LIB) $(CMD):
 	$(SAY) AR $@
 	$(AR) rcs $@ $^
 
-$(BUILD)/bin/%: $(BUILD)/obj/cmd/%.o $(CMD) $(LIB)
-	@mkdir -p $(@D)
-	$(SAY) LD $@
-	$(CXX) $(BASE) $(LDFLAGS) $< $(CMD) $(LIB) $(LIBS) -o $@
+define program_rule
+$(BUILD)/bin/$(basename $(notdir $(1))): $(BUILD)/obj/$(1:.c=.o) $(CMD) $(LIB)
+	@mkdir -p $$(@D)
+	$$(SAY) LD $$@
+	$$(CXX) $$(BASE) $$(LDFLAGS) $$< $$(CMD) $$(LIB) $$(LIBS) -o $$@
+endef
+$(foreach m,$(MAINS),$(eval $(call program_rule,$(m))))
 
 $(BUILD)/tests/unit/%: $(BUILD)/obj/tests/unit/%.o $(LIB)
 	@mkdir -p $(@D)

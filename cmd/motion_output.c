@@ -6,7 +6,7 @@
 
 #include "cmd/cli.h"
 #include "formats/mark.h"
-#include "lib/record/take.h"
+#include "lib/track/take.h"
 
 /* The picture or video that the motion is drawn upon. */
 static int motion_output_overlay(struct motion_output *o, const char *path,

@@ -10,7 +10,7 @@
 #include "lib/stream/stream.h"
 #include "lib/track/conf.h"
 #include "lib/track/driver.h"
-#include "lib/track/overlay.h"
+#include "lib/photo/overlay.h"
 
 struct motion_output {
     struct stream_writer *stream;       /* NULL: --arkit alone */

@@ -3,7 +3,7 @@
 #include "cmd/options.h"
 
 #include "lib/avatar/ablation.h"
-#include "lib/model/model.h"
+#include "lib/net/model.h"
 
 int option_model_open(struct model *m, struct error *err)
 {

@@ -9,7 +9,7 @@
 #include "lib/avatar/baker.h"
 #include "lib/avatar/mover.h"
 #include "lib/avatar/prune.h"
-#include "lib/record/person.h"
+#include "lib/head/person.h"
 #include "lib/stream/stream.h"
 
 static const char *bake_path, *avatar_path, *head_path;

@@ -5,8 +5,8 @@
 
 #include "cmd/options.h"
 #include "lib/head/lbs.h"
-#include "lib/record/mesh.h"
-#include "lib/record/person.h"
+#include "lib/head/mesh.h"
+#include "lib/head/person.h"
 #include "lib/stream/stream.h"
 
 static const char *head_path, *identity_path;

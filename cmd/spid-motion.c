@@ -8,7 +8,7 @@
 #include "cmd/take.h"
 #include "formats/framesource.h"
 #include "formats/module.h"
-#include "lib/record/person.h"
+#include "lib/head/person.h"
 #include "lib/track/conf.h"
 #include "lib/track/driver.h"
 #include "lib/track/encoders.h"

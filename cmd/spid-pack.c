@@ -13,7 +13,7 @@
 #include "formats/safetensors.h"
 #include "lib/base/cpu.h"
 #include "lib/base/file.h"
-#include "lib/record/gaus_ply.h"
+#include "formats/gaus_ply.h"
 #include "lib/stream/conf_text.h"
 #include "lib/stream/stream.h"
 

@@ -5,9 +5,9 @@
 
 #include "cmd/options.h"
 #include "formats/framesink.h"
-#include "lib/record/person.h"
-#include "lib/refine/refine_picture.h"
-#include "lib/refine/refine_record.h"
+#include "lib/head/person.h"
+#include "lib/animate/refine_picture.h"
+#include "lib/animate/refine_record.h"
 #include "lib/stream/ahead.h"
 
 static enum nn_type precision = OPTION_PRECISION_DEFAULT;

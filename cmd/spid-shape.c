@@ -11,7 +11,7 @@
 #include "lib/stream/stream.h"
 #include "lib/track/conf.h"
 #include "lib/track/encoders.h"
-#include "lib/track/overlay.h"
+#include "lib/photo/overlay.h"
 #include "lib/track/source.h"
 
 static struct track_options track_options;

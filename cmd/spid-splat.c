@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "cmd/cli.h"
-#include "lib/render/render.h"
+#include "lib/animate/render.h"
 #include "lib/splat/splat.h"
 #include "lib/stream/stream.h"
 

@@ -6,8 +6,8 @@
 #include "cmd/cli.h"
 #include "cmd/options.h"
 #include "formats/livelink.h"
-#include "lib/record/person.h"
-#include "lib/record/take.h"
+#include "lib/head/person.h"
+#include "lib/track/take.h"
 #include "lib/track/conf.h"
 #include "lib/track/relative.h"
 

@@ -8,7 +8,7 @@
 #include "formats/framesink.h"
 #include "formats/image.h"
 #include "formats/layers.h"
-#include "lib/geom/crop.h"
+#include "lib/base/crop.h"
 
 /* "white", "#rrggbb" or "r,g,b". */
 static int background_parse_color(const char *value, uint8_t color[3])

@@ -6,7 +6,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "lib/geom/crop.h"
+#include "lib/base/crop.h"
 
 struct canvas {
     uint8_t *rgb;           /* [height,width,3] */

@@ -6,7 +6,7 @@
 #include <stdint.h>
 
 #include "lib/base/error.h"
-#include "lib/geom/crop.h"
+#include "lib/base/crop.h"
 
 struct facedetect;
 

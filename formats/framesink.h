@@ -9,7 +9,7 @@
 #include <stdint.h>
 
 #include "lib/base/error.h"
-#include "lib/geom/relative_pose.h"
+#include "lib/base/relative_pose.h"
 #include "lib/stream/stream.h"
 
 enum framesink_format {
@@ -83,7 +83,7 @@ struct framesink_frame {
     const float *alpha;     /* [height, width] 0..1; NULL: opaque */
     const float *depth;     /* [height, width] or NULL: FEAT and EXR only */
     const float *photo;     /* [height, width, 5] or NULL, FEAT only: what the
-                             * photograph shows (lib/texture) */
+                             * photograph shows (lib/photo) */
     const float *place;     /* [height, width, 3] or NULL, FEAT only: blended
                              * places, and their view: A and b */
     float map[6];

@@ -7,7 +7,7 @@
  *
  * The last part of a timecode counts frames within the second, with a
  * fraction.  A row of no blendshapes is a picture in which the app saw no
- * face.  Angles are radians; lib/record/take.h says which way they turn. */
+ * face.  Angles are radians; lib/track/take.h says which way they turn. */
 #ifndef SPID_FORMATS_LIVELINK_H
 #define SPID_FORMATS_LIVELINK_H
 

@@ -8,10 +8,10 @@
 #include <sysexits.h>
 
 #include "lib/base/cpu.h"
-#include "lib/geom/camera.h"
-#include "lib/record/motion.h"
+#include "lib/base/camera.h"
+#include "lib/head/motion.h"
 #include "lib/splat/splat.h"
-#include "lib/texture/place.h"
+#include "lib/photo/place.h"
 
 /* ---- workers ----------------------------------------------------------- */
 

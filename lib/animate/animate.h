@@ -19,10 +19,10 @@
 #include "lib/avatar/baked.h"
 #include "lib/base/error.h"
 #include "lib/head/lbs.h"
-#include "lib/refine/refine.h"
+#include "lib/animate/refine.h"
 #include "lib/splat/types.h"
-#include "lib/texture/texture.h"
-#include "lib/texture/zoom.h"
+#include "lib/photo/texture.h"
+#include "lib/photo/zoom.h"
 #include "lib/track/driver.h"
 
 /* Part of a portrait, pixels. */

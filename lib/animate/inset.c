@@ -6,8 +6,8 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "lib/geom/camera.h"
-#include "lib/geom/resample.h"
+#include "lib/base/camera.h"
+#include "lib/base/resample.h"
 
 /* In windows: over how much of it what moves comes to rest towards an edge,
  * and over how much it fades into the photograph. */

@@ -12,7 +12,7 @@
 
 #include "formats/image.h"
 #include "lib/base/error.h"
-#include "lib/record/person.h"
+#include "lib/head/person.h"
 
 struct resize;
 

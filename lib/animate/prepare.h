@@ -6,13 +6,13 @@
 
 #include "formats/image.h"
 #include "lib/avatar/baked.h"
-#include "lib/geom/densify.h"
+#include "lib/base/densify.h"
 #include "lib/avatar/baker.h"
 #include "lib/avatar/prune.h"
-#include "lib/model/model.h"
-#include "lib/record/person.h"
+#include "lib/net/model.h"
+#include "lib/head/person.h"
 #include "lib/track/encoders.h"
-#include "lib/texture/texture.h"
+#include "lib/photo/texture.h"
 
 /* What every clip shares: model files, loaded once. */
 struct prepare {

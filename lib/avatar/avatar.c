@@ -10,8 +10,8 @@
 #include "lib/avatar/ablation.h"
 #include "lib/avatar/lip_lining.h"
 #include "lib/base/slices.h"
-#include "lib/model/model.h"
-#include "lib/texture/place.h"
+#include "lib/net/model.h"
+#include "lib/photo/place.h"
 
 #define GREY 0.8f       /* what is white where no face says it */
 
@@ -240,7 +240,7 @@ void avatar_bake_backward(struct avatar *a)
 
 /* ---- Phase B ----------------------------------------------------------- */
 
-/* Phase B: mu_D, mu_S and mu_M of a frame, as lib/geom/drive.h has them. */
+/* Phase B: mu_D, mu_S and mu_M of a frame, as lib/base/drive.h has them. */
 void avatar_drive(float *means, struct avatar *a, const float *verts,
                   const float cam[12])
 {

@@ -14,14 +14,14 @@
  * (V + E), static (n x n, row by row), mouth (K x K).  Each branch is a module
  * of its own (dynamic_branch.h, static_branch.h, mouth_branch.h) that reads
  * the backbone's features, the source picture and the source mesh and writes
- * its part of the set; what moves in Phase B is lib/geom/drive.h.
+ * its part of the set; what moves in Phase B is lib/base/drive.h.
  *
  * Configuration rgb_skip: a Gaussian starts from what the source picture says
  * (the prior of branch.h), and its decoder learns the difference.
  *
  * Neck blend: the paper's camera turns shoulders with the head.  Here they
  * stay upright before the camera: driven vertices and static Gaussians below
- * the chin blend into the shoulders' motion (lib/geom/neck_blend.h), the mesh
+ * the chin blend into the shoulders' motion (lib/base/neck_blend.h), the mesh
  * from upright shoulders, the plane from where it was in the source. */
 #ifndef SPID_AVATAR_AVATAR_H
 #define SPID_AVATAR_AVATAR_H
@@ -37,11 +37,11 @@
 #include "lib/avatar/source_picture.h"
 #include "lib/avatar/static_branch.h"
 #include "lib/base/error.h"
-#include "lib/geom/densify.h"
-#include "lib/geom/drive.h"
-#include "lib/geom/relative_pose.h"
+#include "lib/base/densify.h"
+#include "lib/base/drive.h"
+#include "lib/base/relative_pose.h"
 #include "lib/head/head.h"
-#include "lib/model/config.h"
+#include "lib/net/config.h"
 #include "lib/net/backbone.h"
 #include "lib/nn/params.h"
 #include "lib/nn/plan.h"
@@ -89,7 +89,7 @@ struct avatar {
     struct branch_set all, dall;        /* the set's arrays; gradients */
     uint8_t *branch;                    /* (N) */
     float *uv;                          /* (N,2) places in the source picture
-                                         * (lib/texture/place.h) */
+                                         * (lib/photo/place.h) */
     float *reach;                       /* (N) gaussian_seen */
 
     /* Set by avatar_drive. */
@@ -126,7 +126,7 @@ void avatar_drive(float *means, struct avatar *a, const float *verts,
                   const float cam[12]);
 
 /* How the head seen by cam has turned since the source
- * (lib/geom/relative_pose.h), and back: dcam (3,4) is added to. */
+ * (lib/base/relative_pose.h), and back: dcam (3,4) is added to. */
 void avatar_relative_pose(float pose[RELATIVE_POSE_SIZE],
                           const struct avatar *a, const float cam[12]);
 /* dcam (3,4) += what dpose gives it. */

@@ -1,5 +1,5 @@
 /* Baked avatars: copies of what Phase A made, as GAUS records, and moved in
- * Phase B by lib/geom/drive.h. */
+ * Phase B by lib/base/drive.h. */
 #include "lib/avatar/baked.h"
 
 #include <stdlib.h>
@@ -7,8 +7,8 @@
 #include <sysexits.h>
 
 #include "lib/base/half.h"
-#include "lib/geom/neck_blend.h"
-#include "lib/record/gaus.h"
+#include "lib/base/neck_blend.h"
+#include "lib/stream/gaus.h"
 #include "lib/splat/splat.h"
 
 #define FLOATS 19       /* of a Gaussian beside its colours: mean to jaw */
@@ -404,7 +404,7 @@ void baked_move_release(struct baked_move *m)
     memset(m, 0, sizeof *m);
 }
 
-/* b as lib/geom/drive.h moves it; views of b's arrays. */
+/* b as lib/base/drive.h moves it; views of b's arrays. */
 static struct drive baked_drive_of(const struct baked *b)
 {
     struct drive d = {

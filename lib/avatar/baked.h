@@ -10,9 +10,9 @@
 
 #include "lib/avatar/avatar.h"
 #include "lib/base/error.h"
-#include "lib/geom/densify.h"
-#include "lib/geom/drive.h"
-#include "lib/geom/relative_pose.h"
+#include "lib/base/densify.h"
+#include "lib/base/drive.h"
+#include "lib/base/relative_pose.h"
 #include "lib/splat/types.h"
 #include "lib/stream/stream.h"
 
@@ -29,14 +29,14 @@ struct baked {
     int32_t *vertex;        /* (dynamic) densified vertex of each */
     float lip[3];           /* l_s */
     bool has_jaw;           /* the mouth goes with the chin, by */
-    float *jaw;             /* (N,3) (lib/geom/drive.h), not with the lips; */
+    float *jaw;             /* (N,3) (lib/base/drive.h), not with the lips; */
     float chin[3];          /* c_s */
-    float *neck;            /* (N) neck blend weights (lib/geom/neck_blend.h) */
+    float *neck;            /* (N) neck blend weights (lib/base/neck_blend.h) */
     float pivot[3];         /* of the neck blend */
     float source[9];        /* R_s, where the static branch's shoulders were */
     float light[3];         /* l, on the source (lib/avatar/light.h) */
     float *uv, *seen;       /* (N,2), (N) places in the source picture
-                             * (lib/texture/place.h), seen by the */
+                             * (lib/photo/place.h), seen by the */
     float view[12];         /* source's camera; all zero: no places */
     float *reach;           /* (N) gaussian_seen, from mean on */
     size_t first, blended;  /* static Gaussians with a neck weight lie in

@@ -6,7 +6,7 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "lib/texture/texture.h"
+#include "lib/photo/texture.h"
 
 /* Whether it is GAGAvatar's. */
 static bool baker_is_gagavatar(const struct baker *b)

@@ -7,10 +7,10 @@
 #include "lib/avatar/avatar.h"
 #include "lib/avatar/baked.h"
 #include "lib/base/error.h"
-#include "lib/gagavatar/gagavatar.h"
-#include "lib/model/config.h"
-#include "lib/model/model.h"
-#include "lib/record/person.h"
+#include "lib/net/gagavatar.h"
+#include "lib/net/config.h"
+#include "lib/net/model.h"
+#include "lib/head/person.h"
 
 struct baker {
     char hash[17];              /* of the model: see struct model */

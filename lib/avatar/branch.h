@@ -25,7 +25,7 @@ struct branch_set {
     float *color;           /* (n,channels) */
     float *neck;            /* (n) neck blend weights; NULL in gradients */
     float *seen;            /* (n) how far the source picture shows it, 0..1
-                             * (lib/texture/place.h); NULL in gradients */
+                             * (lib/photo/place.h); NULL in gradients */
 };
 
 /* Gaussians first .. first + n - 1 of s. */

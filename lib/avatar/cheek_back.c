@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "lib/avatar/static_branch.h"
-#include "lib/geom/camera.h"
+#include "lib/base/camera.h"
 
 /* The strip: its width and its distance from the outline, so that none of its
  * Gaussians stands out from a turned head's cheek; half sides of the

@@ -8,7 +8,7 @@
 #include <stdbool.h>
 #include <string.h>
 
-#include "lib/geom/camera.h"
+#include "lib/base/camera.h"
 
 #define SUB 8   /* sample rows and columns of a cell: one byte holds a row */
 

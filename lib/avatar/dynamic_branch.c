@@ -13,9 +13,9 @@
 #include "lib/avatar/lip_lining.h"
 #include "lib/avatar/white_point.h"
 #include "lib/base/slices.h"
-#include "lib/geom/camera.h"
-#include "lib/geom/neck_blend.h"
-#include "lib/geom/resample.h"
+#include "lib/base/camera.h"
+#include "lib/base/neck_blend.h"
+#include "lib/base/resample.h"
 
 #define OUTSIDE 6.0f    /* opacity logits fall by this where the matte is 0 */
 /* Standard deviation over the spacing: where the decoder starts, of hidden

@@ -16,8 +16,8 @@
 #include "lib/avatar/shut_eye.h"
 #include "lib/avatar/source_mesh.h"
 #include "lib/avatar/source_picture.h"
-#include "lib/geom/densify.h"
-#include "lib/model/config.h"
+#include "lib/base/densify.h"
+#include "lib/net/config.h"
 #include "lib/net/mlp_decoder.h"
 
 /* Numbers a Gaussian the decoder gets beyond the paper's, with the prior: n.v,

@@ -4,7 +4,7 @@
 #define SPID_AVATAR_LID_SKIN_H
 
 #include "lib/avatar/mesh_weights.h"
-#include "lib/geom/densify.h"
+#include "lib/base/densify.h"
 #include "lib/head/head.h"
 
 /* What a photograph shows of h and the midpoints of its edges. */

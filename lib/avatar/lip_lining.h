@@ -5,7 +5,7 @@
 
 #include "lib/avatar/branch.h"
 #include "lib/avatar/source_mesh.h"
-#include "lib/geom/densify.h"
+#include "lib/base/densify.h"
 
 /* rgb (n,3): the colours found for seam (n, mesh_weights.h) become redder and,
  * the more the less their normals (n,3) look upwards, darker; white (3): what

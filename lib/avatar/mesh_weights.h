@@ -5,8 +5,8 @@
 #define SPID_AVATAR_MESH_WEIGHTS_H
 
 #include "lib/base/error.h"
-#include "lib/geom/densify.h"
-#include "lib/geom/neck_blend.h"
+#include "lib/base/densify.h"
+#include "lib/base/neck_blend.h"
 #include "lib/head/head.h"
 
 struct mesh_weights {

@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "lib/base/slices.h"
-#include "lib/geom/resample.h"
+#include "lib/base/resample.h"
 
 #define SOLID 0.97f     /* the prior's opacity: no holes */
 #define BACK_LIKE 0.5f  /* what is behind the teeth is seen so well at most */

@@ -16,7 +16,7 @@
 #include "lib/avatar/source_mesh.h"
 #include "lib/avatar/source_picture.h"
 #include "lib/avatar/teeth.h"
-#include "lib/model/config.h"
+#include "lib/net/config.h"
 #include "lib/net/conv_decoder.h"
 
 /* Numbers a cell the decoder gets beyond the paper's, with the prior: inside

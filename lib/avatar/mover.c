@@ -7,9 +7,9 @@
 #include <sysexits.h>
 
 #include "lib/avatar/ablation.h"
-#include "lib/record/gmov.h"
-#include "lib/record/mesh.h"
-#include "lib/record/person.h"
+#include "lib/stream/gmov.h"
+#include "lib/head/mesh.h"
+#include "lib/head/person.h"
 
 /* The head's hash of a CONF record; hash stays when it names none. */
 static void mover_read_hash(char hash[17], const struct record *rec)

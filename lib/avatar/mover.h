@@ -6,7 +6,7 @@
 #include <stdbool.h>
 
 #include "lib/avatar/baked.h"
-#include "lib/record/person.h"
+#include "lib/head/person.h"
 #include "lib/stream/stream.h"
 
 struct mover_options {

@@ -9,8 +9,8 @@
 
 #include "lib/base/cpu.h"
 #include "lib/base/sort.h"
-#include "lib/geom/camera.h"
-#include "lib/geom/rotation.h"
+#include "lib/base/camera.h"
+#include "lib/base/rotation.h"
 #include "lib/splat/splat.h"
 
 enum { YAWS = 5, NODS = 3, POSES = 2, VIEWS = YAWS * NODS * POSES };

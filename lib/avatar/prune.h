@@ -7,7 +7,7 @@
 
 #include "lib/avatar/baked.h"
 #include "lib/base/error.h"
-#include "lib/geom/densify.h"
+#include "lib/base/densify.h"
 #include "lib/head/lbs.h"
 
 struct prune_report {

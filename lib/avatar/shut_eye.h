@@ -4,7 +4,7 @@
 #ifndef SPID_AVATAR_SHUT_EYE_H
 #define SPID_AVATAR_SHUT_EYE_H
 
-#include "lib/geom/densify.h"
+#include "lib/base/densify.h"
 #include "lib/head/head.h"
 
 /* How far each eye is shut: 0 over more than half of the lid's way, then up to

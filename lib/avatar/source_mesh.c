@@ -8,8 +8,8 @@
 
 #include "lib/avatar/coverage.h"
 #include "lib/base/slices.h"
-#include "lib/geom/camera.h"
-#include "lib/geom/neck_blend.h"
+#include "lib/base/camera.h"
+#include "lib/base/neck_blend.h"
 
 /* The head's faces, and a fan over the ring of the inner lips about vertex
  * V. */

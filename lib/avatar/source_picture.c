@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "lib/base/slices.h"
-#include "lib/geom/resample.h"
+#include "lib/base/resample.h"
 
 #define PADDING 12      /* pixels that colours run on over the matte's edge */
 

@@ -10,9 +10,9 @@
 #include "lib/avatar/cheek_back.h"
 #include "lib/avatar/edge_scale.h"
 #include "lib/base/slices.h"
-#include "lib/geom/camera.h"
-#include "lib/geom/neck_blend.h"
-#include "lib/geom/resample.h"
+#include "lib/base/camera.h"
+#include "lib/base/neck_blend.h"
+#include "lib/base/resample.h"
 
 /* Opacity logits fall by this much where the mesh covers the plane. */
 #define COVERED 6.0f

@@ -18,7 +18,7 @@
 #include "lib/avatar/branch.h"
 #include "lib/avatar/source_mesh.h"
 #include "lib/avatar/source_picture.h"
-#include "lib/model/config.h"
+#include "lib/net/config.h"
 #include "lib/net/conv_decoder.h"
 #include "lib/net/plane_init.h"
 #include "lib/nn/plan.h"

@@ -7,7 +7,7 @@
 
 #include "lib/avatar/branch.h"
 #include "lib/avatar/cavity.h"
-#include "lib/geom/drive.h"
+#include "lib/base/drive.h"
 
 #define SIDE 5              /* teeth of a side */
 #define FRONT 3             /* of them: each has as many columns as the others

@@ -26,7 +26,7 @@ struct teeth_cell {
     float mean[3];      /* at the source's pose */
     float scale[3], quat[4];
     float color[3];     /* under white light, 0..1 */
-    float jaw[3];       /* how it goes with the chin (lib/geom/drive.h): the
+    float jaw[3];       /* how it goes with the chin (lib/base/drive.h): the
                          * lower teeth all the way, the upper hardly */
     enum teeth_layer layer;
 };

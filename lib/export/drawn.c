@@ -10,7 +10,7 @@
 #include "formats/glb.h"
 #include "formats/ply.h"
 #include "formats/splatfile.h"
-#include "lib/geom/preview.h"
+#include "lib/base/preview.h"
 #include "lib/splat/splat.h"
 
 /* What a file gave back, in head units. */

@@ -36,7 +36,7 @@ int drawn_compare(struct drawn *d, enum drawn_format format, const char *path,
 struct drawn_head {
     size_t vertices;
     double metres;              /* greatest distance of a vertex from ours */
-    double psnr_db, max_abs;    /* of both drawn by lib/geom/preview.h */
+    double psnr_db, max_abs;    /* of both drawn by lib/base/preview.h */
 };
 
 /* Compare a GLB just written with our own mesh: verts (V,3), metres, in the

@@ -11,8 +11,8 @@
 #include "formats/ply.h"
 #include "formats/png.h"
 #include "formats/splatfile.h"
-#include "lib/geom/camera.h"
-#include "lib/record/mesh.h"
+#include "lib/base/camera.h"
+#include "lib/head/mesh.h"
 
 /* ---- names -------------------------------------------------------------- */
 

@@ -9,7 +9,7 @@
 #include "lib/export/drawn.h"
 #include "lib/export/export_head.h"
 #include "lib/export/page.h"
-#include "lib/record/person.h"
+#include "lib/head/person.h"
 #include "lib/splat/scene.h"
 #include "lib/stream/stream.h"
 

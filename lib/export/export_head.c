@@ -8,8 +8,8 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "lib/geom/camera.h"
-#include "lib/geom/rotation.h"
+#include "lib/base/camera.h"
+#include "lib/base/rotation.h"
 
 #define LIDS 2
 

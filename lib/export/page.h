@@ -14,8 +14,8 @@
 #include "lib/avatar/baked.h"
 #include "lib/base/error.h"
 #include "lib/head/lbs.h"
-#include "lib/record/motion.h"
-#include "lib/record/person.h"
+#include "lib/head/motion.h"
+#include "lib/head/person.h"
 
 /* More than that no browser plays. */
 #define PAGE_MOST_GAUSSIANS 1000000

@@ -7,7 +7,7 @@
 #include <sysexits.h>
 
 #include "lib/base/cpu.h"
-#include "lib/geom/rotation.h"
+#include "lib/base/rotation.h"
 #include "lib/head/lbs_kernel.h"
 
 #define ROW (3 * HEAD_BLOCK)

@@ -4,7 +4,7 @@
 
 #include <string.h>
 
-#include "lib/geom/rotation.h"
+#include "lib/base/rotation.h"
 #include "lib/head/lbs_kernel.h"
 
 #define ROW (3 * HEAD_BLOCK)

@@ -1,13 +1,13 @@
 /* Decoding of E_m's numbers into a motion, Eqs. rot to eye: Zhou et al.'s 6D
  * rotation made safe, and the change of the translation from crop to window
- * (lib/geom/crop.c). */
+ * (lib/base/crop.c). */
 #include "lib/net/motion_code.h"
 
 #include <math.h>
 #include <string.h>
 
-#include "lib/geom/camera.h"
-#include "lib/geom/rotation.h"
+#include "lib/base/camera.h"
+#include "lib/base/rotation.h"
 
 /* Six numbers that Gram-Schmidt makes a rotation of: x, wherever it can. */
 static void motion_code_repair(float v[6], const float x[6])

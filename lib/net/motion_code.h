@@ -5,7 +5,7 @@
 #ifndef SPID_NET_MOTION_CODE_H
 #define SPID_NET_MOTION_CODE_H
 
-#include "lib/geom/crop.h"
+#include "lib/base/crop.h"
 #include "lib/head/lbs.h"
 #include "lib/net/motion_encoder.h"
 

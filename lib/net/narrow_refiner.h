@@ -5,13 +5,13 @@
  * has turned: the light stays where it is.  About 0.85 GMAC at 512 with width
  * 32.
  *
- * With a photograph (lib/texture), what it shows of every pixel enters beside
+ * With a photograph (lib/photo), what it shows of every pixel enters beside
  * the features, and at a quarter of the size comes out how far it is doubted
  * and brightened: the field of texture_compose.  Behind lib/net/refiner.h. */
 #ifndef SPID_NET_NARROW_REFINER_H
 #define SPID_NET_NARROW_REFINER_H
 
-#include "lib/geom/relative_pose.h"
+#include "lib/base/relative_pose.h"
 #include "lib/net/narrow_end.h"
 #include "lib/nn/conv.h"
 #include "lib/nn/fused_stem.h"

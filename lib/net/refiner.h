@@ -4,7 +4,7 @@
 #ifndef SPID_NET_REFINER_H
 #define SPID_NET_REFINER_H
 
-#include "lib/geom/relative_pose.h"
+#include "lib/base/relative_pose.h"
 #include "lib/nn/fused_stem.h"
 #include "lib/nn/nn.h"
 #include "lib/nn/params.h"
@@ -42,7 +42,7 @@ void refiner_update(struct refiner *r);
 /* Free what _init and _plan allocated; zeroed then. */
 void refiner_release(struct refiner *r);
 
-/* How the head has turned since the source (lib/geom/relative_pose.h), for all
+/* How the head has turned since the source (lib/base/relative_pose.h), for all
  * forwards from now on; at first zero.  Without config.turn it makes no
  * difference. */
 void refiner_turn(struct refiner *r, const float turn[RELATIVE_POSE_SIZE]);

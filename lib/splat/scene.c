@@ -1,5 +1,5 @@
 /* GAUS and GMOV records as a set of Gaussians: checked copies of the arrays,
- * moved as lib/geom/drive.h says. */
+ * moved as lib/base/drive.h says. */
 #include "lib/splat/scene.h"
 
 #include <stdlib.h>
@@ -7,10 +7,10 @@
 #include <sysexits.h>
 
 #include "lib/base/half.h"
-#include "lib/geom/drive.h"
-#include "lib/geom/neck_blend.h"
-#include "lib/record/gaus.h"
-#include "lib/record/gmov.h"
+#include "lib/base/drive.h"
+#include "lib/base/neck_blend.h"
+#include "lib/stream/gaus.h"
+#include "lib/stream/gmov.h"
 #include "lib/splat/splat.h"
 
 enum { STATIC = 1, MOUTH = 2 };

@@ -28,11 +28,11 @@ struct feat {
     const float *alpha;     /* (height,width) */
     const float *depth;     /* (height,width) camera z; not read */
     const float *photo;     /* (height,width,5), packed (pixels,5): what the
-                             * photograph shows (lib/texture) */
+                             * photograph shows (lib/photo) */
     const float *place;     /* (height,width,3) blended places, */
     const float *map;       /* (6) and their view: A and b */
     const float *turn;      /* (6) the head's since the source
-                             * (lib/geom/relative_pose.h) */
+                             * (lib/base/relative_pose.h) */
 };
 
 /* EX_DATAERR naming the array for shapes that do not agree, numbers that are

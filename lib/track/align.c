@@ -9,9 +9,9 @@
 #include <sysexits.h>
 
 #include "lib/base/cpu.h"
-#include "lib/geom/camera.h"
-#include "lib/geom/cholesky.h"
-#include "lib/geom/rotation.h"
+#include "lib/base/camera.h"
+#include "lib/base/cholesky.h"
+#include "lib/base/rotation.h"
 #include "lib/track/align_kernel.h"
 
 #define N ALIGN_SIDE

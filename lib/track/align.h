@@ -12,9 +12,9 @@
 #include <stddef.h>
 
 #include "lib/base/error.h"
-#include "lib/geom/crop.h"
+#include "lib/base/crop.h"
 #include "lib/head/lbs.h"
-#include "lib/record/motion.h"
+#include "lib/head/motion.h"
 #include "lib/track/align_face.h"
 
 #define ALIGN_KEYFRAMES 32

@@ -7,7 +7,7 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "lib/geom/cholesky.h"
+#include "lib/base/cholesky.h"
 
 /* Standard deviations of E_m's error: */
 #define SPREAD 0.15f            /* of a component of the expression */

@@ -16,7 +16,7 @@
 
 #include "lib/base/error.h"
 #include "lib/head/lbs.h"
-#include "lib/record/motion.h"
+#include "lib/head/motion.h"
 #include "lib/track/align_kernel.h"
 
 #define ALIGN_FACE_GAPS 3       /* places of the prior on the mouth's opening */

@@ -9,7 +9,7 @@
 #include <stddef.h>
 
 #include "lib/base/isa.h"
-#include "lib/geom/crop.h"
+#include "lib/base/crop.h"
 
 #define ALIGN_SIDE (CROP_NET / 2)       /* pixels of what is compared */
 #define ALIGN_ROOM 16

@@ -5,7 +5,7 @@
 
 #include <string.h>
 
-#include "lib/geom/camera.h"
+#include "lib/base/camera.h"
 #include "lib/splat/vec_shuffle.h"
 
 #define N ALIGN_SIDE

@@ -9,10 +9,10 @@
 
 #include "formats/framesource.h"
 #include "formats/image.h"
-#include "lib/geom/camera.h"
+#include "lib/base/camera.h"
 #include "lib/head/lbs.h"
-#include "lib/record/person.h"
-#include "lib/record/shape.h"
+#include "lib/head/person.h"
+#include "lib/stream/shape.h"
 #include "lib/stream/imag.h"
 #include "lib/track/conf.h"
 #include "lib/track/landmarks.h"

@@ -8,7 +8,7 @@
 
 #include "lib/base/error.h"
 #include "lib/head/head.h"
-#include "lib/model/model.h"
+#include "lib/net/model.h"
 #include "lib/stream/stream.h"
 #include "lib/track/encoders.h"
 #include "lib/track/track.h"

@@ -8,7 +8,7 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "lib/geom/camera.h"
+#include "lib/base/camera.h"
 #include "lib/stream/conf_text.h"
 
 #define CONF_SIZE 512   /* pixels of a portrait window that no model sets */

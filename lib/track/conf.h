@@ -6,9 +6,9 @@
 #include <stddef.h>
 
 #include "lib/base/error.h"
-#include "lib/geom/crop.h"
+#include "lib/base/crop.h"
 #include "lib/head/head.h"
-#include "lib/model/model.h"
+#include "lib/net/model.h"
 #include "lib/stream/stream.h"
 
 struct conf {

@@ -6,7 +6,7 @@
 #include <stdbool.h>
 
 #include "lib/base/error.h"
-#include "lib/model/model.h"
+#include "lib/net/model.h"
 #include "lib/net/matte_net.h"
 #include "lib/net/motion_encoder.h"
 #include "lib/net/shape_encoder.h"

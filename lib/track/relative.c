@@ -5,8 +5,8 @@
 #include <math.h>
 #include <string.h>
 
-#include "lib/geom/camera.h"
-#include "lib/geom/rotation.h"
+#include "lib/base/camera.h"
+#include "lib/base/rotation.h"
 #include "lib/head/arkit.h"
 
 /* How much a radian of looking away weighs beside a standard deviation of

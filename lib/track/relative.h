@@ -8,7 +8,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "lib/record/motion.h"
+#include "lib/head/motion.h"
 
 struct relative {
     struct motion source;       /* the source picture's own */

@@ -7,7 +7,7 @@
 
 #include "formats/image.h"
 #include "lib/base/error.h"
-#include "lib/record/person.h"
+#include "lib/head/person.h"
 #include "lib/track/encoders.h"
 #include "lib/track/track.h"
 

@@ -9,8 +9,8 @@
 
 #include "formats/facedetect.h"
 #include "lib/base/cpu.h"
-#include "lib/geom/camera.h"
-#include "lib/geom/rotation.h"
+#include "lib/base/camera.h"
+#include "lib/base/rotation.h"
 #include "lib/net/motion_code.h"
 
 #define FIRST_PASSES 4         /* network runs that settle the first crop */

@@ -11,10 +11,10 @@
 #include <stdint.h>
 
 #include "lib/base/error.h"
-#include "lib/geom/crop.h"
+#include "lib/base/crop.h"
 #include "lib/head/lbs.h"
 #include "lib/net/motion_encoder.h"
-#include "lib/record/motion.h"
+#include "lib/head/motion.h"
 #include "lib/track/align.h"
 #include "lib/track/landmarks.h"
 #include "lib/track/oneeuro.h"

@@ -8,7 +8,7 @@
 #include <stddef.h>
 
 #include "lib/base/error.h"
-#include "lib/geom/crop.h"
+#include "lib/base/crop.h"
 #include "lib/head/mirror.h"
 #include "lib/net/motion_encoder.h"
 #include "lib/net/shape_encoder.h"

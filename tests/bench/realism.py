@@ -117,7 +117,7 @@ def hidden(motion):
     crop = np.load(f"{motion}/MOTN.crop.npy")
     share = np.zeros(len(label))
     for i, (x, y, side) in enumerate(crop):
-        half = 0.31 * side      # the landmarks' box: lib/geom/crop.h
+        half = 0.31 * side      # the landmarks' box: lib/base/crop.h
         part = label[i, max(0, int(y - half)):int(y + half),
                      max(0, int(x - half)):int(x + half)]
         share[i] = (part == 15).mean() if part.size else 0

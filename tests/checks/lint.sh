@@ -39,7 +39,7 @@ usage() {
 for page in man/*.[15]; do
     report "mandoc" < <(mandoc -T lint -W warning "$page")
 done
-for program in $(ls cmd/spid*.c | sed 's/.*\///; s/\.c$//'); do
+for program in $(ls cmd/spid*.c cmd/lab/spid*.c | sed 's/.*\///; s/\.c$//'); do
     page=man/$program.1
     [ -e "$page" ] || { bad "$program" <<<"has no manual page"; continue; }
     for section in NAME SYNOPSIS DESCRIPTION OPTIONS "EXIT STATUS" EXAMPLES "SEE ALSO"; do
@@ -58,7 +58,7 @@ for program in $(ls cmd/spid*.c | sed 's/.*\///; s/\.c$//'); do
 done
 # What spid.1 lists is there, and the other way round.
 report "man/spid.1" < <(diff <(grep -oE '^\.It Xr spid-[a-z]+' man/spid.1 | sed 's/.* //' | sort) \
-    <(ls cmd/spid-*.c | sed 's/.*\///; s/\.c$//' | sort) | grep '^[<>]' |
+    <(ls cmd/spid-*.c cmd/lab/spid-*.c | sed 's/.*\///; s/\.c$//' | sort) | grep '^[<>]' |
     sed 's/^</listed but not there:/; s/^>/not listed:/')
 echo "$(wc -l <<<"$files") files, $all lines of C and C++ ($long over 80 columns), $(ls man/*.[15] | wc -l) pages"
 exit $fail

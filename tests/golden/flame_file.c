@@ -8,7 +8,7 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "lib/convert/convert.h"
+#include "lib/lab/convert/convert.h"
 #include "tests/folder.h"
 
 /* ---- pickling ----------------------------------------------------------- */

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "lib/gagavatar/gagavatar.h"
+#include "lib/net/gagavatar.h"
 #include "lib/net/dino_base.h"
 #include "lib/net/harmonic.h"
 #include "lib/net/style_unet.h"

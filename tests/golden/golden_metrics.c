@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "lib/metric/image.h"
+#include "lib/lab/eval/image.h"
 #include "tests/golden/golden.h"
 
 struct pair {

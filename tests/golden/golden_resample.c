@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "lib/geom/resample.h"
+#include "lib/base/resample.h"
 #include "tests/golden/golden.h"
 
 /* [B,C,n] to [B,n,C], or back when to_planes. */

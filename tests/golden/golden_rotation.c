@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "lib/geom/rotation.h"
+#include "lib/base/rotation.h"
 #include "tests/golden/golden.h"
 
 struct form {

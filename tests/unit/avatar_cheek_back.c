@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "lib/avatar/cheek_back.h"
-#include "lib/geom/camera.h"
+#include "lib/base/camera.h"
 #include "tests/check.h"
 
 #define S 256           /* the picture's side, */

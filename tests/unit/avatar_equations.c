@@ -5,8 +5,8 @@
 
 #include "lib/avatar/avatar.h"
 #include "lib/avatar/coverage.h"
-#include "lib/geom/camera.h"
-#include "lib/geom/rotation.h"
+#include "lib/base/camera.h"
+#include "lib/base/rotation.h"
 #include "tests/check.h"
 
 /* v_mid: one square of two triangles has five edges, the diagonal once. */

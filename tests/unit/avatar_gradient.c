@@ -10,8 +10,8 @@
 
 #include "lib/avatar/ablation.h"
 #include "lib/avatar/avatar.h"
-#include "lib/geom/camera.h"
-#include "lib/geom/rotation.h"
+#include "lib/base/camera.h"
+#include "lib/base/rotation.h"
 #include "lib/head/lbs.h"
 #include "tests/check.h"
 #include "tests/unit/sphere_head.h"

@@ -9,7 +9,7 @@
 
 #include "lib/avatar/baker.h"
 #include "lib/base/random.h"
-#include "lib/geom/camera.h"
+#include "lib/base/camera.h"
 #include "lib/head/lbs.h"
 #include "lib/net/motion_encoder.h"
 #include "lib/net/refiner.h"

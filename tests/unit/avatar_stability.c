@@ -7,8 +7,8 @@
 #include <string.h>
 
 #include "lib/avatar/baked.h"
-#include "lib/geom/camera.h"
-#include "lib/geom/rotation.h"
+#include "lib/base/camera.h"
+#include "lib/base/rotation.h"
 #include "lib/head/lbs.h"
 #include "tests/check.h"
 #include "tests/unit/sphere_head.h"

@@ -3,8 +3,8 @@
  * do where the label is taken away. */
 #include <unistd.h>
 
-#include "lib/data/data.h"
-#include "lib/train/avatar_system.h"
+#include "lib/lab/data/data.h"
+#include "lib/lab/train/avatar_system.h"
 #include "tests/check.h"
 #include "tests/unit/train_toy.h"
 

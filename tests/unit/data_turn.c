@@ -3,8 +3,8 @@
 #include <stdint.h>
 
 #include "lib/base/random.h"
-#include "lib/data/data.h"
-#include "lib/geom/camera.h"
+#include "lib/lab/data/data.h"
+#include "lib/base/camera.h"
 #include "tests/check.h"
 
 enum { SIZE = 64, NET = 32 };

@@ -2,7 +2,7 @@
  * turned head is that many degrees off, different lengths are refused. */
 #include <sysexits.h>
 
-#include "lib/eval/compare.h"
+#include "lib/lab/eval/compare.h"
 #include "tests/check.h"
 #include "tests/unit/train_toy.h"
 

@@ -3,7 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "lib/eval/table.h"
+#include "lib/lab/eval/table.h"
 #include "tests/check.h"
 
 static void expect_text(const struct table *t, enum table_format f,

@@ -9,7 +9,7 @@
 #include "formats/glb.h"
 #include "lib/base/random.h"
 #include "lib/export/export_head.h"
-#include "lib/geom/rotation.h"
+#include "lib/base/rotation.h"
 #include "tests/check.h"
 
 enum { V = 96, NSHAPE = 2, NEXP = 3, N = 500 };

@@ -10,9 +10,9 @@
 
 #include "formats/safetensors.h"
 #include "lib/base/random.h"
-#include "lib/fit/face_fit.h"
-#include "lib/fit/normal.h"
-#include "lib/geom/rotation.h"
+#include "lib/lab/fit/face_fit.h"
+#include "lib/lab/fit/normal.h"
+#include "lib/base/rotation.h"
 #include "lib/head/lbs.h"
 #include "tests/check.h"
 

@@ -7,10 +7,10 @@
 #include <string.h>
 
 #include "lib/base/random.h"
-#include "lib/gagavatar/gagavatar.h"
-#include "lib/gagavatar/plane.h"
-#include "lib/geom/camera.h"
-#include "lib/geom/rotation.h"
+#include "lib/net/gagavatar.h"
+#include "lib/net/plane.h"
+#include "lib/base/camera.h"
+#include "lib/base/rotation.h"
 #include "lib/head/head.h"
 #include "lib/splat/reference.h"
 

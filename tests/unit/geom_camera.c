@@ -4,8 +4,8 @@
 #include <string.h>
 
 #include "lib/base/random.h"
-#include "lib/geom/camera.h"
-#include "lib/geom/rotation.h"
+#include "lib/base/camera.h"
+#include "lib/base/rotation.h"
 #include "tests/check.h"
 
 /* Frontal camera at z = 12, S = 512: f = 3072.  The point (0.5, 0.25, 0.4) has

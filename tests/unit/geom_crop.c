@@ -7,7 +7,7 @@
 
 #include "lib/base/cpu.h"
 #include "lib/base/random.h"
-#include "lib/geom/crop.h"
+#include "lib/base/crop.h"
 #include "tests/check.h"
 
 static struct square some_square(struct random *r, size_t W, size_t H)

@@ -5,10 +5,10 @@
 #include <string.h>
 
 #include "lib/base/random.h"
-#include "lib/geom/camera.h"
-#include "lib/geom/drive.h"
-#include "lib/geom/neck_blend.h"
-#include "lib/geom/rotation.h"
+#include "lib/base/camera.h"
+#include "lib/base/drive.h"
+#include "lib/base/neck_blend.h"
+#include "lib/base/rotation.h"
 #include "tests/check.h"
 
 static const float pivot[3] = {0.02f, -0.7f, -0.15f};

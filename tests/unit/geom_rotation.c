@@ -4,9 +4,9 @@
 #include <string.h>
 
 #include "lib/base/random.h"
-#include "lib/geom/camera.h"
-#include "lib/geom/relative_pose.h"
-#include "lib/geom/rotation.h"
+#include "lib/base/camera.h"
+#include "lib/base/relative_pose.h"
+#include "lib/base/rotation.h"
 #include "tests/check.h"
 
 typedef void (*forward)(double *R, const double *x);

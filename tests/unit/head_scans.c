@@ -15,7 +15,7 @@
 #include "lib/head/head.h"
 #include "lib/head/lbs.h"
 #include "lib/head/mirror.h"
-#include "lib/head/sculpt_impl.h"
+#include "lib/lab/head/sculpt_impl.h"
 #include "tests/check.h"
 
 #define FILE_NAME "examples/model/head.safetensors"

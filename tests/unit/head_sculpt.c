@@ -1,6 +1,6 @@
 /* The built-in head: a sound mesh, a sound rig, and anatomy that holds for
  * other people too. */
-#include "lib/head/sculpt.h"
+#include "lib/lab/head/sculpt.h"
 
 #include <math.h>
 #include <stdio.h>

@@ -1,7 +1,7 @@
 /* Takes of Live Link Face: a motion to a file and back; gaps; which way the
  * angles turn; files that are none. */
 #include "formats/livelink.h"
-#include "lib/record/take.h"
+#include "lib/track/take.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -9,7 +9,7 @@
 #include <sysexits.h>
 
 #include "lib/base/random.h"
-#include "lib/geom/rotation.h"
+#include "lib/base/rotation.h"
 #include "lib/head/arkit.h"
 #include "tests/check.h"
 #include "tests/folder.h"

@@ -7,8 +7,8 @@
 
 #include "formats/matte.h"
 #include "lib/base/random.h"
-#include "lib/data/clutter.h"
-#include "lib/data/portrait_sample.h"
+#include "lib/lab/data/clutter.h"
+#include "lib/lab/data/portrait_sample.h"
 #include "lib/net/matte_net.h"
 #include "tests/check.h"
 

@@ -12,7 +12,7 @@
 #include "formats/layers.h"
 #include "formats/matte.h"
 #include "lib/base/random.h"
-#include "lib/texture/texture.h"
+#include "lib/photo/texture.h"
 #include "tests/check.h"
 
 enum { N = 256, LEFT = 56, TOP = 48, RIGHT = 198, BOTTOM = 204 };

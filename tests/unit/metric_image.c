@@ -4,8 +4,8 @@
 #include <stdlib.h>
 
 #include "lib/base/random.h"
-#include "lib/metric/filter.h"
-#include "lib/metric/image.h"
+#include "lib/lab/eval/filter.h"
+#include "lib/lab/eval/image.h"
 #include "tests/check.h"
 
 static double image_window(int i, int j)

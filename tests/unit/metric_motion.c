@@ -2,7 +2,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "lib/metric/motion.h"
+#include "lib/lab/eval/motion.h"
 #include "tests/check.h"
 
 /* R = diag(1,-1,-1) Rz(r) Rx(p) Ry(y), angles in degrees. */

@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "lib/train/alignment.h"
+#include "lib/lab/train/alignment.h"
 #include "tests/check.h"
 #include "tests/folder.h"
 #include "tests/unit/noise.h"

@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "lib/bench/testscene.h"
+#include "lib/lab/bench/testscene.h"
 #include "lib/splat/reference.h"
 #include "lib/splat/splat.h"
 #include "tests/check.h"

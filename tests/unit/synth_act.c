@@ -4,7 +4,7 @@
 #include <stdio.h>
 
 #include "lib/base/random.h"
-#include "lib/synth/scan_act.h"
+#include "lib/lab/people/scan_act.h"
 
 enum { PEOPLE = 400, TIMES = 10 };
 

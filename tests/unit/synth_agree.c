@@ -8,13 +8,13 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "lib/geom/camera.h"
-#include "lib/head/sculpt.h"
-#include "lib/synth/lens.h"
-#include "lib/synth/motion.h"
-#include "lib/synth/noise.h"
-#include "lib/synth/scan_film.h"
-#include "lib/synth/stage.h"
+#include "lib/base/camera.h"
+#include "lib/lab/head/sculpt.h"
+#include "lib/lab/people/lens.h"
+#include "lib/lab/people/motion.h"
+#include "lib/lab/people/noise.h"
+#include "lib/lab/people/scan_film.h"
+#include "lib/lab/people/stage.h"
 #include "tests/check.h"
 
 enum { S = 96 };

@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "lib/synth/scan_skin.h"
+#include "lib/lab/people/scan_skin.h"
 
 enum { N = SKIN_SIZE, PEOPLE = 6, TOP = 24, LOW = 40 };
 

@@ -6,7 +6,7 @@
 #include <stdlib.h>
 
 #include "lib/base/random.h"
-#include "lib/synth/scan_person.h"
+#include "lib/lab/people/scan_person.h"
 
 enum { PEOPLE = 600 };
 #define ONE (3 * (size_t)FACE_VERTICES)

@@ -12,11 +12,11 @@
 #include "formats/panorama.h"
 #include "formats/wavefront.h"
 #include "lib/base/random.h"
-#include "lib/synth/scan_codec.h"
-#include "lib/synth/scan_light.h"
-#include "lib/synth/scan_near.h"
-#include "lib/synth/tri.h"
-#include "lib/synth/vec.h"
+#include "lib/lab/people/scan_codec.h"
+#include "lib/lab/people/scan_light.h"
+#include "lib/lab/people/scan_near.h"
+#include "lib/lab/people/tri.h"
+#include "lib/lab/people/vec.h"
 
 static int failures;
 

@@ -10,12 +10,12 @@
 #include "lib/base/cpu.h"
 #include "lib/base/isa.h"
 #include "lib/base/random.h"
-#include "lib/geom/camera.h"
-#include "lib/head/sculpt.h"
-#include "lib/synth/lens.h"
-#include "lib/synth/noise.h"
-#include "lib/synth/stage.h"
-#include "lib/synth/synth.h"
+#include "lib/base/camera.h"
+#include "lib/lab/head/sculpt.h"
+#include "lib/lab/people/lens.h"
+#include "lib/lab/people/noise.h"
+#include "lib/lab/people/stage.h"
+#include "lib/lab/people/synth.h"
 #include "tests/check.h"
 
 enum { S = 192 };

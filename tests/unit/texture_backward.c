@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "lib/base/random.h"
-#include "lib/texture/lookup.h"
+#include "lib/photo/lookup.h"
 #include "tests/check.h"
 
 enum { S = 24, PIXELS = S * S, FIELD = S / TEXTURE_FIELD_STEP };

@@ -6,9 +6,9 @@
 #include <string.h>
 
 #include "lib/base/random.h"
-#include "lib/texture/lookup.h"
-#include "lib/texture/lookup_kernel.h"
-#include "lib/texture/texture.h"
+#include "lib/photo/lookup.h"
+#include "lib/photo/lookup_kernel.h"
+#include "lib/photo/texture.h"
 #include "tests/check.h"
 #include "tests/unit/levels.h"
 

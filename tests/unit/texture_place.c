@@ -5,9 +5,9 @@
 #include <string.h>
 
 #include "lib/base/random.h"
-#include "lib/geom/camera.h"
-#include "lib/geom/rotation.h"
-#include "lib/texture/place.h"
+#include "lib/base/camera.h"
+#include "lib/base/rotation.h"
+#include "lib/photo/place.h"
 #include "tests/check.h"
 
 enum { N = 64 };

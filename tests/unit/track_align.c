@@ -6,8 +6,8 @@
 #include <string.h>
 
 #include "lib/base/random.h"
-#include "lib/geom/camera.h"
-#include "lib/geom/rotation.h"
+#include "lib/base/camera.h"
+#include "lib/base/rotation.h"
 #include "lib/track/align.h"
 #include "tests/check.h"
 #include "tests/unit/sphere_head.h"

@@ -6,7 +6,7 @@
 
 #include "lib/base/cpu.h"
 #include "lib/base/random.h"
-#include "lib/geom/camera.h"
+#include "lib/base/camera.h"
 #include "lib/track/align_kernel.h"
 #include "tests/check.h"
 

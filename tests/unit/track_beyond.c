@@ -6,7 +6,7 @@
 #include <stdint.h>
 #include <string.h>
 
-#include "lib/track/beyond.h"
+#include "lib/photo/beyond.h"
 #include "tests/check.h"
 
 enum { N = 96 };

@@ -8,9 +8,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "lib/model/config.h"
+#include "lib/net/config.h"
 #include "lib/base/random.h"
-#include "lib/geom/rotation.h"
+#include "lib/base/rotation.h"
 #include "lib/net/refiner.h"
 #include "lib/net/shape_encoder.h"
 #include "lib/track/oneeuro.h"

@@ -5,9 +5,9 @@
 #include <string.h>
 
 #include "lib/base/random.h"
-#include "lib/geom/camera.h"
-#include "lib/track/outline.h"
-#include "lib/track/overlay.h"
+#include "lib/base/camera.h"
+#include "lib/photo/outline.h"
+#include "lib/photo/overlay.h"
 #include "tests/check.h"
 
 #define HEAD_NAME "examples/model/head.safetensors"

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "lib/base/random.h"
-#include "lib/geom/rotation.h"
+#include "lib/base/rotation.h"
 #include "lib/track/relative.h"
 #include "tests/check.h"
 

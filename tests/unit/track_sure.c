@@ -3,8 +3,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "lib/data/negative.h"
-#include "lib/geom/crop.h"
+#include "lib/lab/data/negative.h"
+#include "lib/base/crop.h"
 #include "lib/net/sure_head.h"
 #include "lib/track/turned.h"
 #include "tests/check.h"

@@ -2,7 +2,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "lib/train/config.h"
+#include "lib/lab/train/config.h"
 #include "tests/check.h"
 
 static void config_refuse(const char *text, const char *names)

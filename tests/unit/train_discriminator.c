@@ -10,7 +10,7 @@
 
 #include "lib/base/random.h"
 #include "lib/nn/act.h"
-#include "lib/train/discriminator.h"
+#include "lib/lab/train/discriminator.h"
 #include "tests/check.h"
 
 #define S 64                    /* side of the pictures */

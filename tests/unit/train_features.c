@@ -3,7 +3,7 @@
 #include <math.h>
 
 #include "lib/base/random.h"
-#include "lib/train/expression_features.h"
+#include "lib/lab/train/expression_features.h"
 #include "tests/check.h"
 
 enum { N = EXPRESSION_FEATURES, POINTS = 3 * 68 };

@@ -5,9 +5,9 @@
 #include <string.h>
 
 #include "lib/base/random.h"
-#include "lib/data/data.h"
-#include "lib/train/adam.h"
-#include "lib/train/losses.h"
+#include "lib/lab/data/data.h"
+#include "lib/lab/train/adam.h"
+#include "lib/lab/train/losses.h"
 #include "tests/check.h"
 
 enum { H = 21, W = 26, NV = 3 * H * W };

@@ -9,7 +9,7 @@
 #include <unistd.h>
 
 #include "lib/base/random.h"
-#include "lib/train/perceptual.h"
+#include "lib/lab/train/perceptual.h"
 #include "tests/check.h"
 
 #define H 70

@@ -5,7 +5,7 @@
 #include <sysexits.h>
 
 #include "lib/net/motion_encoder.h"
-#include "lib/train/loop.h"
+#include "lib/lab/train/loop.h"
 #include "tests/check.h"
 #include "tests/unit/train_toy.h"
 

@@ -6,13 +6,13 @@
 #include <string.h>
 
 #include "lib/base/random.h"
-#include "lib/geom/rotation.h"
+#include "lib/base/rotation.h"
 #include "lib/head/lbs.h"
 #include "lib/head/mirror.h"
-#include "lib/head/sculpt.h"
+#include "lib/lab/head/sculpt.h"
 #include "lib/nn/params.h"
 #include "lib/track/tta.h"
-#include "lib/train/shape_loss.h"
+#include "lib/lab/train/shape_loss.h"
 #include "tests/check.h"
 
 enum { DIRS = SCULPT_SHAPES, N = SHAPE_ENCODER_SIZE };

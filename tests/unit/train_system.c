@@ -8,7 +8,7 @@
  * the toy change places in depth within the shortest step (at others the
  * loss jumps where it is looked at, and no step helps). */
 
-#include "lib/train/loop.h"
+#include "lib/lab/train/loop.h"
 #include "tests/unit/train_toy.h"
 
 #define LIMIT 0.08

@@ -1,4 +1,4 @@
-/* A small head and a small stream of people, for tests of lib/train. */
+/* A small head and a small stream of people, for tests of lib/lab/train. */
 #ifndef SPID_TESTS_TRAIN_TOY_H
 #define SPID_TESTS_TRAIN_TOY_H
 
@@ -8,8 +8,8 @@
 #include <string.h>
 
 #include "lib/base/random.h"
-#include "lib/geom/camera.h"
-#include "lib/geom/rotation.h"
+#include "lib/base/camera.h"
+#include "lib/base/rotation.h"
 #include "lib/head/head.h"
 #include "lib/head/lbs.h"
 #include "lib/stream/stream.h"

@@ -1,12 +1,12 @@
-// Where the Gaussians are in a frame, as lib/geom/drive.c says: on the mesh,
+// Where the Gaussians are in a frame, as lib/base/drive.c says: on the mesh,
 // blended at the neck with the shoulders, or moved with the lips.
 
 const UPRIGHT = [1, 0, 0, 0, -1, 0, 0, 0, -1];
 const CLOSED = 0.0025;          // BAKED_CLOSED in lib/avatar/baked.h
-const STAY = 0.1;               // NECK_BLEND_STAY in lib/geom/neck_blend.h
+const STAY = 0.1;               // NECK_BLEND_STAY in lib/base/neck_blend.h
 
 // The way back to where the source's camera saw the shoulders (neck_blend_stay
-// in lib/geom/neck_blend.c).
+// in lib/base/neck_blend.c).
 function stay(pivot, source, cam) {
   if (!source) return [0, 0, 0];
   const d = [0, 4, 8].map((r) => {
@@ -20,7 +20,7 @@ function stay(pivot, source, cam) {
                                        cam[8 + i] * d[2]));
 }
 
-// [M | p - M p + stay] with M = R^T from (lib/geom/neck_blend.c).
+// [M | p - M p + stay] with M = R^T from (lib/base/neck_blend.c).
 function body(pivot, from, cam, source) {
   const back = stay(pivot, source, cam);
   const out = new Float32Array(12);
@@ -82,7 +82,7 @@ export class Drive {
   }
 
   // The mouth's: with the lips, or with the jaw (drive_mouth in
-  // lib/geom/drive.c).
+  // lib/base/drive.c).
   mouthMeans(out, n, mouth) {
     const { jaw, mean, fixed, dynamic, mouth: m } = this;
     const from = jaw ? this.chin : this.lip;

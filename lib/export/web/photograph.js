@@ -1,4 +1,4 @@
-// The photograph as texture, as lib/texture does it: the person cut out in
+// The photograph as texture, as lib/photo does it: the person cut out in
 // several sizes, and the affine view from a picture to the photograph.
 import {
   DataTexture, NearestFilter, RGBAFormat, UnsignedByteType,
@@ -60,7 +60,7 @@ export function personLevels(rgb, matte, back) {
   return levels;
 }
 
-// place_view_make of lib/texture/place.c: A (2,2) and b (2).
+// place_view_make of lib/photo/place.c: A (2,2) and b (2).
 export function placeView(source, cam) {
   const P = [0, 1, 2, 3].map((e) => [0, 1, 2].reduce((s, k) =>
     s + cam[4 * (e >> 1) + k] * source[4 * (e & 1) + k], 0));

@@ -89,7 +89,7 @@ in vec3 position;
 void main() { gl_Position = vec4(position.xy, 0.0, 1.0); }`;
 
 // Colours over the background, the photograph where places are sure
-// (lib/texture/texture.c).  span: pixels of the portrait window.
+// (lib/photo/texture.c).  span: pixels of the portrait window.
 export const pictureFragment = `
 precision highp float;
 uniform highp sampler2D colors, wheres, person, backdrop;
@@ -101,11 +101,11 @@ uniform vec4 placeA;
 uniform vec2 placeB;
 out vec4 color;
 
-/* As in lib/texture/lookup.h. */
+/* As in lib/photo/lookup.h. */
 const float LEAST = 0.004, JUMP = 1.5, LEAP = 6.0, SHARP = 0.55,
             STRETCHED = 0.12, SOFT = 86.0;
 
-/* Keys's weights, as in lib/texture/lookup_tmpl.c. */
+/* Keys's weights, as in lib/photo/lookup_tmpl.c. */
 vec4 weights(float t) {
   float t2 = t * t, t3 = t2 * t;
   return vec4(-0.75 * t3 + 1.5 * t2 - 0.75 * t, 1.25 * t3 - 2.25 * t2 + 1.0,

@@ -1,0 +1,137 @@
+/* spid-head: write the toolkit's own head model, a safetensors file with
+ * FLAME's arrays: sculpted from tables, or registered to ICT-FaceKit's scans;
+ * draw it, and compare it with those scans. */
+#include <stdio.h>
+#include <string.h>
+
+#include "cmd/cli.h"
+#include "cmd/options.h"
+#include "lib/lab/head/compare.h"
+#include "lib/lab/head/head_sheet.h"
+#include "lib/lab/head/register.h"
+#include "lib/lab/head/sculpt.h"
+#include "lib/lab/head/transfer.h"
+
+static const char *sheet, *from, *check, *head_path;
+static long size = 300, people = 100;
+
+static const struct cli_option options[] = {
+    OPTION_STRING("from", 0, &from, "SCANS",
+                  "register it to ICT-FaceKit's ict.safetensors"),
+    OPTION_STRING("check", 0, &check, "SCANS",
+                  "print how far a head is from random faces of the scans"),
+    OPTION_INT("people", 0, &people, 1, 10000, "N",
+               "how many faces --check draws"),
+    OPTION_HEAD(&head_path),
+    OPTION_STRING("sheet", 0, &sheet, "FILE",
+                  "also draw views, people and expressions (PNG)"),
+    OPTION_INT("size", 0, &size, 32, 1024, "N",
+               "pixels across one picture of the sheet"),
+    { 0 }
+};
+
+static const struct cli_usage usage = {
+    "spid-head",
+    "-o FILE [--from SCANS] [--check SCANS] [--people N] [--head FILE] "
+    "[--sheet FILE] [--size N] [-j N] [-m MODEL] [-q] [--stats FILE]",
+    "write the built-in head model", options
+};
+
+/* The head in memory: sculpted, then laid on the scans if there are any. */
+static void head_make_model(struct sculpt *s)
+{
+    struct error err = {0};
+    struct scan scan;
+    struct registration r;
+    double begun = stats_begin();
+
+    if (sculpt_make(s, &err))
+        die_error(&err);
+    stats_end("sculpt", begun);
+    if (!from)
+        return;
+    begun = stats_begin();
+    if (scan_load(&scan, from, &err) ||
+        registration_init(&r, s, &scan, &err))
+        die_error(&err);
+    stats_end("register", begun);
+    begun = stats_begin();
+    if (transfer_head(s, &r, &err))
+        die_error(&err);
+    stats_end("transfer", begun);
+    registration_release(&r);
+    scan_release(&scan);
+}
+
+static void head_write_model(const struct sculpt *s)
+{
+    struct error err = {0};
+
+    if (from ? sculpt_save_scans(s, cli.output, &err)
+             : sculpt_save(s, cli.output, &err))
+        die_error(&err);
+}
+
+/* The head that was made, or --head FILE's. */
+static void head_open_model(struct head *h, const struct sculpt *s)
+{
+    struct head_arrays a;
+    struct error err = {0};
+
+    sculpt_arrays(&a, s);
+    if (head_path ? head_load(h, head_path, &err) : head_init(h, &a, &err))
+        die_error(&err);
+}
+
+/* --check: a table of distances, for faces at rest and two shares of their
+ * expressions on. */
+static void head_compare_models(const struct head *h)
+{
+    static const double active[] = { 0, 0.1, 0.25 };
+    struct compare_part part[COMPARE_PARTS];
+    struct error err = {0};
+    struct scan scan;
+
+    if (scan_load(&scan, check, &err))
+        die_error(&err);
+    printf("faces\tactive\tpart\tvertices\tmean_mm\tp95_mm\tlargest_mm\n");
+    for (size_t i = 0; i < sizeof active / sizeof *active; i++) {
+        if (compare_faces(part, h, &scan, (int)people, active[i], 1, &err))
+            die_error(&err);
+        for (int k = 0; k < COMPARE_PARTS; k++)
+            printf("%ld\t%g\t%s\t%zu\t%.3f\t%.3f\t%.2f\n", people, active[i],
+                   part[k].name, part[k].n, part[k].mean, part[k].p95,
+                   part[k].worst);
+    }
+    scan_release(&scan);
+}
+
+int main(int argc, char **argv)
+{
+    struct error err = {0};
+    struct sculpt s = {0};
+    struct head h = {0};
+
+    if (cli_parse(&usage, argc, argv) < argc)
+        die(EX_USAGE, "operands are not taken");
+    int writes = strcmp(cli.output, "-") != 0;
+    if (!writes && !sheet && !check)
+        die(EX_USAGE, "no output file (expected -o FILE)");
+    if (head_path && (writes || from))
+        die(EX_USAGE, "--head is for --sheet and --check (expected no -o and "
+            "no --from)");
+    if (!head_path)
+        head_make_model(&s);
+    if (writes)
+        head_write_model(&s);
+    if (sheet || check)
+        head_open_model(&h, &s);
+    if (sheet && head_sheet(sheet, &h, (size_t)size, &err))
+        die_error(&err);
+    if (check)
+        head_compare_models(&h);
+    head_release(&h);
+    sculpt_release(&s);
+    stats_write();
+    return EX_OK;
+}

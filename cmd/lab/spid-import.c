@@ -1,0 +1,144 @@
+/* spid-import: other programs' checkpoints as safetensors, without Python. */
+#include <stdio.h>
+#include <string.h>
+
+#include "cmd/cli.h"
+#include "lib/lab/convert/convert.h"
+
+#define LINES 20            /* of one sort of problem that are printed */
+
+static const char *kind;
+static struct convert_options with;
+static bool list;
+
+static int import_parse_kind(const char *value, void *dest, struct error *err)
+{
+    for (size_t i = 0; convert_kinds[i]; i++)
+        if (!strcmp(value, convert_kinds[i])) {
+            *(const char **)dest = convert_kinds[i];
+            return 0;
+        }
+    return error_set(err, EX_USAGE, "not a kind (expected flame, dinov2, "
+                     "smirk, gagavatar, lpips, arcface, squeezenet, fan or "
+                     "model)");
+}
+
+static const struct cli_option options[] = {
+    OPTION_CALL("as", 0, &kind, "KIND", import_parse_kind,
+                "flame, dinov2, smirk, gagavatar, lpips, arcface, "
+                "squeezenet, fan or model"),
+    OPTION_STRING("eyelids", 0, &with.eyelids, "FILE",
+                  "flame: closing displacements, one file or LEFT,RIGHT"),
+    OPTION_STRING("landmarks", 0, &with.landmarks, "FILE",
+                  "flame: landmark embedding"),
+    OPTION_STRING("linear", 0, &with.linear, "FILE", "lpips: linear weights"),
+    OPTION_STRING("config", 0, &with.config, "FILE",
+                  "gagavatar: its configuration"),
+    OPTION_STRING("encoders", 0, &with.encoders, "MODEL",
+                  "gagavatar: take motion and shape encoder of this model"),
+    OPTION_STRING("head", 0, &with.head, "FILE",
+                  "gagavatar, model: move encoders to this head"),
+    OPTION_STRING("from-head", 0, &with.from_head, "FILE",
+                  "the head they were trained with"),
+    OPTION_FLAG("list", 0, &list,
+                "print name, type and shape of every tensor"),
+    { 0 }
+};
+
+static const struct cli_usage usage = {
+    "spid-import",
+    "FILE -o OUT [--as KIND] [--eyelids FILE] [--landmarks FILE]"
+    " [--linear FILE] [--config FILE] [--encoders MODEL] [--head FILE]"
+    " [--from-head FILE] [-j N] [-m MODEL] [-q] [--stats FILE]"
+    " | FILE --list",
+    "convert public checkpoints to safetensors", options
+};
+
+/* One line per tensor: name, type, shape; then what is none. */
+static void import_print_list(const struct tensorfile *f)
+{
+    size_t others = tensorfile_others(f);
+    const char *what;
+
+    for (size_t i = 0; i < tensorfile_count(f); i++) {
+        const struct tensorfile_tensor *t = tensorfile_at(f, i);
+
+        printf("%s\t%s\t[", t->name, st_dtype_name(t->dtype));
+        for (int k = 0; k < t->ndim; k++)
+            printf("%s%zu", k ? ", " : "", t->dim[k]);
+        printf("]\n");
+    }
+    for (size_t i = 0; i < others && i < TENSORFILE_NOTED; i++) {
+        const char *name = tensorfile_other(f, i, &what);
+
+        printf("# %s: %s\n", *name ? name : "(unnamed)", what);
+    }
+    if (others > TENSORFILE_NOTED)
+        printf("# and %zu more that are no tensors\n",
+               others - TENSORFILE_NOTED);
+}
+
+/* What of one sort the conversion noted. */
+static void import_print_problems(const struct convert *c, const char *path,
+                                  enum convert_problem what, const char *label)
+{
+    size_t n = 0;
+
+    for (size_t i = 0; i < c->problems; i++)
+        if (c->problem[i].what == what && n++ < LINES)
+            warn("%s: %s%s", path, label, c->problem[i].text);
+    if (n > LINES)
+        warn("%s: %sand %zu more", path, label, n - LINES);
+}
+
+/* Convert, tell what does not fit, and end the program unless all of the
+ * kind was there. */
+static void import_convert_file(struct convert *c, struct tensorfile *f,
+                                struct error *err)
+{
+    const char *path = tensorfile_path(f);
+
+    if (kind ? convert_as(c, f, kind, &with, err) : convert_all(c, f, err))
+        die_error(err);
+    import_print_problems(c, path, CONVERT_MISSING, "missing: ");
+    import_print_problems(c, path, CONVERT_SHAPE, "wrong shape: ");
+    import_print_problems(c, path, CONVERT_LEFT, "left over: ");
+    import_print_problems(c, path, CONVERT_REMARK, "");
+    if (c->wrong)
+        die(EX_DATAERR, "%s: not a whole %s: %zu tensors are missing or have "
+            "a wrong shape", path, kind, c->wrong);
+    if (!c->count)
+        die(EX_DATAERR, "%s: holds no tensors", path);
+}
+
+int main(int argc, char **argv)
+{
+    struct error err = {0};
+    struct convert c;
+    int first = cli_parse(&usage, argc, argv);
+
+    if (argc - first != 1)
+        die(EX_USAGE, "%d files are given (expected one)", argc - first);
+    if (!list && !strcmp(cli.output, "-"))
+        die(EX_USAGE, "no output file (expected -o FILE, or --list)");
+    double begun = stats_begin();
+    struct tensorfile *f = tensorfile_open(argv[first], &err);
+    if (!f)
+        die_error(&err);
+    stats_end("open", begun);
+    if (list) {
+        import_print_list(f);
+        if (fflush(stdout) || ferror(stdout))
+            die(EX_IOERR, "<stdout>: cannot write");
+    } else {
+        begun = stats_begin();
+        import_convert_file(&c, f, &err);
+        if (convert_save(&c, cli.output, &err))
+            die_error(&err);
+        stats_end("convert", begun);
+        convert_release(&c);
+    }
+    tensorfile_close(f);
+    stats_write();
+    return EX_OK;
+}

@@ -1,0 +1,273 @@
+/* spid-synth: synthetic people with their true parameters. */
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "cmd/options.h"
+#include "formats/framesink.h"
+#include "formats/image.h"
+#include "lib/head/mesh.h"
+#include "lib/head/motion.h"
+#include "lib/stream/shape.h"
+#include "lib/stream/imag.h"
+#include "lib/lab/people/scan.h"
+#include "lib/lab/people/sheet.h"
+#include "lib/lab/people/statistics.h"
+#include "lib/lab/people/synth.h"
+#include "lib/track/conf.h"
+
+static long people = 1, frames = 1, seed = 1, first, size = 512;
+static double fps = 25, effects = 1;
+static const char *head_path, *sheet_path, *assets_path;
+static bool statistics;
+static bool without_mesh;
+static enum framesink_format format = FRAMESINK_AUTO;
+
+/* --without: only meshes can be left out. */
+static int synth_parse_without(const char *value, void *dest, struct error *err)
+{
+    if (strcmp(value, "mesh"))
+        return error_set(err, EX_USAGE, "'%s' cannot be left out "
+                         "(expected mesh)", value);
+    *(bool *)dest = true;
+    return 0;
+}
+
+static const struct cli_option options[] = {
+    OPTION_INT("people", 'n', &people, 1, 1e9, "N",
+               "how many people (default 1)"),
+    OPTION_INT("frames", 0, &frames, 1, 1e9, "N",
+               "frames of each person (default 1)"),
+    OPTION_INT("seed", 's', &seed, 0, 9e15, "N",
+               "which people: the same seed, the same bytes (default 1)"),
+    OPTION_INT("first", 0, &first, 0, 1e9, "N",
+               "number of the first person (default 0)"),
+    OPTION_INT("size", 0, &size, SYNTH_SIZE_MIN, SYNTH_SIZE_MAX, "PIXELS",
+               "side of the picture (default 512)"),
+    OPTION_FLOAT("fps", 0, &fps, 0.01, 1000, "RATE",
+                 "frames per second of a person's time (default 25)"),
+    OPTION_FLOAT("effects", 0, &effects, 0, 1, "X",
+                 "what the camera adds: 0 nothing to 1 everything (default "
+                 "1)"),
+    OPTION_CALL("without", 0, &without_mesh, "mesh", synth_parse_without,
+                "leave out the MESH records"),
+    OPTION_CALL("format", 0, &format, "NAME", framesink_parse_format,
+                "stream, y4m, png, pam or mp4 instead of what -o's name says"),
+    OPTION_STRING("sheet", 0, &sheet_path, "FILE",
+                  "write a contact sheet (PNG) of people, expressions and "
+                  "lights"),
+    OPTION_FLAG("statistics", 0, &statistics,
+                "print mean and spread of every parameter instead"),
+    OPTION_STRING("assets", 0, &assets_path, "DIR",
+                  "people of scans under real light, from this folder"),
+    OPTION_HEAD(&head_path),
+    {0}
+};
+
+static const struct cli_usage usage = {
+    "spid-synth", "[-n N] [--frames N] [-s N] [--first N] [--size PIXELS] "
+    "[--fps RATE] [--effects X] [--without mesh] [--format NAME] "
+    "[--sheet FILE] [--statistics] [--assets DIR] [--head FILE] [-o FILE] "
+    "[-j N] [-m MODEL] [-q] [--stats FILE] [PICTURE ...]",
+    "make people: pictures with their true parameters", options
+};
+
+/* CONF: camera, units, seed, and which head. */
+static int synth_write_conf(struct stream_writer *w, const struct head *head,
+                            struct error *err)
+{
+    const struct conf conf = {.producer = "spid-synth", .head = head,
+                              .size = (size_t)size, .rate = fps,
+                              .seed = &seed};
+
+    return conf_write(w, &conf, err);
+}
+
+/* SHAP: a person's shape coefficients and number. */
+static int synth_write_person(struct stream_writer *w,
+                              const struct synth_frame *f, uint64_t number,
+                              struct error *err)
+{
+    int32_t who = (int32_t)f->person;
+    struct shape s = {.beta = f->beta, .n = f->nbeta, .person = &who};
+
+    return shape_write(w, number, (double)number / fps, &s, err);
+}
+
+/* MOTN, MESH and IMAG of one frame. */
+static int synth_write_frame(struct stream_writer *w, const struct head *head,
+                             const struct synth_frame *f, uint64_t number,
+                             struct error *err)
+{
+    const struct synth_motion *t = f->motion;
+    double time = (double)number / fps;
+    struct motion m = {0};
+    float cam[12];
+    struct array marks[2] = {
+        motion_landmarks(f->lmk),
+        motion_points(f->points, SYNTH_POINTS)
+    };
+    const struct imag picture = {
+        .height = (size_t)size, .width = (size_t)size, .rgb = f->rgb,
+        .mask = f->mask, .label = f->label, .alone = f->alone
+    };
+
+    memcpy(m.R, t->rot, sizeof m.R);
+    memcpy(m.t, t->trans, sizeof m.t);
+    memcpy(m.exp, t->exp, head->nexp * sizeof *m.exp);
+    memcpy(m.pose.jaw, t->jaw, sizeof m.pose.jaw);
+    memcpy(m.pose.lid, t->lid, sizeof m.pose.lid);
+    memcpy(m.pose.eye, t->eye, sizeof m.pose.eye);
+    memcpy(m.crop, f->crop, sizeof m.crop);
+    if (motion_write(w, number, time, &m, head->nexp, marks,
+                     f->points ? 2 : 1, err))
+        return -1;
+    motion_camera(cam, &m);
+    if (f->verts && mesh_write(w, number, time, head, f->verts, cam,
+                               number == 0, NULL, 0, err))
+        return -1;
+    return imag_write(w, number, time, &picture, err);
+}
+
+/* Frames into a stream with their truth, or as pictures alone. */
+static int synth_write_output(struct framesink *sink, const struct head *head,
+                              const struct synth_frame *f, uint64_t number,
+                              struct error *err)
+{
+    struct stream_writer *w = framesink_stream(sink);
+    struct framesink_frame picture = {
+        .width = (size_t)size, .height = (size_t)size, .channels = 3,
+        .rgb = f->rgb, .frame = number, .time = (double)number / fps
+    };
+
+    if (!w)
+        return framesink_write(sink, &picture, err);
+    if (number == 0 && synth_write_conf(w, head, err))
+        return -1;
+    if (f->frame == 0 && synth_write_person(w, f, number, err))
+        return -1;
+    return synth_write_frame(w, head, f, number, err);
+}
+
+/* A contact sheet as PNG. */
+static void synth_write_sheet(const struct head *head,
+                              struct synth_options *opt)
+{
+    struct error err = {0};
+    size_t w = SHEET_COLUMNS * (size_t)opt->size;
+    size_t h = SHEET_ROWS * (size_t)opt->size;
+    uint8_t *rgb = malloc(3 * w * h);
+
+    if (!rgb)
+        die(EX_OSERR, "no memory for a sheet of %zu x %zu pixels", w, h);
+    if (synth_sheet(rgb, head, opt, &err)
+        || image_write_png(sheet_path, rgb, w, h, 3, &err))
+        die_error(&err);
+    free(rgb);
+}
+
+/* The tables of --statistics; pictures to compare with, named by people. */
+static void synth_write_statistics(const struct head *head,
+                                   const struct synth_options *opt,
+                                   char **picture, int count)
+{
+    struct error err = {0};
+    struct picture_figures f;
+    struct image im;
+
+    synth_statistics(stdout, head, opt);
+    printf("\n");
+    picture_print(stdout, "picture", NULL);
+    if (synth_figures(&f, head, opt, &err))
+        die_error(&err);
+    picture_print(stdout, "people (mean)", &f);
+    for (int i = 0; i < count; i++) {
+        if (image_read(&im, picture[i], &err))
+            die_error(&err);
+        picture_figures(&f, im.rgb, (int)im.width, (int)im.height);
+        picture_print(stdout, picture[i], &f);
+        image_release(&im);
+    }
+    if (fflush(stdout) || ferror(stdout))
+        die(EX_IOERR, "standard output: %s", strerror(errno));
+}
+
+/* Every frame of opt into the sink. */
+static void synth_write_frames(const struct head *head,
+                               struct synth_options *opt)
+{
+    struct error err = {0};
+    struct synth_frame f;
+    uint64_t number = 0;
+    int rc;
+    struct framesink_options out = {
+        .path = cli.output, .format = format,
+        .rate_num = (int)lrint(fps * 1000), .rate_den = 1000
+    };
+    struct framesink *sink = framesink_open(&out, &err);
+
+    if (!sink)
+        die_error(&err);
+    opt->mesh = framesink_stream(sink) && !without_mesh;
+    struct synth *s = synth_open(head, opt, &err);
+    double begun = stats_begin();
+    while ((rc = s ? synth_next(s, &f, &err) : -1) > 0) {
+        stats_end("synth", begun);
+        if ((rc = synth_write_output(sink, head, &f, number, &err)))
+            break;
+        progress("frames", ++number, (size_t)(opt->people * opt->frames),
+                 NULL);
+        begun = stats_begin();
+    }
+    if (rc < 0) {
+        framesink_abandon(sink);
+        die_error(&err);
+    }
+    progress_end();
+    synth_close(s);
+    if (framesink_finish(sink, &err))
+        die_error(&err);
+}
+
+int main(int argc, char **argv)
+{
+    struct head head;
+
+    int operand = cli_parse(&usage, argc, argv);
+    if (operand < argc && !statistics)
+        die(EX_USAGE, "%s: nothing is read (expected no "
+            "operand without --statistics)",
+            argv[operand]);
+    struct error err = {0};
+    if (option_head_load(&head, head_path, &err))
+        die_error(&err);
+    if (head.nexp > HEAD_MAX_EXP || head.nexp > MOTION_EXP_MAX)
+        die(EX_DATAERR, "head has %zu expression directions (expected at "
+            "most %d)", head.nexp, HEAD_MAX_EXP);
+    struct synth_options opt = {
+        .seed = (uint64_t)seed, .first = (uint64_t)first,
+        .people = (uint64_t)people, .frames = (uint64_t)frames,
+        .size = (int)size, .fps = fps, .effects = (float)effects,
+        .threads = cli.threads
+    };
+    if (assets_path && (statistics || sheet_path))
+        die(EX_USAGE, "--assets does not go with --statistics or --sheet");
+    struct scan_assets *assets = assets_path
+        ? scan_open(assets_path, &head, cli.threads, &err) : NULL;
+    if (assets_path && !assets)
+        die_error(&err);
+    opt.assets = assets;
+    if (statistics) {
+        synth_write_statistics(&head, &opt, argv + operand, argc - operand);
+    } else if (sheet_path) {
+        synth_write_sheet(&head, &opt);
+    } else {
+        synth_write_frames(&head, &opt);
+    }
+    scan_close(assets);
+    head_release(&head);
+    stats_write();
+    return 0;
+}

@@ -1,0 +1,53 @@
+/* Buffers of one picture. */
+#include "lib/animate/canvas.h"
+
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "lib/photo/place.h"
+#include "lib/photo/texture.h"
+
+static int canvas_too_large(const struct canvas *c, struct error *err)
+{
+    return error_set(err, EX_OSERR, "no memory for %zu x %zu pixels", c->size,
+                     c->size);
+}
+
+int canvas_init(struct canvas *c, size_t size, size_t channels, bool half,
+                bool depth, struct error *err)
+{
+    const size_t pixels = size * size;
+
+    *c = (struct canvas){.size = size, .channels = channels};
+    if (half)                   /* 64-byte lines of 32 numbers */
+        c->half = aligned_alloc(64, (pixels * channels + 31) / 32 * 64);
+    else
+        c->image = malloc(pixels * channels * sizeof *c->image);
+    c->alpha = malloc(pixels * sizeof *c->alpha);
+    c->depth = depth ? malloc(pixels * sizeof *c->depth) : NULL;
+    return (c->image || c->half) && c->alpha && (!depth || c->depth)
+               ? 0 : canvas_too_large(c, err);
+}
+
+void canvas_release(struct canvas *c)
+{
+    free(c->image);
+    free(c->half);
+    free(c->alpha);
+    free(c->depth);
+    free(c->place);
+    free(c->photo);
+    memset(c, 0, sizeof *c);
+}
+
+int canvas_reserve(struct canvas *c, bool photo, struct error *err)
+{
+    const size_t pixels = c->size * c->size;
+
+    if (!c->place)
+        c->place = malloc(PLACE_CHANNELS * pixels * sizeof *c->place);
+    if (photo && !c->photo)
+        c->photo = malloc(TEXTURE_PHOTO * pixels * sizeof *c->photo);
+    return c->place && (!photo || c->photo) ? 0 : canvas_too_large(c, err);
+}

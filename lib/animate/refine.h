@@ -1,0 +1,93 @@
+/* Eq. SR on frames of a stream: from FEAT to the final picture, all of it or
+ * only where the head is. */
+#ifndef SPID_ANIMATE_REFINE_H
+#define SPID_ANIMATE_REFINE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "lib/base/error.h"
+#include "lib/net/model.h"
+#include "lib/net/refiner.h"
+#include "lib/nn/params.h"
+#include "lib/splat/types.h"
+
+#define REFINE_STEP 32         /* sides of what is refined are multiples */
+#define REFINE_MARGIN 24       /* pixels about the head that count too */
+
+/* One planned network for one size. */
+struct refine_plan {
+    struct params ps;
+    struct refiner net;
+    size_t height, width;       /* 0: none */
+};
+
+struct texture_field;
+
+struct refine {
+    const struct model *model;  /* borrowed */
+    enum nn_type type;
+    bool roi;
+    struct refine_plan plan;
+    size_t top, left;           /* of the part that is refined */
+    float *part, *out;          /* its features and colours */
+    size_t part_room, out_room;
+    size_t *start;              /* of packed features, the rows' places */
+    size_t start_room;
+    void *all;                  /* unpacked, where the network wants it */
+    size_t all_room;
+    const float *shown;         /* (height,width,5) the frame's photograph, or
+                                 * NULL */
+    float *photo, *photo_part;  /* unpacked; the part of it, or zeros */
+    size_t photo_room, photo_part_room;
+    float *field;               /* what is said of it, the whole picture's */
+    size_t field_room;
+    size_t plans;               /* how often a size was planned */
+};
+
+/* A feature image: f16 or f32 [height,width,channels], alpha [height,width]
+ * or NULL.  Or packed: only the pixels [pixels,channels] whose alpha is not 0,
+ * row after row. */
+struct refine_input {
+    size_t height, width, channels;
+    const float *f32;
+    const uint16_t *f16;        /* if f32 is NULL */
+    const float *alpha;
+    const float *turn;          /* (RELATIVE_POSE_SIZE), or NULL: none */
+    bool packed;
+    size_t pixels;
+    const float *photo;         /* (height,width,5), packed (pixels,5): what
+                                 * the photograph shows (lib/photo), or
+                                 * NULL */
+    const float *place;         /* (height,width,3) where it does, or NULL, */
+    struct splat_place_view view;       /* and the view to there */
+};
+
+/* Prepare the refiner of a model, which must stay open until refine_release.
+ * EX_CONFIG when it has none. */
+int refine_open(struct refine *r, const struct model *m, enum nn_type type,
+                bool roi, struct error *err);
+/* Free what it holds; zeroed then. */
+void refine_release(struct refine *r);
+
+/* rgb [height,width,3] from the features.  The network is planned at the
+ * first frame, and again when the size changes or the head outgrows the part
+ * (roi).  Outside the part the coarse colours stay.  EX_DATAERR when the
+ * channels are not the refiner's, or the packed pixels not as many as alpha
+ * covers. */
+int refine_frame(float *rgb, struct refine *r, const struct refine_input *in,
+                 struct error *err);
+
+/* What the network of the last refine_frame said of the photograph, for the
+ * whole picture: nothing outside the part; f->at NULL when it was shown none or
+ * says nothing.  Valid until the next frame.  EX_OSERR. */
+int refine_field(struct texture_field *f, struct refine *r,
+                 const struct refine_input *in, struct error *err);
+/* What the photograph of the last refine_frame shows over its rgb
+ * (height,width,3), and its matte into alpha (height,width), if there was one;
+ * then no more light in rgb than alpha lets through.  EX_OSERR. */
+int refine_photo(float *rgb, float *alpha, struct refine *r,
+                 const struct refine_input *in, struct error *err);
+
+#endif

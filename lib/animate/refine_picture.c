@@ -1,0 +1,124 @@
+/* From refined features to what leaves (refine_picture.h). */
+#include "lib/animate/refine_picture.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+int refine_picture_read_source(struct refine_picture *p,
+                               const struct record *srci, struct error *err)
+{
+    if (person_read_record(&p->person, srci, 0, err) < 0)
+        return -1;
+    texture_release(&p->texture);
+    return p->person.back
+         ? texture_init(&p->texture, p->person.rgb, p->person.matte,
+                        p->person.back, p->person.size, err) : 0;
+}
+
+int refine_picture_refine(struct refine_picture *p, struct refine *r,
+                          const struct refine_input *in, struct error *err)
+{
+    const size_t n = in->height * in->width;
+
+    if (n > p->room) {
+        free(p->rgb);
+        free(p->alpha);
+        p->room = n;
+        p->rgb = malloc(3 * n * sizeof *p->rgb);
+        p->alpha = malloc(n * sizeof *p->alpha);
+        if (!p->rgb || !p->alpha)
+            return error_set(err, EX_OSERR, "no memory for %zu x %zu pixels",
+                             in->width, in->height);
+    }
+    return refine_frame(p->rgb, r, in, err);
+}
+
+/* What is refined, enlarged, with the photograph at the larger size. */
+static int refine_picture_enlarge(struct refine_picture *p,
+                                  struct refine *r,
+                                  const struct refine_input *in,
+                                  struct error *err)
+{
+    struct zoom *z = &p->zoom;
+    const bool photo = in->place && p->texture.levels;
+    struct texture_field field;
+
+    if (in->height != in->width || in->height > p->size || !in->alpha)
+        return error_set(err, EX_DATAERR, "FEAT of %zu x %zu pixels%s "
+                         "(expected a square of at most --size=%zu, with "
+                         "alpha)", in->width, in->height,
+                         in->alpha ? "" : " without alpha", p->size);
+    if (z->from != in->width) {
+        zoom_release(z);
+        if (zoom_init(z, in->width, p->size, true, err))
+            return -1;
+    }
+    if (refine_field(&field, r, in, err))
+        return -1;
+    texture_clamp_to_alpha(p->rgb, 3, in->alpha, in->height * in->width);
+    zoom_picture(z, p->rgb, in->alpha, photo ? in->place : NULL, &in->view,
+                 &p->texture, &field);
+    p->height = p->width = z->to;
+    p->color = z->color;
+    p->coverage = z->alpha;
+    return 0;
+}
+
+int refine_picture_finish(struct refine_picture *p, struct refine *r,
+                          const struct refine_input *in, struct error *err)
+{
+    if (p->size && p->size != in->width)
+        return refine_picture_enlarge(p, r, in, err);
+    if (in->alpha) {
+        memcpy(p->alpha, in->alpha,
+               in->height * in->width * sizeof *p->alpha);
+        if (refine_photo(p->rgb, p->alpha, r, in, err))
+            return -1;
+    }
+    p->height = in->height;
+    p->width = in->width;
+    p->color = p->rgb;
+    p->coverage = in->alpha ? p->alpha : NULL;
+    return 0;
+}
+
+int refine_picture_compare(double *largest, double *db,
+                           const struct refine_picture *p,
+                           const struct refine *r,
+                           const struct refine_input *in, struct error *err)
+{
+    const size_t n = in->height * in->width * 3;
+    struct refine full = {0};
+    float *want = malloc(n * sizeof *want);
+    double square = 0;
+    int rc = want ? 0 : error_set(err, EX_OSERR, "no memory to compare");
+
+    if (rc == 0)
+        rc = refine_open(&full, r->model, NN_F32, false, err);
+    if (rc == 0)
+        rc = refine_frame(want, &full, in, err);
+    *largest = 0;
+    for (size_t i = 0; rc == 0 && i < n; i++) {
+        double a = fmin(1, fmax(0, want[i])), b = fmin(1, fmax(0, p->rgb[i]));
+
+        *largest = fmax(*largest, fabs(a - b));
+        square += (a - b) * (a - b);
+    }
+    square /= (double)n;
+    *db = square > 0 ? -10 * log10(square) : INFINITY;
+    refine_release(&full);
+    free(want);
+    return rc;
+}
+
+void refine_picture_release(struct refine_picture *p)
+{
+    zoom_release(&p->zoom);
+    texture_release(&p->texture);
+    person_release(&p->person);
+    free(p->rgb);
+    free(p->alpha);
+    memset(p, 0, sizeof *p);
+}

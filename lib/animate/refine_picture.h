@@ -1,0 +1,53 @@
+/* A frame's finished picture: refined, the photograph over it, and enlarged
+ * where a larger picture than the features' is asked for. */
+#ifndef SPID_ANIMATE_REFINE_PICTURE_H
+#define SPID_ANIMATE_REFINE_PICTURE_H
+
+#include <stddef.h>
+
+#include "lib/base/error.h"
+#include "lib/head/person.h"
+#include "lib/animate/refine.h"
+#include "lib/photo/texture.h"
+#include "lib/photo/zoom.h"
+
+struct refine_picture {
+    size_t size;                /* set by the caller: pixels a side; 0: as many
+                                 * as the features have */
+    struct person person;       /* whose photograph, from SRCI */
+    struct texture texture;     /* no levels: none */
+    struct zoom zoom;           /* to size */
+    float *rgb, *alpha;         /* (height,width,3), (height,width) of the
+                                 * features */
+    size_t room;                /* pixels in them */
+    /* the picture, until the next one: */
+    size_t height, width;
+    const float *color;         /* (height,width,3) premultiplied */
+    const float *coverage;      /* (height,width), or NULL: opaque */
+};
+
+/* Take the photograph that places are places of; a record without one takes
+ * the last away. */
+int refine_picture_read_source(struct refine_picture *p,
+                               const struct record *srci, struct error *err);
+
+/* Room for a frame, and r's refined colours into p->rgb. */
+int refine_picture_refine(struct refine_picture *p, struct refine *r,
+                          const struct refine_input *in, struct error *err);
+
+/* p->color and p->coverage from them.  EX_DATAERR when features that are to be
+ * enlarged are not square, too large already, or have no alpha. */
+int refine_picture_finish(struct refine_picture *p, struct refine *r,
+                          const struct refine_input *in, struct error *err);
+
+/* Largest error and its dB against all of the frame refined in float, before
+ * the photograph; -1: that could not be done. */
+int refine_picture_compare(double *largest, double *db,
+                           const struct refine_picture *p,
+                           const struct refine *r,
+                           const struct refine_input *in, struct error *err);
+
+/* Free what it holds; zeroed then. */
+void refine_picture_release(struct refine_picture *p);
+
+#endif

@@ -1,0 +1,33 @@
+/* A FEAT record's arrays as the refiner takes them. */
+#include "lib/animate/refine_record.h"
+
+#include <string.h>
+
+#include "lib/base/relative_pose.h"
+#include "lib/stream/feat.h"
+#include "lib/photo/place.h"
+#include "lib/photo/texture.h"
+
+_Static_assert(FEAT_PHOTO == TEXTURE_PHOTO && FEAT_PLACE == PLACE_CHANNELS &&
+               FEAT_TURN == RELATIVE_POSE_SIZE,
+               "FEAT holds what the texture and the refiner take");
+
+int refine_read_record(struct refine_input *in, const struct record *rec,
+                       struct error *err)
+{
+    struct feat f;
+
+    if (feat_read(&f, rec, err))
+        return -1;
+    *in = (struct refine_input){
+        .height = f.height, .width = f.width, .channels = f.channels,
+        .f32 = f.f32, .f16 = f.f16, .alpha = f.alpha, .turn = f.turn,
+        .packed = f.packed, .pixels = f.pixels, .photo = f.photo,
+        .place = f.place
+    };
+    if (f.place) {
+        memcpy(in->view.A, f.map, sizeof in->view.A);
+        memcpy(in->view.b, f.map + 4, sizeof in->view.b);
+    }
+    return 0;
+}

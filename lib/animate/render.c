@@ -1,0 +1,233 @@
+/* The scene drawn record by record. */
+#include "lib/animate/render.h"
+
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "lib/base/camera.h"
+#include "lib/base/relative_pose.h"
+#include "lib/splat/reference.h"
+#include "lib/splat/splat.h"
+#include "lib/photo/place.h"
+
+int render_init(struct render *r, const struct render_options *opt,
+                struct framesink *sink, struct error *err)
+{
+    const size_t size = (size_t)opt->splat.width;
+    const size_t C = (size_t)opt->splat.channels;
+    const bool half = opt->features && opt->half && !opt->exact;
+
+    *r = (struct render){.opt = *opt, .sink = sink};
+    if (splat_init(&r->splat, &opt->splat, err))
+        return -1;
+    if (opt->exact &&
+        !(r->wide = malloc(size * size * (C + 2) * sizeof *r->wide)))
+        return error_set(err, EX_OSERR, "no memory for %zu x %zu pixels",
+                         size, size);
+    if (canvas_init(&r->canvas, size, C, half, opt->splat.depth, err))
+        return -1;
+    return opt->features ? canvas_init(&r->other, size, C, half,
+                                       opt->splat.depth, err) : 0;
+}
+
+void render_release(struct render *r)
+{
+    scene_release(&r->scene);
+    splat_release(&r->splat);
+    canvas_release(&r->canvas);
+    canvas_release(&r->other);
+    free(r->wide);
+    texture_release(&r->texture);
+    person_release(&r->person);
+}
+
+/* The truth: no cut-offs, in double. */
+static int render_exact(struct render *r, const struct splat_camera *cam,
+                        struct error *err)
+{
+    const int size = r->opt.splat.width, channels = r->opt.splat.channels;
+    const size_t pixels = (size_t)size * (size_t)size, C = (size_t)channels;
+    double *alpha = r->wide + pixels * C, *depth = alpha + pixels;
+    struct reference t;
+
+    if (r->scene.g.channels < channels)
+        return error_set(err, EX_DATAERR, "color has %d channels (expected "
+                         "at least %d)", r->scene.g.channels, channels);
+    if (reference_init(&t, &r->scene.g, cam, size, size, channels,
+                       SPLAT_EXACT, r->opt.splat.branches, err))
+        return -1;
+    int rc = reference_forward(r->wide, alpha, depth, NULL, &t, err);
+
+    reference_release(&t);
+    for (size_t i = 0; i < pixels * C; i++)
+        r->canvas.image[i] = (float)r->wide[i];
+    for (size_t p = 0; p < pixels; p++) {
+        r->canvas.alpha[p] = (float)alpha[p];
+        if (r->canvas.depth)
+            r->canvas.depth[p] = (float)depth[p];
+    }
+    return rc;
+}
+
+/* Whether the pictures show the photograph. */
+static bool render_shows_photo(const struct render *r)
+{
+    return r->texture.levels && r->scene.uv && r->opt.splat.place;
+}
+
+/* Eq. C, and the photograph over it; for a refiner, beside it. */
+static int render_fast(struct render *r, const struct splat_camera *cam,
+                       struct error *err)
+{
+    struct canvas *c = &r->canvas;
+    struct splat_place_view *v = &c->view;
+    const bool photo = render_shows_photo(r);
+
+    if (photo && canvas_reserve(c, r->opt.features, err))
+        return -1;
+    place_view_make(v, r->scene.view, cam->rt);
+    for (int i = 0; i < 4; i++)         /* of a picture with this focal's */
+        v->A[i] *= CAMERA_FOCAL / r->opt.focal;
+    if (splat_draw(&r->splat, &(struct splat_pictures){
+            .image = c->image, .half = c->half, .alpha = c->alpha,
+            .depth = c->depth, .place = photo ? c->place : NULL
+        }, cam, v, NULL, err))
+        return -1;
+    if (photo && r->opt.features)
+        texture_lookup(c->photo, &r->texture, v, c->place, c->alpha, c->size);
+    else if (photo)
+        texture_apply(c->image, c->channels, c->alpha, &r->texture, v,
+                      c->place, c->size);
+    return 0;
+}
+
+/* The stream's camera: the last, or the source's own of an avatar that
+ * nothing has moved; NULL: none so far. */
+static const float *render_camera(const struct render *r)
+{
+    return r->scene.has_cam ? r->scene.cam
+                            : r->scene.uv ? r->scene.view : NULL;
+}
+
+/* What the canvas shows, as it is written. */
+static struct framesink_frame render_frame(const struct render *r,
+                                           uint64_t frame, double time)
+{
+    const struct canvas *c = &r->canvas;
+    struct framesink_frame f = {
+        .width = c->size, .height = c->size, .channels = (int)c->channels,
+        .color = c->image, .half = c->half, .alpha = c->alpha,
+        .depth = c->depth, .frame = frame, .time = time,
+        .photo = r->opt.features && render_shows_photo(r) ? c->photo : NULL};
+
+    if (f.photo && r->opt.places) {
+        f.place = c->place;
+        memcpy(f.map, c->view.A, sizeof c->view.A);
+        memcpy(f.map + 4, c->view.b, sizeof c->view.b);
+    }
+    /* of the stream's camera: another one goes round head and light */
+    f.turned = r->scene.has_source && render_camera(r);
+    if (f.turned)
+        relative_pose(f.turn, r->scene.source, r->scene.light,
+                      render_camera(r));
+    return f;
+}
+
+/* Send a picture on its way, and draw into the other canvas from now on. */
+static int render_write(struct render *r, const struct framesink_frame *f,
+                        struct error *err)
+{
+    const struct canvas drawn = r->canvas;
+
+    if (async_write_wait(&r->writing, err))
+        return -1;
+    if (!r->opt.features || !async_write_start(&r->writing, r->sink, f))
+        return framesink_write(r->sink, f, err);
+    r->canvas = r->other;
+    r->other = drawn;
+    return 0;
+}
+
+/* A picture of the scene as it is. */
+static int render_draw(struct render *r, uint64_t frame, double time,
+                       struct error *err)
+{
+    const float *rt = r->opt.camera ? r->opt.camera : render_camera(r);
+
+    r->pending = false;
+    if (!rt)
+        return error_set(err, EX_DATAERR, "no camera so far (expected cam in "
+                         "GAUS or GMOV, or --camera)");
+    const struct splat_camera cam =
+        splat_camera_square(rt, r->opt.splat.width, r->opt.focal);
+    double begun = r->opt.begin();
+    int rc = r->opt.exact ? render_exact(r, &cam, err)
+                          : render_fast(r, &cam, err);
+
+    r->opt.end("splat", begun);
+    if (rc)
+        return rc;
+    const struct framesink_frame f = render_frame(r, frame, time);
+
+    return render_write(r, &f, err);
+}
+
+static int render_flush(struct render *r, struct error *err)
+{
+    return r->pending ? render_draw(r, r->frame, r->time, err) : 0;
+}
+
+/* The photograph that places are places of. */
+static int render_photo(struct render *r, const struct record *rec,
+                        struct error *err)
+{
+    if (person_read_record(&r->person, rec, 0, err) < 0)
+        return -1;
+    texture_release(&r->texture);
+    return r->person.back
+         ? texture_init(&r->texture, r->person.rgb, r->person.matte,
+                        r->person.back, r->person.size, err) : 0;
+}
+
+/* A record that moves nothing. */
+static int render_pass(struct render *r, const struct record *rec,
+                       struct error *err)
+{
+    struct stream_writer *out = framesink_stream(r->sink);
+
+    /* from here on the sink is ours alone */
+    if (async_write_wait(&r->writing, err))
+        return -1;
+    if (record_is(rec, RECORD_SRCI) && r->opt.splat.place &&
+        render_photo(r, rec, err))
+        return -1;
+    if (record_is(rec, RECORD_CONF))
+        framesink_read_conf(r->sink, rec);
+    return out ? stream_copy(out, rec, err) : 0;
+}
+
+int render_record(struct render *r, const struct record *rec, struct error *err)
+{
+    if (record_is(rec, RECORD_GAUS) && render_flush(r, err))
+        return -1;
+    int change = scene_apply(&r->scene, rec, err);
+
+    if (change < 0 || scene_to_splat(&r->splat, &r->scene,
+                                     (enum scene_change)change, err))
+        return -1;
+    if (change == SCENE_LOADED && !record_find(rec, "cam")) {
+        r->pending = true;
+        r->frame = rec->frame;
+        r->time = rec->time;
+        return 0;
+    }
+    return change == SCENE_NONE ? render_pass(r, rec, err)
+                                : render_draw(r, rec->frame, rec->time, err);
+}
+
+int render_finish(struct render *r, struct error *err)
+{
+    return render_flush(r, err) || async_write_wait(&r->writing, err) ? -1
+                                                                      : 0;
+}

@@ -1,0 +1,586 @@
+/* Square crops of pictures, bilinear and area-averaged, with the gradients
+ * that track the crop; windows and crops from boxes, landmarks and text. */
+#include "lib/base/crop.h"
+
+#include <assert.h>
+#include <math.h>
+#include <omp.h>
+#include <stdbool.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "lib/base/cpu.h"
+#include "lib/base/crop_kernel.h"
+
+/* ---- which square ----------------------------------------------------- */
+
+struct square crop_from_landmarks(const float *xy, size_t n)
+{
+    float lo[2] = {xy[0], xy[1]}, hi[2] = {xy[0], xy[1]};
+
+    for (size_t i = 1; i < n; i++)
+        for (int k = 0; k < 2; k++) {
+            lo[k] = fminf(lo[k], xy[2 * i + k]);
+            hi[k] = fmaxf(hi[k], xy[2 * i + k]);
+        }
+    return (struct square){
+        (lo[0] + hi[0]) / 2.0, (lo[1] + hi[1]) / 2.0,
+        CROP_GROW * fmax(hi[0] - lo[0], hi[1] - lo[1])
+    };
+}
+
+/* The detector's box runs from the middle of the forehead to below the lips;
+ * the landmarks from the brows to the chin, which is as wide as 0.86 of it
+ * and sits lower by 0.14. */
+#define DETECTION_SIDE (CROP_GROW * 0.86)
+#define DETECTION_DOWN 0.14
+
+struct square crop_from_detection(struct square face)
+{
+    return (struct square){
+        face.x, face.y + DETECTION_DOWN * face.size,
+        DETECTION_SIDE * face.size
+    };
+}
+
+struct square window_from_crop(struct square crop)
+{
+    double face = crop.size / DETECTION_SIDE;
+
+    return (struct square){
+        crop.x, crop.y - DETECTION_DOWN * face, CROP_WINDOW * face
+    };
+}
+
+struct square square_into(struct square q, struct square window, double S)
+{
+    const double k = S / window.size;
+
+    return (struct square){
+        (q.x - window.x) * k + S / 2, (q.y - window.y) * k + S / 2,
+        q.size * k
+    };
+}
+
+struct square square_out_of(struct square q, struct square window, double S)
+{
+    const double k = window.size / S;
+
+    return (struct square){
+        (q.x - S / 2) * k + window.x, (q.y - S / 2) * k + window.y,
+        q.size * k
+    };
+}
+
+void square_inside(uint8_t *inside, size_t n, size_t W, size_t H,
+                   struct square q)
+{
+    const double k = q.size / (double)n;
+    const double x0 = q.x - q.size / 2, y0 = q.y - q.size / 2;
+
+    for (size_t y = 0; y < n; y++)
+        for (size_t x = 0; x < n; x++) {
+            double u = x0 + ((double)x + 0.5) * k;
+            double v = y0 + ((double)y + 0.5) * k;
+            *inside++ = u >= 0 && v >= 0 && u < (double)W && v < (double)H
+                ? 255 : 0;
+        }
+}
+
+/* ---- what the network's translation means ----------------------------- */
+
+/* The networks see the crop as if it were a whole picture of S pixels with
+ * focal length f, taken by a camera in front of them: a point X = R x of the
+ * head lands at  u' = S/2 + f (X + t'_x) / (Z + t'_z)  of that picture.  In
+ * the portrait window, of which the crop is the square of side w about c, the
+ * same pixel is  u = c + (u' - S/2) w / S.  With s = S / w and d = c - S/2,
+ *
+ *     u - S/2 = d + (f / s) (X + t'_x) / (Z + t'_z).
+ *
+ * The window's own camera says  u - S/2 = f (X + t_x) / (Z + t_z).  Both agree
+ * for the head's origin's depth (Z = 0) and every X when
+ *
+ *     t_z = s t'_z,     t_x = t'_x + d t_z / f,     and y alike.
+ *
+ * Neglected: (1) Z against t_z is scaled by s in one and not in the other, so
+ * the perspective of a crop's picture is that of a head at t'_z, not t_z: a
+ * change of relative depth of order Z (1/t_z - 1/t'_z), under 0.04 for a head
+ * of half-depth 0.5 between t_z = 12 and t'_z = 7; (2) R is as seen along
+ * the crop's axis: off the window's axis by the angle atan(d / f), at most 5
+ * degrees at the window's edge (d = S/2, f = 6 S), which is what the rotation
+ * of the same picture of a head is wrong by. */
+void crop_translation(double t[3], const double tnet[3], struct square crop,
+                      double S, double focal)
+{
+    t[2] = S / crop.size * tnet[2];
+    t[0] = tnet[0] + (crop.x - S / 2) * t[2] / focal;
+    t[1] = tnet[1] + (crop.y - S / 2) * t[2] / focal;
+}
+
+void crop_translation_inverse(double tnet[3], const double t[3],
+                              struct square crop, double S, double focal)
+{
+    tnet[0] = t[0] - (crop.x - S / 2) * t[2] / focal;
+    tnet[1] = t[1] - (crop.y - S / 2) * t[2] / focal;
+    tnet[2] = t[2] * crop.size / S;
+}
+
+void crop_translation_backward(double gtnet[3], double gcrop[3],
+                               const double gt[3], const double tnet[3],
+                               struct square crop, double S, double focal)
+{
+    const double tz = S / crop.size * tnet[2];
+
+    /* in the forward pass this was: t_xy = t'_xy + d t_z / f */
+    const double gz = gt[2] + gt[0] * (crop.x - S / 2) / focal
+                      + gt[1] * (crop.y - S / 2) / focal;
+
+    gtnet[0] += gt[0];
+    gtnet[1] += gt[1];
+    gtnet[2] += gz * S / crop.size;
+    gcrop[0] += gt[0] * tz / focal;
+    gcrop[1] += gt[1] * tz / focal;
+    gcrop[2] -= gz * tz / crop.size;
+}
+
+/* ---- sampling --------------------------------------------------------- */
+
+/* Index coordinate of output pixel i of n: pixel centres lie at integers. */
+static double crop_sample_place(double centre, double size, size_t i, size_t n)
+{
+    return centre + (((double)i + 0.5) / (double)n - 0.5) * size - 0.5;
+}
+
+/* Lower index and weight of the next for coordinate p among n samples; -2
+ * when neither is inside. */
+static ptrdiff_t crop_sample_lower(double p, size_t n, float *w)
+{
+    double f = floor(p);
+
+    *w = (float)(p - f);
+    if (!(f >= -1 && f < (double)n)) {
+        *w = 0;
+        return -2;
+    }
+    return (ptrdiff_t)f;
+}
+
+/* One pixel, four taps, black outside. */
+static void crop_sample_pixel(double *out, const float *f, const uint8_t *u,
+                              size_t W, size_t H, size_t stride, ptrdiff_t x,
+                              ptrdiff_t y, double wx, double wy)
+{
+    out[0] = out[1] = out[2] = 0;
+    for (int k = 0; k < 4; k++) {
+        ptrdiff_t px = x + (k & 1), py = y + (k >> 1);
+        double w = (k & 1 ? wx : 1 - wx) * (k & 2 ? wy : 1 - wy);
+
+        if (px < 0 || py < 0 || px >= (ptrdiff_t)W || py >= (ptrdiff_t)H)
+            continue;
+        for (int c = 0; c < 3; c++)
+            out[c] += w * (u ? u[(size_t)py * stride + 3 * (size_t)px
+                                 + (size_t)c] / 255.0
+                             : f[((size_t)py * W + (size_t)px) * 3
+                                 + (size_t)c]);
+    }
+}
+
+/* The plain version of crop_sample. */
+static void crop_sample_plain(float *out, size_t n, const float *f,
+                              const uint8_t *u, size_t W, size_t H,
+                              size_t stride, struct square q)
+{
+    for (size_t i = 0; i < n; i++) {
+        float wy;
+        ptrdiff_t y = crop_sample_lower(crop_sample_place(q.y, q.size, i, n), H,
+                                        &wy);
+
+        for (size_t j = 0; j < n; j++, out += 3) {
+            double p[3];
+            float wx;
+            ptrdiff_t x = crop_sample_lower(crop_sample_place(q.x, q.size, j,
+                                                              n), W, &wx);
+
+            crop_sample_pixel(p, f, u, W, H, stride, x, y, wx, wy);
+            for (int c = 0; c < 3; c++)
+                out[c] = (float)p[c];
+        }
+    }
+}
+
+void crop_sample(float *out, size_t n, const float *rgb, size_t W, size_t H,
+                 struct square q)
+{
+    crop_sample_plain(out, n, rgb, NULL, W, H, 0, q);
+}
+
+void crop_sample_ref(double *out, size_t n, const double *rgb, size_t W,
+                     size_t H, struct square q)
+{
+    for (size_t i = 0; i < n; i++)
+        for (size_t j = 0; j < n; j++, out += 3) {
+            double px = crop_sample_place(q.x, q.size, j, n);
+            double py = crop_sample_place(q.y, q.size, i, n);
+
+            for (int c = 0; c < 3; c++) {
+                double v = 0;
+
+                for (int k = 0; k < 4; k++) {
+                    double x = floor(px) + (k & 1), y = floor(py) + (k >> 1);
+                    double w = (1 - fabs(px - x)) * (1 - fabs(py - y));
+
+                    if (x >= 0 && y >= 0 && x < (double)W && y < (double)H)
+                        v += w * rgb[((size_t)y * W + (size_t)x) * 3
+                                     + (size_t)c];
+                }
+                out[c] = v;
+            }
+        }
+}
+
+/* in the forward pass this was: v = sum of w(x, y) rgb[tap] */
+void crop_sample_backward(float *grgb, double gq[3], const float *gout,
+                          size_t n, const float *rgb, size_t W, size_t H,
+                          struct square q)
+{
+    double sum[3] = {0};
+
+    for (size_t i = 0; i < n; i++) {
+        float wy, wx;
+        ptrdiff_t y = crop_sample_lower(crop_sample_place(q.y, q.size, i, n), H,
+                                        &wy);
+        double v = ((double)i + 0.5) / (double)n - 0.5;
+
+        for (size_t j = 0; j < n; j++, gout += 3) {
+            ptrdiff_t x = crop_sample_lower(crop_sample_place(q.x, q.size, j,
+                                                              n), W, &wx);
+            double u = ((double)j + 0.5) / (double)n - 0.5, dx = 0, dy = 0;
+
+            for (int k = 0; k < 4; k++) {
+                ptrdiff_t px = x + (k & 1), py = y + (k >> 1);
+                double ax = k & 1 ? wx : 1 - wx, ay = k & 2 ? wy : 1 - wy;
+                size_t at;
+
+                if (px < 0 || py < 0 || px >= (ptrdiff_t)W
+                    || py >= (ptrdiff_t)H)
+                    continue;
+                at = ((size_t)py * W + (size_t)px) * 3;
+                for (int c = 0; c < 3; c++) {
+                    double g = gout[c], t = g * rgb[at + (size_t)c];
+
+                    if (grgb)
+                        grgb[at + (size_t)c] += (float)(ax * ay * g);
+                    dx += k & 1 ? ay * t : -ay * t;
+                    dy += k & 2 ? ax * t : -ax * t;
+                }
+            }
+            sum[0] += dx;
+            sum[1] += dy;
+            sum[2] += dx * u + dy * v;
+        }
+    }
+    for (int k = 0; k < 3 && gq; k++)
+        gq[k] += sum[k];
+}
+
+/* ---- the fast one ----------------------------------------------------- */
+
+struct kernels {
+    crop_blend_fn *blend;
+    crop_gather_fn *gather;
+    crop_halve_fn *halve;
+    crop_widen_fn *widen;
+    crop_round_fn *round;
+};
+
+#define KERNELS(isa) { \
+    crop_blend_##isa, crop_gather_##isa, crop_halve_##isa, crop_widen_##isa, \
+    crop_round_##isa \
+}
+
+/* The versions for this processor. */
+static const struct kernels *crop_kernels(void)
+{
+    static const struct kernels baseline = KERNELS(baseline);
+#ifdef SPID_X86
+    static const struct kernels avx2 = KERNELS(avx2);
+    static const struct kernels avx512 = KERNELS(avx512);
+#endif
+
+    return CPU_PICK(&baseline, &avx2, &avx512);
+}
+
+#define SPAN 1024              /* picture columns of the fast path */
+#define SIDE 512               /* output columns of the fast path */
+
+/* Columns of the crop: where they start in a row buffer that begins at
+ * picture column x0 - 1 of which inside is [x0, x1). */
+struct columns {
+    size_t x0, x1;
+    int32_t at[SIDE];
+    float w[SIDE];
+};
+
+/* 0, or -1 when the crop is too wide for the buffers. */
+static int crop_find_columns(struct columns *c, size_t n, size_t W,
+                             struct square q)
+{
+    double first = floor(crop_sample_place(q.x, q.size, 0, n));
+    double last = floor(crop_sample_place(q.x, q.size, n - 1, n)) + 1;
+
+    if (n > SIDE || !(last - first < SPAN - 4) || !(first > -1e8)
+        || !(last < 1e8))
+        return -1;
+    for (size_t j = 0; j < n; j++) {
+        double p = crop_sample_place(q.x, q.size, j, n), f = floor(p);
+
+        c->at[j] = (int32_t)(f - first) * 3;
+        c->w[j] = (float)(p - f);
+    }
+    first = first < 0 ? 0 : first > (double)W ? (double)W : first;
+    last = last + 1 < 0 ? 0 : last + 1 > (double)W ? (double)W : last + 1;
+    c->x0 = (size_t)first;
+    c->x1 = last > first ? (size_t)last : c->x0;
+    return 0;
+}
+
+void crop_sample_u8(float *out, size_t n, const uint8_t *rgb, size_t W,
+                    size_t H, size_t stride, struct square q)
+{
+    static const uint8_t black[3 * SPAN];
+    const struct kernels *k = crop_kernels();
+    struct columns c;
+    float row[3 * SPAN + 8] = {0}, line[3 * SIDE + 4];
+    double left;
+    size_t skip;
+
+    if (n == 0)
+        return;
+    if (crop_find_columns(&c, n, W, q) != 0) {
+        crop_sample_plain(out, n, NULL, rgb, W, H, stride, q);
+        return;
+    }
+    left = floor(crop_sample_place(q.x, q.size, 0, n));
+    skip = left < 0 ? (size_t)-left : 0;   /* black columns before the first */
+    for (size_t i = 0; i < n; i++, out += 3 * n) {
+        float wy;
+        ptrdiff_t y = crop_sample_lower(crop_sample_place(q.y, q.size, i, n), H,
+                                        &wy);
+        const uint8_t *a = y >= 0 ? rgb + (size_t)y * stride + 3 * c.x0
+                                  : black;
+        const uint8_t *b = y >= -1 && y + 1 < (ptrdiff_t)H
+            ? rgb + (size_t)(y + 1) * stride + 3 * c.x0 : black;
+
+        if (c.x1 > c.x0)
+            k->blend(row + 3 * skip, a, b, wy, 3 * (c.x1 - c.x0));
+        k->gather(line, row, c.at, c.w, n);
+        memcpy(out, line, 3 * n * sizeof *out);
+    }
+}
+
+void crop_halve(uint8_t *out, const uint8_t *rgb, size_t W, size_t H,
+                size_t stride)
+{
+    for (size_t y = 0; y < H / 2; y++)
+        crop_kernels()->halve(out + y * (W / 2) * 3, rgb + 2 * y * stride,
+                              rgb + (2 * y + 1) * stride, W / 2);
+}
+
+/* ---- resizing a square to 8 bits -------------------------------------- */
+
+/* What one output pixel takes along an axis: a triangle, antialiased. */
+struct filter {
+    size_t lo, count;          /* input samples inside the picture */
+    float w[];                 /* of each; they sum to 1 */
+};
+
+/* Filter of output i; room for `most` weights.  None where its middle lies
+ * outside the picture, as square_inside has it: what is inside takes nothing
+ * of the black about it, or a window larger than the picture shows a frame. */
+static void crop_filter_make(struct filter *f, double centre, double size,
+                             size_t i, size_t n, size_t in, size_t most)
+{
+    const double s = size / (double)n, support = s > 1 ? s : 1;
+    const double p = crop_sample_place(centre, size, i, n);
+    const double first = fmax(ceil(p - support), 0);
+    double sum = 0;
+    size_t m = 0;
+
+    f->lo = (size_t)fmin(first, (double)in);
+    f->count = 0;
+    if (p < -0.5 || p >= (double)in - 0.5)
+        return;
+    for (double j = first; j < p + support && j < (double)in && m < most;
+         j++) {
+        f->w[m] = (float)fmax(0, 1 - fabs(j - p) / support);
+        sum += (double)f->w[m++];
+    }
+    for (size_t k = 0; k < m; k++)
+        f->w[k] = (float)((double)f->w[k] / sum);
+    f->count = m;
+}
+
+typedef float v4f __attribute__((vector_size(16)));
+
+/* A resizing: an n x n picture of C channels, and the filters, of `bytes`
+ * each, that make it: n across and n down.  Those across take samples from to
+ * end of a picture's row. */
+struct resizing {
+    size_t n, C, bytes, from, end;
+    const char *fx, *fy;
+    void *filters;              /* all of them */
+};
+
+/* Filter i of an axis's. */
+static const struct filter *crop_filter_at(const struct resizing *r,
+                                           const char *axis, size_t i)
+{
+    return (const void *)(axis + i * r->bytes);
+}
+
+/* One row (floats of samples r->from to r->end, and one more) under an
+ * antialiasing filter for each output pixel, of C channels; out has room for 3
+ * floats more. */
+static inline void crop_filter_pixels(float *out, const float *row,
+                                      const struct resizing *r, size_t C)
+{
+    for (size_t j = 0; j < r->n; j++, out += C) {
+        const struct filter *f = crop_filter_at(r, r->fx, j);
+        const float *p = row + (f->lo - r->from) * C;
+        v4f v = {0}, in;
+
+        for (size_t k = 0; k < f->count; k++, p += C) {
+            memcpy(&in, p, sizeof in);
+            v += f->w[k] * in;
+        }
+        memcpy(out, &v, sizeof v);      /* what is too much is overwritten */
+    }
+}
+
+/* The same of bytes, by way of floats in wide, with a number of channels that
+ * the compiler knows. */
+static void crop_filter_row(float *out, float *wide, const uint8_t *row,
+                            const struct resizing *r)
+{
+    crop_kernels()->widen(wide, row + r->from * r->C,
+                          (r->end - r->from) * r->C);
+    if (r->C == 3)
+        crop_filter_pixels(out, wide, r, 3);
+    else if (r->C == 1)
+        crop_filter_pixels(out, wide, r, 1);
+    else
+        crop_filter_pixels(out, wide, r, r->C);
+}
+
+/* acc (n) += w row. */
+static void crop_filter_add(float *acc, const float *row, float w, size_t n)
+{
+    size_t k = 0;
+
+    for (; k + 4 <= n; k += 4) {
+        v4f a, r;
+
+        memcpy(&a, acc + k, sizeof a);
+        memcpy(&r, row + k, sizeof r);
+        a += w * r;
+        memcpy(acc + k, &a, sizeof a);
+    }
+    for (; k < n; k++)
+        acc[k] += w * row[k];
+}
+
+/* Rows first to end of acc (n,n,C) from the picture, each of whose rows is
+ * filtered once, into row (n,C and 3 more), and added to the rows that it
+ * reaches. */
+static void crop_filter_rows(float *acc, float *row, float *wide,
+                             const uint8_t *rgb, size_t H, size_t stride,
+                             const struct resizing *r, size_t first,
+                             size_t end)
+{
+    const size_t line = r->n * r->C;        /* first: may still take */
+
+    for (size_t y = crop_filter_at(r, r->fy, first)->lo; y < H && first < end;
+         y++) {
+        bool filtered = false;
+
+        for (size_t i = first; i < end; i++) {
+            const struct filter *f = crop_filter_at(r, r->fy, i);
+
+            if (f->lo > y)
+                break;
+            if (f->lo + f->count <= y) {
+                first = i == first ? i + 1 : first;
+                continue;
+            }
+            if (!filtered)
+                crop_filter_row(row, wide, rgb + y * stride, r);
+            filtered = true;
+            crop_filter_add(acc + i * line, row, f->w[y - f->lo], line);
+        }
+    }
+}
+
+/* The filters for a square of a picture of W x H; r->filters is the caller's to
+ * free.  -1 without memory. */
+static int crop_filters_make(struct resizing *r, size_t W, size_t H,
+                             struct square q)
+{
+    const double s = q.size / (double)r->n;
+    const size_t most = (size_t)fmin(2 * ceil(s > 1 ? s : 1) + 2,
+                                     (double)(W > H ? W : H) + 2);
+    const size_t n = r->n, bytes = (sizeof(struct filter) +
+                                    most * sizeof(float) + 15) / 16 * 16;
+    char *f = calloc(2 * n, bytes);
+
+    if (!f)
+        return -1;
+    for (size_t i = 0; i < n; i++) {
+        crop_filter_make((void *)(f + i * bytes), q.x, q.size, i, n, W, most);
+        crop_filter_make((void *)(f + (n + i) * bytes), q.y, q.size, i, n, H,
+                         most);
+    }
+    r->bytes = bytes;
+    r->filters = f;
+    r->fx = f;
+    r->fy = f + n * bytes;
+    r->from = n ? crop_filter_at(r, f, 0)->lo : 0;
+    r->end = r->from;
+    for (size_t i = 0; i < n; i++) {
+        const struct filter *x = crop_filter_at(r, f, i);
+
+        r->end = x->count ? x->lo + x->count : r->end;
+    }
+    return 0;
+}
+
+int crop_resize_u8(uint8_t *out, size_t n, const uint8_t *rgb, size_t W,
+                   size_t H, size_t stride, int channels, struct square q)
+{
+    struct resizing r = {.n = n, .C = (size_t)channels};
+    const size_t line = n * r.C, threads = (size_t)omp_get_max_threads();
+
+    assert(r.C >= 1 && r.C <= 4);
+    if (crop_filters_make(&r, W, H, q))
+        return -1;
+    const size_t wide = (r.end - r.from) * r.C, own = line + wide + 8;
+    float *acc = calloc(n * line + threads * own, sizeof *acc);
+
+    if (!acc) {
+        free(r.filters);
+        return -1;
+    }
+#pragma omp parallel for schedule(static, 1)
+    for (size_t t = 0; t < threads; t++) {
+        const size_t first = n * t / threads, end = n * (t + 1) / threads;
+        float *row = acc + n * line + t * own;
+
+        if (first < end)
+            crop_filter_rows(acc, row, row + line + 4, rgb, H, stride, &r,
+                             first, end);
+        crop_kernels()->round(out + first * line, acc + first * line,
+                              (end - first) * line);
+    }
+    free(r.filters);
+    free(acc);
+    return 0;
+}

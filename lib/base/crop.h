@@ -1,0 +1,83 @@
+/* The face crop: which square of the picture the networks see, what their
+ * translation means, and the sampling with its gradient.  Squares are given by
+ * centre and side in pixels; the centre of pixel i is i + 0.5. */
+#ifndef SPID_BASE_CROP_H
+#define SPID_BASE_CROP_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#define CROP_NET 224           /* side of what the networks see */
+#define CROP_GROW 1.6          /* crop side over the landmarks' larger side */
+#define CROP_WINDOW 2.2        /* window side over the detector's face */
+
+struct square {
+    double x, y;               /* centre */
+    double size;               /* side */
+};
+
+/* The face crop of projected landmarks xy [n,2]: centre of their bounding
+ * box, side CROP_GROW times its larger side.  n > 0. */
+struct square crop_from_landmarks(const float *xy, size_t n);
+
+/* A detector's face box (centre and side) as the crop the networks know: a
+ * first guess, refined by running them. */
+struct square crop_from_detection(struct square face);
+
+/* The portrait window around a face crop, for a clip whose first crop this
+ * is.  (CROP_WINDOW times the detector's side, in terms of the crop.) */
+struct square window_from_crop(struct square crop);
+
+/* The same square seen from inside window, whose side becomes S pixels; and
+ * back.  Points follow the same rule. */
+struct square square_into(struct square q, struct square window, double S);
+/* And back out of the window. */
+struct square square_out_of(struct square q, struct square window, double S);
+/* inside [n,n] = 255 where the square's n x n pixels lie in a picture of W x H,
+ * 0 beyond its border. */
+void square_inside(uint8_t *inside, size_t n, size_t W, size_t H,
+                   struct square q);
+
+/* The network's translation t' (relative to the crop, as if the crop were a
+ * whole picture of S pixels) to the portrait window's t, and back.  crop is in
+ * window pixels, focal = 12 S / 2.  Exact inverses of each other; see crop.c
+ * for the derivation and what is neglected. */
+void crop_translation(double t[3], const double tnet[3], struct square crop,
+                      double S, double focal);
+/* What the network would have said, from t. */
+void crop_translation_inverse(double tnet[3], const double t[3],
+                              struct square crop, double S, double focal);
+/* Gradient: adds to gtnet[3] and gcrop[3] (x, y, size) from gt = dL/dt. */
+void crop_translation_backward(double gtnet[3], double gcrop[3],
+                               const double gt[3], const double tnet[3],
+                               struct square crop, double S, double focal);
+
+/* out [n,n,3] f32 in [0,1] = the square of an 8-bit picture [H,W,3], bilinear,
+ * black outside.  stride is bytes from row to row. */
+void crop_sample_u8(float *out, size_t n, const uint8_t *rgb, size_t W,
+                    size_t H, size_t stride, struct square q);
+/* The same from f32 [H,W,3] (no scaling of the values). */
+void crop_sample(float *out, size_t n, const float *rgb, size_t W, size_t H,
+                 struct square q);
+/* Gradient of crop_sample: adds to grgb [H,W,3] (may be NULL) and to gq[3]
+ * (dL/dx, dL/dy, dL/dsize; may be NULL) from gout [n,n,3]. */
+void crop_sample_backward(float *grgb, double gq[3], const float *gout,
+                          size_t n, const float *rgb, size_t W, size_t H,
+                          struct square q);
+/* Plain double reference of crop_sample_u8 and crop_sample. */
+void crop_sample_ref(double *out, size_t n, const double *rgb, size_t W,
+                     size_t H, struct square q);
+
+/* out [H/2,W/2,3] = means of 2 x 2 pixels: done before crop_sample_u8 while
+ * the square has more than two pixels for one of the crop. */
+void crop_halve(uint8_t *out, const uint8_t *rgb, size_t W, size_t H,
+                size_t stride);
+
+/* The square of an 8-bit picture as n x n 8-bit pixels, antialiased when it
+ * shrinks, black where square_inside is 0 and nowhere mixed with it: the
+ * portrait window and the source crop.  channels is 1 to 4.  -1 when out of
+ * memory. */
+int crop_resize_u8(uint8_t *out, size_t n, const uint8_t *rgb, size_t W,
+                   size_t H, size_t stride, int channels, struct square q);
+
+#endif

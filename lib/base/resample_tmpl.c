@@ -1,0 +1,247 @@
+/* The inner loops of resample.c, compiled once per instruction set. */
+#include "lib/base/resample_kernel.h"
+
+#include <math.h>
+
+/* ---- bilinear sampling ------------------------------------------------ */
+
+/* The four taps of a grid position: index (in pixels, -1: outside) and
+ * weight; and the weights' derivative by x and y in pixels. */
+struct taps {
+    ptrdiff_t at[4];
+    float w[4], dx[4], dy[4];
+};
+
+/* Unnormalised position of a coordinate in [-1,1]; *slope is its derivative
+ * by the coordinate, 0 where padding holds it. */
+static inline double resample_grid_position(float g, size_t n, bool align,
+                                            bool border, double *slope)
+{
+    double p;
+
+    if (align) {
+        p = ((double)g + 1) * 0.5 * ((double)n - 1);
+        *slope = 0.5 * ((double)n - 1);
+    } else {
+        p = (((double)g + 1) * (double)n - 1) * 0.5;
+        *slope = 0.5 * (double)n;
+    }
+    if (!(p > -1e9 && p < 1e9)) {      /* NaN or absurd: the far outside */
+        p = p > 0 ? 1e9 : -1e9;
+        *slope = 0;
+    }
+    if (border) {
+        double end = (double)n - 1;
+
+        if (p <= 0 || p >= end)
+            *slope = 0;
+        p = p < 0 ? 0 : p > end ? end : p;
+    }
+    return p;
+}
+
+/* Index of a pixel, -1 outside of the picture. */
+static inline ptrdiff_t resample_grid_tap(ptrdiff_t x, ptrdiff_t y, size_t W,
+                                          size_t H)
+{
+    if (x < 0 || y < 0 || x >= (ptrdiff_t)W || y >= (ptrdiff_t)H)
+        return -1;
+    return y * (ptrdiff_t)W + x;
+}
+
+/* Four pixels around a grid point, their weights, and the weights' slopes. */
+static inline void resample_grid_taps(struct taps *t, double slope[2],
+                                      const float *g, size_t W, size_t H,
+                                      bool align, bool border)
+{
+    double px = resample_grid_position(g[0], W, align, border, slope);
+    double py = resample_grid_position(g[1], H, align, border, slope + 1);
+    double fx = floor(px), fy = floor(py);
+    float a = (float)(px - fx), b = (float)(py - fy);
+    ptrdiff_t x = (ptrdiff_t)fx, y = (ptrdiff_t)fy;
+
+    for (int k = 0; k < 4; k++) {
+        float wx = k & 1 ? a : 1 - a, wy = k & 2 ? b : 1 - b;
+
+        t->at[k] = resample_grid_tap(x + (k & 1), y + (k >> 1), W, H);
+        t->w[k] = wx * wy;
+        t->dx[k] = k & 1 ? wy : -wy;
+        t->dy[k] = k & 2 ? wx : -wx;
+    }
+}
+
+#define FEW 65536              /* numbers that one thread writes by itself */
+
+/* o (C): what lies at place g (2) of picture x (H,W,C). */
+static inline void resample_grid_point(float *o, const float *x,
+                                       const float *g, size_t H, size_t W,
+                                       size_t C, bool align, bool border)
+{
+    struct taps t;
+    double slope[2];
+
+    resample_grid_taps(&t, slope, g, W, H, align, border);
+    for (size_t c = 0; c < C; c++)
+        o[c] = 0;
+    for (int k = 0; k < 4; k++) {
+        const float *p = x + (size_t)t.at[k] * C, w = t.w[k];
+
+        if (t.at[k] < 0)
+            continue;
+        for (size_t c = 0; c < C; c++)
+            o[c] += w * p[c];
+    }
+}
+
+/* out (B,N,C): the picture at each point, 0 outside. */
+void ISA(grid_sample)(float *out, const float *x, const float *grid, size_t B,
+                      size_t H, size_t W, size_t C, size_t N, bool align,
+                      bool border)
+{
+    if (B * N * C <= FEW) {     /* a team of one costs more than a point */
+        for (size_t i = 0; i < B * N; i++)
+            resample_grid_point(out + i * C, x + i / N * H * W * C,
+                                grid + 2 * i, H, W, C, align, border);
+        return;
+    }
+#pragma omp parallel for schedule(static)
+    for (size_t i = 0; i < B * N; i++)
+        resample_grid_point(out + i * C, x + i / N * H * W * C, grid + 2 * i,
+                            H, W, C, align, border);
+}
+
+/* in the forward pass this was: o[c] += w(grid) * p[c] */
+void ISA(grid_sample_dgrid)(float *ggrid, const float *gout, const float *x,
+                            const float *grid, size_t B, size_t H, size_t W,
+                            size_t C, size_t N, bool align, bool border)
+{
+#pragma omp parallel for schedule(static) if (B * N * C > FEW)
+    for (size_t i = 0; i < B * N; i++) {
+        const float *xb = x + i / N * H * W * C, *g = gout + i * C;
+        struct taps t;
+        double slope[2], sx = 0, sy = 0;
+
+        resample_grid_taps(&t, slope, grid + 2 * i, W, H, align, border);
+        for (int k = 0; k < 4; k++) {
+            const float *p = xb + (size_t)t.at[k] * C;
+            float dot = 0;
+
+            if (t.at[k] < 0)
+                continue;
+            for (size_t c = 0; c < C; c++)
+                dot += g[c] * p[c];
+            sx += (double)t.dx[k] * dot;
+            sy += (double)t.dy[k] * dot;
+        }
+        ggrid[2 * i] += (float)(sx * slope[0]);
+        ggrid[2 * i + 1] += (float)(sy * slope[1]);
+    }
+}
+
+#define SLICE 16               /* channels a thread adds to */
+
+/* Each thread adds into its own channels of one picture. */
+void ISA(grid_sample_dx)(float *gx, const float *gout, const float *grid,
+                         size_t B, size_t H, size_t W, size_t C, size_t N,
+                         bool align, bool border)
+{
+    const size_t slices = (C + SLICE - 1) / SLICE;
+
+#pragma omp parallel for schedule(static) if (B * N * C > FEW)
+    for (size_t j = 0; j < B * slices; j++) {
+        const size_t b = j / slices, c0 = j % slices * SLICE;
+        const size_t n = C - c0 < SLICE ? C - c0 : SLICE;
+        float *xb = gx + b * H * W * C + c0;
+
+        for (size_t i = b * N; i < (b + 1) * N; i++) {
+            const float *g = gout + i * C + c0;
+            struct taps t;
+            double slope[2];
+
+            resample_grid_taps(&t, slope, grid + 2 * i, W, H, align, border);
+            for (int k = 0; k < 4; k++) {
+                float *p = xb + (size_t)t.at[k] * C, w = t.w[k];
+
+                if (t.at[k] < 0)
+                    continue;
+                for (size_t c = 0; c < n; c++)
+                    p[c] += w * g[c];
+            }
+        }
+    }
+}
+
+/* ---- separable resizing ----------------------------------------------- */
+
+/* tmp [H,w,C] = columns of x [H,W,C]. */
+static void resample_resize_columns(float *tmp, const float *x,
+                                    const struct resize_axis *a, size_t H,
+                                    size_t C)
+{
+    for (size_t y = 0; y < H; y++, x += a->in * C, tmp += a->out * C)
+        for (size_t i = 0; i < a->out; i++) {
+            const int32_t *at = a->at + i * a->taps;
+            const float *w = a->weight + i * a->taps;
+            float *o = tmp + i * C;
+
+            for (size_t c = 0; c < C; c++)
+                o[c] = w[0] * x[(size_t)at[0] * C + c];
+            for (size_t k = 1; k < a->taps; k++)
+                for (size_t c = 0; c < C; c++)
+                    o[c] += w[k] * x[(size_t)at[k] * C + c];
+        }
+}
+
+/* out [h,n] = rows of tmp [H,n]. */
+static void resample_resize_rows(float *out, const float *tmp,
+                                 const struct resize_axis *a, size_t n)
+{
+    for (size_t i = 0; i < a->out; i++, out += n) {
+        const int32_t *at = a->at + i * a->taps;
+        const float *w = a->weight + i * a->taps;
+
+        for (size_t c = 0; c < n; c++)
+            out[c] = w[0] * tmp[(size_t)at[0] * n + c];
+        for (size_t k = 1; k < a->taps; k++)
+            for (size_t c = 0; c < n; c++)
+                out[c] += w[k] * tmp[(size_t)at[k] * n + c];
+    }
+}
+
+/* Across, then down; tmp (rows in, columns out, C) between them. */
+void ISA(resize_forward)(float *out, const float *x,
+                         const struct resize_axis *ax,
+                         const struct resize_axis *ay, size_t C, float *tmp)
+{
+    resample_resize_columns(tmp, x, ax, ay->in, C);
+    resample_resize_rows(out, tmp, ay, ax->out * C);
+}
+
+/* in the forward pass this was: resample_resize_columns(tmp, x), then
+ * resample_resize_rows(out, tmp) */
+void ISA(resize_backward)(float *gx, const float *gout,
+                          const struct resize_axis *ax,
+                          const struct resize_axis *ay, size_t C, float *tmp)
+{
+    const size_t n = ax->out * C;
+
+    for (size_t i = 0; i < ay->in * n; i++)
+        tmp[i] = 0;
+    for (size_t i = 0; i < ay->out; i++, gout += n)
+        for (size_t k = 0; k < ay->taps; k++) {
+            const float w = ay->weight[i * ay->taps + k];
+            float *t = tmp + (size_t)ay->at[i * ay->taps + k] * n;
+
+            for (size_t c = 0; c < n; c++)
+                t[c] += w * gout[c];
+        }
+    for (size_t y = 0; y < ay->in; y++, gx += ax->in * C, tmp += n)
+        for (size_t i = 0; i < ax->out; i++)
+            for (size_t k = 0; k < ax->taps; k++) {
+                const float w = ax->weight[i * ax->taps + k];
+                float *g = gx + (size_t)ax->at[i * ax->taps + k] * C;
+
+                for (size_t c = 0; c < C; c++)
+                    g[c] += w * tmp[i * C + c];
+            }
+}

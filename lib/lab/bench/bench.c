@@ -1,0 +1,191 @@
+/* Repeated calls, their quantiles, rows and the Pareto front. */
+#include "lib/lab/bench/bench.h"
+
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "lib/base/cpu.h"
+#include "lib/base/sort.h"
+
+void bench_init(struct bench *b)
+{
+    memset(b, 0, sizeof *b);
+    b->seconds = 20;
+    b->threads = 1;
+}
+
+void bench_release(struct bench *b)
+{
+    free(b->row);
+    free(b->pair);
+    free(b->notes);
+    memset(b, 0, sizeof *b);
+}
+
+int bench_time(struct bench_times *t, double seconds, size_t least,
+               int (*call)(void *context, struct error *err), void *context,
+               struct error *err)
+{
+    enum { MOST = 4096 };
+    double *ms = malloc(MOST * sizeof *ms), begun = cpu_seconds();
+    int rc = -1;
+
+    memset(t, 0, sizeof *t);
+    if (!ms)
+        return error_set(err, EX_OSERR, "out of memory");
+    if (call(context, err))
+        goto out;
+    while (t->runs < MOST &&
+           (t->runs < least || cpu_seconds() - begun < seconds)) {
+        double start = cpu_seconds();
+
+        if (call(context, err))
+            goto out;
+        ms[t->runs++] = (cpu_seconds() - start) * 1e3;
+    }
+    sort_doubles(ms, t->runs);
+    t->min = ms[0];
+    t->median = ms[t->runs / 2];
+    t->p95 = ms[t->runs * 95 / 100];
+    rc = 0;
+out:
+    free(ms);
+    return rc;
+}
+
+/* Room for one more element of size bytes; doubles at powers of two. */
+static void *bench_grow(void *array, size_t count, size_t size)
+{
+    if (count & (count - 1) || (count && count < 8))
+        return array;
+    return realloc(array, (count < 8 ? 8 : 2 * count) * size);
+}
+
+struct bench_row *bench_add(struct bench *b, const char *stage,
+                            const char *config, const char *knob, int threads,
+                            const struct bench_times *t, double max_abs,
+                            double psnr_db)
+{
+    struct bench_row *row = bench_grow(b->row, b->rows, sizeof *row);
+
+    if (!row)
+        return NULL;
+    b->row = row;
+    row += b->rows++;
+    memset(row, 0, sizeof *row);
+    snprintf(row->stage, sizeof row->stage, "%s", stage);
+    snprintf(row->config, sizeof row->config, "%s", config);
+    snprintf(row->knob, sizeof row->knob, "%s", knob);
+    row->threads = threads;
+    row->ms_min = t->min;
+    row->ms_median = t->median;
+    row->ms_p95 = t->p95;
+    row->max_abs = max_abs;
+    row->psnr_db = psnr_db;
+    return row;
+}
+
+/* Rows that compete: stage, configuration and threads. */
+static bool bench_same_group(const struct bench_row *a,
+                             const struct bench_row *b)
+{
+    return !strcmp(a->stage, b->stage) && !strcmp(a->config, b->config) &&
+           a->threads == b->threads;
+}
+
+void bench_pareto(struct bench *b, size_t first)
+{
+    for (size_t i = first; i < b->rows; i++) {
+        struct bench_row *r = &b->row[i];
+
+        r->pareto = !isnan(r->psnr_db);
+        for (size_t k = first; k < b->rows && r->pareto; k++) {
+            const struct bench_row *o = &b->row[k];
+
+            if (k != i && bench_same_group(o, r) && o->ms_min <= r->ms_min &&
+                o->psnr_db >= r->psnr_db &&
+                (o->ms_min < r->ms_min || o->psnr_db > r->psnr_db))
+                r->pareto = false;
+        }
+    }
+}
+
+void bench_note(struct bench *b, const char *format, ...)
+{
+    char line[512];
+    va_list ap;
+
+    va_start(ap, format);
+    vsnprintf(line, sizeof line, format, ap);
+    va_end(ap);
+    size_t n = strlen(line);
+    char *notes = realloc(b->notes, b->notes_length + n + 2);
+
+    if (!notes)
+        return;
+    memcpy(notes + b->notes_length, line, n);
+    memcpy(notes + b->notes_length + n, "\n", 2);
+    b->notes = notes;
+    b->notes_length += n + 1;
+}
+
+void bench_number(struct bench *b, const char *object, const char *key,
+                  double value)
+{
+    struct bench_pair *p = b->pair;
+
+    for (size_t i = 0; i < b->pairs; i++, p++)
+        if (!strcmp(p->object, object) && !strcmp(p->key, key)) {
+            p->value = value;
+            return;
+        }
+    p = bench_grow(b->pair, b->pairs, sizeof *p);
+    if (!p)
+        return;
+    b->pair = p;
+    p += b->pairs++;
+    memset(p, 0, sizeof *p);
+    snprintf(p->object, sizeof p->object, "%s", object);
+    snprintf(p->key, sizeof p->key, "%s", key);
+    p->value = value;
+}
+
+struct bench_line bench_fit(const double *x, const double *y, size_t n)
+{
+    double mx = 0, my = 0, xx = 0, xy = 0, yy = 0;
+    struct bench_line l = {0};
+
+    for (size_t i = 0; i < n; i++) {
+        mx += x[i] / (double)n;
+        my += y[i] / (double)n;
+    }
+    for (size_t i = 0; i < n; i++) {
+        xx += (x[i] - mx) * (x[i] - mx);
+        xy += (x[i] - mx) * (y[i] - my);
+        yy += (y[i] - my) * (y[i] - my);
+    }
+    l.slope = xx > 0 ? xy / xx : 0;
+    l.at_zero = my - l.slope * mx;
+    l.r2 = xx > 0 && yy > 0 ? xy * xy / (xx * yy) : 1;
+    return l;
+}
+
+void bench_compare(double *max_abs, double *psnr_db, const float *x,
+                   const double *truth, size_t n)
+{
+    double worst = 0, sum = 0;
+
+    for (size_t i = 0; i < n; i++) {
+        double d = fabs(x[i] - truth[i]);
+
+        if (!(d <= worst))             /* a NaN is the worst */
+            worst = d;
+        sum += d * d;
+    }
+    *max_abs = worst;
+    *psnr_db = -10 * log10(fmax(sum / (double)n, 1e-300));
+}

@@ -1,0 +1,145 @@
+/* Time against error: what spid-bench's stages share.  A stage is
+ *     int bench_STAGE(struct bench *b, struct error *err)
+ * in lib/bench/bench_STAGE.c: it times calls with bench_time, adds rows with
+ * bench_add, and marks the Pareto front with bench_pareto.  To add one,
+ * declare it at the end of this file and list it in cmd/lab/spid-bench.c. */
+#ifndef SPID_LAB_BENCH_BENCH_H
+#define SPID_LAB_BENCH_BENCH_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "lib/base/error.h"
+
+struct bench_row {
+    char stage[16];
+    char config[96];          /* "512x512 N=108658 C=3 f32" */
+    char knob[64];            /* "default", "alpha cut 1/128" */
+    int threads;
+    double ms_min, ms_median, ms_p95;
+    double max_abs, psnr_db;  /* against the truth; NaN: nothing to compare */
+    bool pareto;
+    bool hard;                /* a hard case: listed and drawn apart */
+};
+
+struct bench_pair {           /* "fps": {"spid_star": 190.2} */
+    char object[16], key[24];
+    double value;
+};
+
+struct bench {
+    /* set by the program */
+    double seconds;           /* about how long one stage may take */
+    int threads;
+    const char *model;        /* model.safetensors, or NULL: none found */
+    const char *head;         /* head.safetensors, or NULL */
+    const char *scene;        /* --scene FILE, or NULL */
+
+    /* filled by the stages */
+    struct bench_row *row;
+    size_t rows;
+    struct bench_pair *pair;
+    size_t pairs;
+    char *notes;              /* lines for people, after the table */
+    size_t notes_length;
+};
+
+/* No rows yet; one thread, 20 seconds. */
+void bench_init(struct bench *b);
+/* Free what it holds; zeroed then. */
+void bench_release(struct bench *b);
+
+/* Times of repeated calls, milliseconds. */
+struct bench_times {
+    size_t runs;
+    double min, median, p95;
+};
+
+/* Call repeatedly for about `seconds`, at least `least` times (after one that
+ * is not counted).  -1 when a call fails. */
+int bench_time(struct bench_times *t, double seconds, size_t least,
+               int (*call)(void *context, struct error *err), void *context,
+               struct error *err);
+
+/* Append a row; NULL when there is no memory. */
+struct bench_row *bench_add(struct bench *b, const char *stage,
+                            const char *config, const char *knob, int threads,
+                            const struct bench_times *t, double max_abs,
+                            double psnr_db);
+
+/* Mark, among rows first .. with the same stage, config and threads, those
+ * that no other beats in both ms_min and psnr_db. */
+void bench_pareto(struct bench *b, size_t first);
+
+/* The rows of a stage again on every narrower instruction set, their knobs
+ * beginning with its name ("avx2: fast"), by running spid-bench itself. */
+int bench_levels(struct bench *b, const char *stage, struct error *err);
+
+/* A line after the table; a number for the JSON's "fps" or "ms", in place of an
+ * earlier one of the same name. */
+void bench_note(struct bench *b, const char *format, ...)
+    __attribute__((format(printf, 2, 3)));
+/* A number for the JSON's "fps" or "ms", in place of an earlier one of the
+ * same name. */
+void bench_number(struct bench *b, const char *object, const char *key,
+                  double value);
+
+/* Straight line y = at_zero + slope x by least squares; r2 is the share of the
+ * variance explained. */
+struct bench_line {
+    double at_zero, slope, r2;
+};
+/* Of n points, n > 1. */
+struct bench_line bench_fit(const double *x, const double *y, size_t n);
+
+/* Greatest difference, and PSNR with a peak of 1, of n values. */
+void bench_compare(double *max_abs, double *psnr_db, const float *x,
+                   const double *truth, size_t n);
+
+/* The report as text the caller frees; NULL when there is no memory: a table
+ * for people (with the paper's figures beside ours when the pipeline was
+ * timed), one JSON object, or a row per line with tabs between. */
+char *bench_table(const struct bench *b);
+/* One JSON object. */
+char *bench_json(const struct bench *b);
+/* A row per line with tabs between. */
+char *bench_tsv(const struct bench *b);
+
+/* A gnuplot script, as text the caller frees, that draws the rows with an
+ * error into `file` (.png, .svg or .pdf): time across, error upwards, both
+ * logarithmic, the Pareto fronts as lines, hard cases in a panel of their own.
+ * EX_DATAERR when no row has an error. */
+char *bench_plot(const struct bench *b, const char *file, struct error *err);
+
+/* ---- the stages ---------------------------------------------------------- */
+
+/* The rasteriser on a scene, with every knob beside the error it costs. */
+int bench_splat(struct bench *b, struct error *err);
+/* Records of Gaussians and of motions, written and read. */
+int bench_stream(struct bench *b, struct error *err);
+/* The crop, E_m in its precisions, and its heads. */
+int bench_motion(struct bench *b, struct error *err);
+/* E_beta in its precisions, and the rest of Phase A. */
+int bench_shape(struct bench *b, struct error *err);
+int bench_phase_a(struct bench *b, struct error *err);   /* shape's part */
+int bench_refine(struct bench *b, struct error *err);
+/* Head meshes: posing one, with every direction active. */
+int bench_flame(struct bench *b, struct error *err);
+/* Baking a person, and what a frame of Phase B moves. */
+int bench_branches(struct bench *b, struct error *err);
+/* The whole of Phase B as spid animate runs it, SpiD and SpiD*. */
+int bench_pipeline(struct bench *b, struct error *err);
+/* A process of spid-animate, up to its first frame. */
+int bench_start(struct bench *b, struct error *err);
+/* Training steps of encoder, refiner and the whole system, in parts. */
+int bench_train(struct bench *b, struct error *err);
+/* The public system that SpiD builds on, at its size. */
+int bench_gagavatar(struct bench *b, struct error *err);
+/* How time and memory grow with Gaussians, pixels, frames, people, bytes and
+ * threads, with fitted exponents.  A curve ends where its next point would
+ * take longer than b->seconds. */
+int bench_growth(struct bench *b, struct error *err);
+/* What breaks other people's kernels: time and error of each, apart. */
+int bench_hard(struct bench *b, struct error *err);
+
+#endif

@@ -1,0 +1,316 @@
+/* The head mesh and the Gaussians' update, on a synthetic person with true
+ * parameters. */
+#include "lib/lab/bench/bench_avatar.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "lib/lab/people/synth.h"
+
+/* A person's clip: pictures, true motion, the shape folded. */
+static int bench_make_clip(struct bench_person *p, struct error *err)
+{
+    const struct synth_options opt = {.seed = 11, .people = 1,
+                                      .frames = PERSON_FRAMES,
+                                      .size = PERSON_SIZE,
+                                      .fps = 25, .threads = p->b->threads};
+    const size_t pixels = PERSON_SIZE * PERSON_SIZE;
+    struct synth_frame f;
+    struct synth *synth = synth_open(&p->head, &opt, err);
+
+    p->rgb = malloc(PERSON_FRAMES * 3 * pixels);
+    p->mask = malloc(pixels);
+    if (!synth || !p->rgb || !p->mask)
+        goto fail;
+    for (size_t i = 0; i < PERSON_FRAMES; i++) {
+        struct motion *m = &p->motion[i];
+
+        if (synth_next(synth, &f, err) != 1)
+            goto fail;
+        memcpy(p->rgb + i * 3 * pixels, f.rgb, 3 * pixels);
+        memcpy(m->R, f.motion->rot, sizeof m->R);
+        memcpy(m->t, f.motion->trans, sizeof m->t);
+        memcpy(m->exp, f.motion->exp, p->head.nexp * sizeof *m->exp);
+        memcpy(m->pose.jaw, f.motion->jaw, sizeof m->pose.jaw);
+        memcpy(m->pose.lid, f.motion->lid, sizeof m->pose.lid);
+        memcpy(m->pose.eye, f.motion->eye, sizeof m->pose.eye);
+        m->pose.exp = m->exp;
+        if (i)
+            continue;
+        memcpy(p->mask, f.mask, pixels);
+        memcpy(p->crop, f.crop, sizeof p->crop);
+        if (head_fold(&p->id, &p->head, f.beta, f.nbeta, err))
+            goto fail;
+    }
+    synth_close(synth);
+    return 0;
+fail:
+    synth_close(synth);
+    return err->code ? -1 : error_set(err, EX_OSERR, "no memory for a clip");
+}
+
+int bench_person_open(struct bench_person *p, struct bench *b,
+                      struct error *err)
+{
+    memset(p, 0, sizeof *p);
+    p->b = b;
+    if (!b->model || !b->head)
+        return error_set(err, EX_NOINPUT, "no model.safetensors or no "
+                         "head.safetensors (expected -m MODEL)");
+    if (model_open(&p->model, b->model, err) ||
+        head_load(&p->head, b->head, err) ||
+        bench_make_clip(p, err) ||
+        densify_init(&p->dense, p->head.f, p->head.F, p->head.V, err))
+        return -1;
+    p->verts = malloc(3 * p->head.V * sizeof *p->verts);
+    return p->verts ? 0 : error_set(err, EX_OSERR, "no memory");
+}
+
+void bench_person_close(struct bench_person *p)
+{
+    baked_release(&p->baked);
+    texture_release(&p->texture);
+    baker_release(&p->baker);
+    model_close(&p->model);
+    densify_release(&p->dense);
+    identity_release(&p->id);
+    head_release(&p->head);
+    free(p->rgb);
+    free(p->mask);
+    free(p->verts);
+    baked_move_release(&p->move);
+}
+
+/* ---- flame ------------------------------------------------------------- */
+
+/* Pose the next frame's mesh. */
+static int bench_call_pose(void *context, struct error *err)
+{
+    struct bench_person *p = context;
+
+    (void)err;
+    head_pose(p->verts, &p->id, &p->motion[p->at++ % PERSON_FRAMES].pose);
+    return 0;
+}
+
+/* Largest difference from the double reference, over some frames. */
+static double bench_pose_error(struct bench_person *p)
+{
+    size_t n = 3 * p->head.V;
+    double *ref = malloc(n * sizeof *ref), worst = 0;
+    double *beta = calloc(p->head.nshape, sizeof *beta);
+    double exp[HEAD_MAX_EXP];
+    struct identity mean;
+    struct error err;
+
+    for (size_t i = 0; ref && beta && i < PERSON_FRAMES &&
+         head_fold(&mean, &p->head, NULL, 0, &err) == 0; i += 10) {
+        const struct head_motion *m = &p->motion[i].pose;
+        struct head_motion_d d = {.beta = beta, .exp = exp,
+                                  .lid = {m->lid[0], m->lid[1]}};
+
+        for (size_t k = 0; k < p->head.nexp; k++)
+            exp[k] = m->exp[k];
+        for (int k = 0; k < 3; k++) {
+            d.pose[6 + k] = m->jaw[k];
+            d.pose[9 + k] = m->eye[k];
+            d.pose[12 + k] = m->eye[3 + k];
+        }
+        head_pose(p->verts, &mean, m);
+        head_pose_d(ref, NULL, &p->head, &d);
+        for (size_t k = 0; k < n; k++)
+            worst = fmax(worst, fabs(p->verts[k] - ref[k]));
+        identity_release(&mean);
+    }
+    free(ref);
+    free(beta);
+    return worst;
+}
+
+int bench_flame(struct bench *b, struct error *err)
+{
+    struct bench_person *p = calloc(1, sizeof *p);
+    struct bench_times t;
+    char config[96];
+    int rc = p ? bench_person_open(p, b, err)
+               : error_set(err, EX_OSERR, "no memory");
+
+    if (rc == 0) {
+        /* every direction active, as a network's output has it */
+        for (size_t i = 0; i < PERSON_FRAMES; i++)
+            for (size_t k = 0; k < p->head.nexp; k++)
+                if (p->motion[i].exp[k] == 0)
+                    p->motion[i].exp[k] = 1e-3f;
+        double worst = bench_pose_error(p);
+        snprintf(config, sizeof config, "V=%zu, %zu expressions, jaw, eyes, "
+                 "lids", p->head.V, p->head.nexp);
+        rc = bench_time(&t, b->seconds / 4, 300, bench_call_pose, p, err);
+        if (rc == 0) {
+            bench_add(b, "flame", config, "default", 1, &t, worst, NAN);
+            bench_note(b, "flame: %.3f micrometres from the double "
+                       "reference", worst / p->head.scale * 1e6);
+        }
+    }
+    if (p)
+        bench_person_close(p);
+    free(p);
+    return rc;
+}
+
+/* ---- branches ---------------------------------------------------------- */
+
+#define PAPER_MOUTH 32
+
+/* What the rows are of. */
+static void bench_branches_config(char *config, size_t size,
+                                  const struct bench_person *p)
+{
+    const size_t K = p->model.config.mouth;
+
+    snprintf(config, size, "N=%zu, plane 296, mouth %zu", p->baked.N,
+             K < PAPER_MOUTH ? PAPER_MOUTH : K);
+}
+
+int bench_person_avatar(struct bench_person *p, enum nn_type type,
+                        struct error *err)
+{
+    struct model larger = p->model;     /* the same file, another grid where
+                                         * that is smaller than the paper's */
+
+    larger.config.plane = larger.config.backbone.size = 296;
+    if (larger.config.mouth < PAPER_MOUTH)
+        larger.config.mouth = PAPER_MOUTH;
+    larger.config.size = PERSON_SIZE;
+    return baker_open(&p->baker, &larger, &p->head,
+                      &(struct baker_options){.type = type}, err);
+}
+
+int bench_person_bake(void *person, struct error *err)
+{
+    struct bench_person *p = person;
+    float cam[12];
+
+    (void)err;
+    head_pose(p->verts, &p->id, &p->motion[0].pose);
+    motion_camera(cam, &p->motion[0]);
+    avatar_bake(&p->baker.avatar, &(struct avatar_source){
+        .rgb = p->rgb, .matte = p->mask, .verts = p->verts, .cam = cam
+    });
+    return 0;
+}
+
+/* Move the Gaussians to the next frame. */
+static int bench_call_drive(void *context, struct error *err)
+{
+    struct bench_person *p = context;
+    struct head_mouth mouth;
+    float cam[12];
+
+    (void)err;
+    motion_camera(cam, &p->motion[p->at++ % PERSON_FRAMES]);
+    head_mouth(&mouth, &p->head, p->verts);
+    baked_drive(&p->move, &p->baked, &p->dense, p->verts, mouth.centre,
+                mouth.chin,
+                mouth.gap, BAKED_CLOSED, cam);
+    return 0;
+}
+
+/* Largest difference of baked_drive's centres from the same sums in double:
+ * a vertex, or half of two, bent about the neck. */
+static double bench_drive_error(struct bench_person *p)
+{
+    const struct baked *b = &p->baked;
+    double worst = 0;
+
+    for (size_t i = 0; i < b->dynamic; i++) {
+        size_t k = (size_t)b->vertex[i], V = p->dense.V;
+        const int32_t *e = p->dense.edge + 2 * (k < V ? 0 : k - V);
+        const float *v = p->verts + 3 * (k < V ? k : (size_t)e[0]);
+        const float *w = k < V ? v : p->verts + 3 * (size_t)e[1];
+        double x[3];
+
+        for (int c = 0; c < 3; c++)
+            x[c] = 0.5 * ((double)v[c] + (double)w[c]);
+        for (int c = 0; c < 3; c++) {
+            const float *m = p->move.frame.mesh + 4 * c;
+            double to = (double)m[0] * x[0] + (double)m[1] * x[1] +
+                        (double)m[2] * x[2] + (double)m[3];
+            double want = x[c] + (double)b->neck[i] * (to - x[c]);
+
+            worst = fmax(worst, fabs((double)p->move.mean[3 * i + (size_t)c] -
+                                     want));
+        }
+    }
+    return worst;
+}
+
+/* Phase A in one precision; truth: what its colours are held against, filled
+ * by the first. */
+static int bench_baking(struct bench_person *p, enum nn_type type,
+                        double **truth, struct error *err)
+{
+    double most = NAN, psnr = NAN;
+    struct bench_times t;
+    char config[96], knob[64];
+
+    baker_release(&p->baker);
+    baked_release(&p->baked);
+    if (bench_person_avatar(p, type, err) ||
+        bench_time(&t, p->b->seconds / 6, 3, bench_person_bake, p, err) ||
+        baked_from_avatar(&p->baked, &p->baker.avatar, false, err))
+        return -1;
+    size_t n = p->baked.N * p->baked.C;
+    if (*truth) {
+        bench_compare(&most, &psnr, p->baked.color, *truth, n);
+    } else {
+        *truth = malloc(n * sizeof **truth);
+        if (!*truth)
+            return error_set(err, EX_OSERR, "no memory for the colours");
+        for (size_t i = 0; i < n; i++)
+            (*truth)[i] = p->baked.color[i];
+    }
+    bench_branches_config(config, sizeof config, p);
+    snprintf(knob, sizeof knob, "bake (Phase A), %s", nn_type_name(type));
+    bench_add(p->b, "branches", config, knob, p->b->threads, &t, most, psnr);
+    return 0;
+}
+
+/* The row of the update. */
+static int bench_driving(struct bench_person *p, struct error *err)
+{
+    struct bench_times t;
+    char config[96];
+
+    if (baked_move_init(&p->move, &p->baked, err) ||
+        bench_time(&t, p->b->seconds / 8, 300, bench_call_drive, p, err))
+        return -1;
+    bench_branches_config(config, sizeof config, p);
+    bench_add(p->b, "branches", config, "update (a frame)", 1, &t,
+              bench_drive_error(p), NAN);
+    return 0;
+}
+
+int bench_branches(struct bench *b, struct error *err)
+{
+    struct bench_person *p = calloc(1, sizeof *p);
+    double *truth = NULL;
+    int rc = p ? bench_person_open(p, b, err)
+               : error_set(err, EX_OSERR, "no memory");
+
+    if (rc == 0)
+        rc = bench_baking(p, NN_F32, &truth, err) ||
+             bench_baking(p, NN_FAST, &truth, err) ||
+             bench_driving(p, err) ? -1 : 0;
+    if (rc == 0)
+        bench_note(b, "branches: the error of a bake is of its colours "
+                   "against f32, of an update of its centres against double "
+                   "(head units)");
+    free(truth);
+    if (p)
+        bench_person_close(p);
+    free(p);
+    return rc;
+}

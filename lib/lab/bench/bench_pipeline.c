@@ -1,0 +1,467 @@
+/* The whole driving pipeline on a synthetic person, its frames in memory or in
+ * a video.  It draws at least the paper's number of Gaussians, whatever grid
+ * the model was trained on: convolutions do not know their picture's size.  Every row's
+ * pictures are held against those of the slowest way: float everywhere, no
+ * cut-offs, every Gaussian. */
+#include "lib/lab/bench/bench.h"
+#include "lib/splat/splat.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+#include <unistd.h>
+
+#include "formats/framesource.h"
+#include "lib/animate/animate.h"
+#include "lib/avatar/prune.h"
+#include "lib/base/file.h"
+#include "lib/lab/bench/bench_avatar.h"
+#include "lib/track/encoders.h"
+
+#define PART 60             /* frames of one timed run, or of the truth: */
+#define SLOW_PART PERSON_FRAMES
+#define EVERY 3             /* of the clip's frames, one is compared */
+#define FRAME_VALUES ((size_t)PERSON_SIZE * PERSON_SIZE * 3)
+
+struct pipeline {
+    struct bench_person person;
+    size_t left;                /* frames left of a run */
+    size_t all;                 /* Gaussians before any was left out */
+    float *truth[2];            /* of SpiD, SpiD*: (frames compared,
+                                 * PERSON_SIZE,PERSON_SIZE,3), 0..1 */
+};
+
+/* A decoded frame from memory, as the driver reads it. */
+static int pipeline_read_memory(void *context, struct frame *f,
+                                struct error *err)
+{
+    struct pipeline *l = context;
+    struct bench_person *s = &l->person;
+
+    (void)err;
+    if (l->left == 0)
+        return 0;
+    l->left--;
+    *f = (struct frame){.width = PERSON_SIZE, .height = PERSON_SIZE,
+                        .rgb = s->rgb + s->at % PERSON_FRAMES * FRAME_VALUES,
+                        .index = s->at, .time = (double)s->at / 25};
+    s->at++;
+    return 1;
+}
+
+enum { STAGES = 8 };
+static const char *const stage_name[STAGES] = {
+    "crop", "motion", "flame", "branches", "splat", "refine", "decode",
+    "encode"
+};
+
+/* What a row of the pipeline draws, how, and between what. */
+struct variant {
+    const char *knob;
+    bool star, video;
+    bool exact;                 /* the truth: no cut-offs */
+    bool f32, roi;              /* features in float */
+    bool no_tta;                /* the encoder on one crop */
+    bool no_align;              /* poses as it says them */
+    bool no_photo;              /* baked colours alone */
+    enum nn_type type;          /* of the networks */
+    bool report;                /* into the JSON's "fps" and "ms" */
+};
+
+enum pictures { PICTURES_PASS, PICTURES_KEEP, PICTURES_COMPARE };
+
+/* One renderer set-up: SpiD* or SpiD, with what it draws. */
+struct pipe {
+    struct pipeline *l;
+    struct encoders nets;
+    struct identity mean;
+    struct track track;
+    struct animate animate;
+    struct framesink *sink;
+    char dir[FILE_TEMPORARY];           /* of a video row; "" otherwise */
+    char clip[FILE_TEMPORARY + 16], made[FILE_TEMPORARY + 16];
+    size_t part;                /* frames of one run */
+    double sum[STAGES];
+    size_t frames;
+    enum pictures pictures;
+    float *truth;
+    double worst, squares;      /* of the pictures compared */
+    size_t values;
+};
+
+/* A finished picture, as floats or as bytes, becomes the truth or is held
+ * against it. */
+static void pipeline_take_picture(struct pipe *p, uint64_t index,
+                                  const float *color, const uint8_t *rgb)
+{
+    const size_t i = index % PERSON_FRAMES;
+    float *want = p->truth + i / EVERY * FRAME_VALUES;
+
+    if (p->pictures == PICTURES_PASS || i % EVERY)
+        return;
+    for (size_t k = 0; k < FRAME_VALUES; k++) {
+        float x = color ? fminf(fmaxf(color[k], 0), 1) : (float)rgb[k] / 255;
+        double d = fabs((double)x - (double)want[k]);
+
+        if (p->pictures == PICTURES_KEEP) {
+            want[k] = x;
+            continue;
+        }
+        p->worst = fmax(p->worst, d);
+        p->squares += d * d;
+    }
+    p->values += FRAME_VALUES;
+}
+
+/* A finished frame's times and picture. */
+static void pipeline_frame_done(void *ctx, const struct animate_frame *f)
+{
+    struct pipe *p = ctx;
+    const double t[STAGES] = {f->t.crop, f->t.network + f->t.heads,
+                              f->t.flame, f->t.branches, f->t.splat,
+                              f->t.refine, f->t.decode, f->t.encode};
+
+    for (int i = 0; i < STAGES; i++)
+        p->sum[i] += 1e3 * t[i];
+    p->frames++;
+    pipeline_take_picture(p, f->index, f->color, NULL);
+}
+
+/* One run through the whole pipeline. */
+static int pipeline_call(void *context, struct error *err)
+{
+    struct pipe *p = context;
+    struct driver d;
+
+    p->l->left = p->part;
+    driver_init(&d, &p->track, pipeline_read_memory, p->l);
+    int rc = driver_start(&d, NULL, NULL, err) ||
+                     animate_run(&p->animate, &d, NULL, p->sink,
+                                 pipeline_frame_done, p, err)
+                 ? -1
+                 : 0;
+    driver_release(&d);
+    return rc;
+}
+
+/* The same from a video file to a video file. */
+static int pipeline_call_video(void *context, struct error *err)
+{
+    struct pipe *p = context;
+    const char *const clip = p->clip;
+    const struct framesink_options to = {.path = p->made,
+                                         .format = FRAMESINK_VIDEO};
+    struct framesource *in = framesource_open(&clip, 1, NULL, err);
+    struct framesink *out = in ? framesink_open(&to, err) : NULL;
+    struct driver d;
+    int rc = -1;
+
+    if (!out)
+        goto out;
+    driver_init(&d, &p->track, driver_read_source, in);
+    rc = driver_start(&d, NULL, NULL, err) ||
+                 animate_run(&p->animate, &d, NULL, out, pipeline_frame_done, p,
+                             err)
+             ? -1
+             : 0;
+    driver_release(&d);
+    if (rc == 0)
+        rc = framesink_finish(out, err);
+    else
+        framesink_abandon(out);
+out:
+    framesource_close(in);
+    return rc;
+}
+
+/* PART frames as a video in a directory of our own. */
+static int pipeline_make_video(struct pipe *p, struct error *err)
+{
+    file_temporary(p->dir, "spid-bench-XXXXXX");
+    if (!mkdtemp(p->dir)) {
+        error_set(err, EX_CANTCREAT, "%s: no room for a video", p->dir);
+        p->dir[0] = 0;
+        return -1;
+    }
+    snprintf(p->clip, sizeof p->clip, "%s/clip.mp4", p->dir);
+    snprintf(p->made, sizeof p->made, "%s/made.mp4", p->dir);
+    const struct framesink_options to = {.path = p->clip,
+                                         .format = FRAMESINK_VIDEO};
+    struct framesink *out = framesink_open(&to, err);
+
+    for (size_t i = 0; out && i < PART; i++) {
+        const struct framesink_frame f = {
+            .width = PERSON_SIZE, .height = PERSON_SIZE, .channels = 3,
+            .rgb = p->l->person.rgb + i % PERSON_FRAMES * FRAME_VALUES,
+            .frame = i, .time = (double)i / 25
+        };
+
+        if (framesink_write(out, &f, err)) {
+            framesink_abandon(out);
+            return -1;
+        }
+    }
+    return out ? framesink_finish(out, err) : -1;
+}
+
+/* Every worker's renderer again, without cut-offs. */
+static int pipeline_make_exact(struct animate *a, struct error *err)
+{
+    const struct gaussians g = baked_set(a->baked);
+
+    for (int i = 0; i < a->opt.workers; i++) {
+        struct splat *s = &a->worker[i].splat;
+        struct splat_options opt = s->opt;
+
+        opt.alpha_cut = 0x1p-24f;
+        opt.t_cut = 0;
+        opt.exp_degree = 5;
+        opt.fixed16 = false;
+        splat_release(s);
+        if (splat_init(s, &opt, err) || splat_load(s, &g, err))
+            return -1;
+    }
+    return 0;
+}
+
+/* Encoder, tracker and workers as a variant wants them. */
+static int pipeline_open(struct pipe *p, struct pipeline *l,
+                         const struct variant *v, struct error *err)
+{
+    struct bench_person *s = &l->person;
+    const double middle = PERSON_SIZE / 2.0;
+    const enum nn_type motion = v->type == NN_INT8 ? NN_FAST : v->type;
+    const struct track_options track = {
+        .size = PERSON_SIZE, .has_crop = true, .has_window = true,
+        .crop = {(double)s->crop[0], (double)s->crop[1], (double)s->crop[2]},
+        .window = {middle, middle, PERSON_SIZE}, .no_tta = v->no_tta,
+        .no_align = v->no_align
+    };
+    const struct animate_options opt = {
+        .size = PERSON_SIZE, .model = &s->model, .star = v->star,
+        .f32 = v->f32 || v->exact, .roi = v->roi, .workers = s->b->threads,
+        .closed = BAKED_CLOSED, .precision = v->type,
+        .texture = v->no_photo ? NULL : &s->texture
+    };
+    const struct framesink_options sink = {.path = "/dev/null",
+                                           .format = FRAMESINK_PAM};
+
+    memset(p, 0, sizeof *p);
+    p->l = l;
+    p->part = v->exact ? SLOW_PART : PART;
+    p->truth = l->truth[v->star];
+    p->sink = framesink_open(&sink, err);
+    if (!p->sink || encoders_open(&p->nets, &s->model, false, motion, err) ||
+        head_fold(&p->mean, &s->head, NULL, 0, err) ||
+        track_init(&p->track, &p->mean, &p->nets.motion, &track, err) ||
+        (v->video && pipeline_make_video(p, err)) ||
+        animate_init(&p->animate, &opt, &s->id, &s->baked, &s->dense, err))
+        return -1;
+    return v->exact ? pipeline_make_exact(&p->animate, err) : 0;
+}
+
+/* And the video's files. */
+static void pipeline_close(struct pipe *p)
+{
+    animate_release(&p->animate);
+    track_release(&p->track);
+    identity_release(&p->mean);
+    encoders_release(&p->nets);
+    framesink_abandon(p->sink);
+    if (p->dir[0]) {
+        unlink(p->clip);
+        unlink(p->made);
+        rmdir(p->dir);
+    }
+}
+
+/* The pictures of the video that was made last. */
+static int pipeline_read_video(struct pipe *p, struct error *err)
+{
+    const char *const made = p->made;
+    struct framesource *in = framesource_open(&made, 1, NULL, err);
+    struct frame f;
+    int rc = in ? 1 : -1;
+
+    while (rc > 0 && (rc = framesource_read(in, &f, err)) > 0)
+        pipeline_take_picture(p, f.index, NULL, f.rgb);
+    framesource_close(in);
+    return rc;
+}
+
+/* Once more, looking at the pictures. */
+static int pipeline_compare(struct pipe *p, const struct variant *v,
+                            double *max_abs, double *psnr_db, struct error *err)
+{
+    p->pictures = v->exact ? PICTURES_KEEP : PICTURES_COMPARE;
+    if (v->video ? pipeline_read_video(p, err) : pipeline_call(p, err))
+        return -1;
+    *max_abs = *psnr_db = NAN;
+    if (v->exact)
+        return 0;
+    *max_abs = p->worst;
+    *psnr_db = -10 * log10(fmax(p->squares / (double)p->values, 1e-300));
+    return 0;
+}
+
+/* The numbers of a row that programs look for. */
+static void pipeline_report(struct bench *b, const struct pipe *p,
+                            const struct variant *v, double median)
+{
+    char key[24];
+
+    snprintf(key, sizeof key, "spid%s%s", v->star ? "_star" : "",
+             v->video ? "_video" : "");
+    bench_number(b, "fps", key, 1e3 / median);
+    for (int i = 0; i < STAGES; i++) {
+        bool own = v->video ? v->star && i > 5
+                            : i < 6 && (v->star ? i != 5 : i > 3);
+
+        if (own)
+            bench_number(b, "ms", !v->star && i == 4 ? "splat_features"
+                                                     : stage_name[i],
+                         p->sum[i] / (double)p->frames);
+    }
+}
+
+/* A row: time it, then run once more for the error. */
+static int pipeline_variant(struct pipeline *l, const struct variant *v,
+                            struct error *err)
+{
+    struct bench *b = l->person.b;
+    struct pipe *p = calloc(1, sizeof *p);
+    double most, psnr;
+    struct bench_times t;
+    char config[96];
+    int rc =
+        p ? pipeline_open(p, l, v, err) : error_set(err, EX_OSERR, "no memory");
+
+    if (rc == 0)
+        rc = bench_time(&t, b->seconds / 8, v->exact ? 1 : 300 / PART,
+                        v->video ? pipeline_call_video : pipeline_call, p, err);
+    if (rc == 0 && v->report)
+        pipeline_report(b, p, v, t.median / (double)p->part);
+    if (rc == 0)
+        rc = pipeline_compare(p, v, &most, &psnr, err);
+    if (rc == 0) {
+        t.min /= (double)p->part;
+        t.median /= (double)p->part;
+        t.p95 /= (double)p->part;
+        snprintf(config, sizeof config, "%s%s 512x512 N=%zu C=%d",
+                 v->star ? "SpiD*" : "SpiD", v->video ? " mp4 to mp4" : "",
+                 l->all, v->star ? 3 : (int)l->person.baked.C);
+        bench_add(b, "pipeline", config, v->knob, b->threads, &t, most, psnr);
+    }
+    if (p)
+        pipeline_close(p);
+    free(p);
+    return rc;
+}
+
+/* Fewer and fewer Gaussians. */
+static int pipeline_reduced(struct pipeline *l, struct error *err)
+{
+    static const double eps[] = {0.1, 1, 10};
+    struct bench_person *s = &l->person;
+    struct prune_report r;
+    char knob[64];
+    struct variant v = {.knob = knob, .star = true, .type = NN_FAST};
+
+    baked_drop_clear(&s->baked);
+    snprintf(knob, sizeof knob, "without the clear: %zu", s->baked.N);
+    if (pipeline_variant(l, &v, err))
+        return -1;
+    for (size_t i = 0; i < sizeof eps / sizeof *eps; i++) {
+        if (prune_views(&s->baked, &r, &s->dense, &s->id, PERSON_SIZE, eps[i],
+                        err))
+            return -1;
+        snprintf(knob, sizeof knob, "--prune %g: %zu", eps[i], s->baked.N);
+        if (pipeline_variant(l, &v, err))
+            return -1;
+    }
+    return 0;
+}
+
+/* The first frame as texture; what the person hides is taken for black. */
+static int pipeline_make_texture(struct bench_person *s, struct error *err)
+{
+    uint8_t *back = calloc(FRAME_VALUES, 1);
+    int rc = back ? texture_init(&s->texture, s->rgb, s->mask, back,
+                                 PERSON_SIZE, err)
+                  : error_set(err, EX_OSERR, "no memory for a picture");
+
+    free(back);
+    return rc;
+}
+
+/* Every variant, then fewer Gaussians. */
+static int pipeline_all(struct pipeline *l, struct error *err)
+{
+    static const struct variant variants[] = {
+        {"f32, no cut-offs", true, .exact = true, .type = NN_F32},
+        {"f32, no cut-offs", false, .exact = true, .type = NN_F32},
+        {"default", true, .type = NN_FAST, .report = true},
+        {"--no-tta", true, .type = NN_FAST, .no_tta = true},
+        {"--no-align", true, .type = NN_FAST, .no_align = true},
+        {"--no-photo", true, .type = NN_FAST, .no_photo = true},
+        {"f32 networks", true, .type = NN_F32},
+        {"bf16 networks", true, .type = NN_BF16},
+        {"default", false, .type = NN_FAST, .report = true},
+        {"--no-tta", false, .type = NN_FAST, .no_tta = true},
+        {"--no-align", false, .type = NN_FAST, .no_align = true},
+        {"--no-photo", false, .type = NN_FAST, .no_photo = true},
+        {"f32 networks", false, .type = NN_F32},
+        {"bf16 networks", false, .type = NN_BF16},
+        {"int8 refiner", false, .type = NN_INT8},
+        {"f32 features", false, .type = NN_FAST, .f32 = true},
+        {"--roi", false, .type = NN_FAST, .roi = true},
+        {"default", true, .video = true, .type = NN_FAST, .report = true},
+        {"default", false, .video = true, .type = NN_FAST, .report = true}
+    };
+    struct bench_person *s = &l->person;
+
+    for (int i = 0; i < 2; i++) {
+        l->truth[i] = calloc(PERSON_FRAMES / EVERY * FRAME_VALUES,
+                             sizeof *l->truth[i]);
+        if (!l->truth[i])
+            return error_set(err, EX_OSERR, "no memory for pictures");
+    }
+    if (bench_person_avatar(s, NN_FAST, err) || bench_person_bake(s, err) ||
+        baker_copy(&s->baked, &s->baker, false, err) ||
+        pipeline_make_texture(s, err))
+        return -1;
+    l->all = s->baked.N;
+    for (size_t i = 0; i < sizeof variants / sizeof *variants; i++)
+        if ((variants[i].type != NN_INT8 || nn_type_native(NN_INT8)) &&
+            pipeline_variant(l, &variants[i], err))
+            return -1;
+    return pipeline_reduced(l, err);
+}
+
+int bench_pipeline(struct bench *b, struct error *err)
+{
+    const size_t first = b->rows;
+    struct pipeline *l = calloc(1, sizeof *l);
+    int rc = l ? bench_person_open(&l->person, b, err)
+               : error_set(err, EX_OSERR, "no memory");
+
+    if (rc == 0)
+        rc = pipeline_all(l, err);
+    if (rc == 0) {
+        bench_note(b, "pipeline: errors are of the finished pictures (every "
+                   "third frame) against the first row of the same kind: all "
+                   "networks in f32, splatting without cut-offs, every "
+                   "Gaussian; of mp4 to mp4 they are of the video made, read "
+                   "back");
+        bench_pareto(b, first);
+    }
+    if (l) {
+        bench_person_close(&l->person);
+        free(l->truth[0]);
+        free(l->truth[1]);
+    }
+    free(l);
+    return rc;
+}

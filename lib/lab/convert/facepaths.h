@@ -1,0 +1,43 @@
+/* What a FLAME file does not say but its mesh and landmarks do: the rings of
+ * the lips, and how the eyelids close. */
+#ifndef SPID_LAB_CONVERT_FACEPATHS_H
+#define SPID_LAB_CONVERT_FACEPATHS_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "lib/base/error.h"
+
+#define FACE_LANDMARKS 68
+
+/* The mesh, in metres, and the 68 usual landmarks on it; borrowed. */
+struct face_mesh {
+    size_t V, F;
+    const float *verts;             /* (V,3) */
+    const int32_t *f;               /* (F,3), checked */
+    const int32_t *landmark_faces;  /* (68), checked */
+    const float *landmark_bary;     /* (68,3) */
+    float eye[2][3];                /* joints of the eyes: left, right */
+};
+
+struct face_paths;
+
+/* NULL and *err when memory is short. */
+struct face_paths *face_paths_open(const struct face_mesh *m,
+                                   struct error *err);
+/* NULL is allowed. */
+void face_paths_close(struct face_paths *p);
+
+/* Vertices from landmark to landmark along the shortest edges, a ring when
+ * the last is the first again.  -1 and *err when two are not connected.  The
+ * caller frees *out. */
+int face_paths_trace(int32_t **out, size_t *count, struct face_paths *p,
+                     const int *landmarks, size_t n, struct error *err);
+
+/* out (V,3): the displacement that closes the left (side 0) or right lid: the
+ * upper lid's edge comes to lie on the lower one's, the skin above follows
+ * less and less, and all of it stays on a sphere about the eye's joint. */
+int face_paths_eyelid(float *out, struct face_paths *p, int side,
+                      struct error *err);
+
+#endif

@@ -1,0 +1,480 @@
+/* The public networks: which names of theirs are which of ours. */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "lib/net/config.h"
+#include "lib/lab/convert/table.h"
+#include "lib/net/dinov2.h"
+#include "lib/net/fan.h"
+#include "lib/net/motion_encoder.h"
+#include "lib/net/shape_encoder.h"
+
+/* ---- DINOv2 ------------------------------------------------------------- */
+
+/* The transformers that a file may hold, by the width of their tokens. */
+static const struct dinov2_config transformers[] = {
+    {384, 12, 6, 14, 37, 4},        /* vits14 */
+    {768, 12, 12, 14, 37, 4},       /* vitb14 */
+};
+
+/* Behind the names that the backbone has in a model file. */
+#define DINO "backbone.dino_model."
+
+/* The tensors that a network of this configuration has, under their own
+ * names. */
+static int network_take_transformer(struct convert *c, const char *prefix,
+                                    const struct dinov2_config *config,
+                                    struct error *err)
+{
+    struct dinov2 net;
+    struct params ps;
+    char text[120];
+    int rc = -1;
+
+    params_init(&ps);
+    if (!dinov2_init(&net, &ps, DINO, config, true, err))
+        rc = convert_take_params(c, 0, prefix, &ps, "", DINO, err);
+    dinov2_release(&net);
+    params_release(&ps);
+    snprintf(text, sizeof text, "{\"type\":\"dinov2\",\"embed\":%zu,"
+             "\"depth\":%zu,\"heads\":%zu,\"patch\":%zu,\"image\":518}",
+             config->embed, config->depth, config->heads, config->patch);
+    convert_set_meta(c, "backbone", text);
+    return rc;
+}
+
+int convert_dinov2(struct convert *c, const struct convert_options *o,
+                   struct error *err)
+{
+    const size_t any[3] = {1, 1, 0};
+    char prefix[TENSORFILE_NAME];
+    size_t i;
+
+    (void)o;
+    convert_prefix(prefix, c, 0, "cls_token");
+    i = convert_find(c, 0, prefix, "cls_token", 3, any, false);
+    if (i == SIZE_MAX)
+        return 0;
+    for (size_t k = 0; k < sizeof transformers / sizeof *transformers; k++)
+        if (transformers[k].embed == tensorfile_at(c->file[0], i)->dim[2])
+            return network_take_transformer(c, prefix, &transformers[k], err);
+    convert_note(c, CONVERT_SHAPE, "tokens of %zu numbers (expected 384, "
+                 "vits14, or 768, vitb14)",
+                 tensorfile_at(c->file[0], i)->dim[2]);
+    return 0;
+}
+
+/* ---- SMIRK -------------------------------------------------------------- */
+
+#define SMIRK_EXP 50                /* expressions, then 2 lids, 3 jaw */
+#define SMIRK_OUT (SMIRK_EXP + 5)
+#define SMIRK_NET "tf_mobilenetv3_large_minimal_100"
+
+/* Rows first.. of SMIRK's last layer (w, b), times gain, plus offset in the
+ * bias, into a head of ours of `rows` rows that starts as it is. */
+static int network_smirk_head(struct convert *c, const struct params *ps,
+                              const char *name, const double *w,
+                              const double *b, size_t first, size_t rows,
+                              float gain, float offset, struct error *err)
+{
+    char text[64];
+    float *out;
+
+    for (int bias = 0; bias < 2; bias++) {
+        snprintf(text, sizeof text, "motion.%s.%s", name,
+                 bias ? "bias" : "weight");
+        const struct param *p = &ps->tensor[params_find(ps, text)];
+        size_t wide = p->count / p->dim[0];
+
+        out = convert_add(c, text, ST_F32, p->ndim, p->dim, err);
+        if (!out)
+            return -1;
+        memcpy(out, param_w(ps, params_find(ps, text)),
+               p->count * sizeof *out);
+        for (size_t k = 0; w && k < rows * wide; k++)
+            out[k] = bias ? (float)b[first + k] * gain + offset
+                          : (float)w[first * wide + k] * gain;
+    }
+    return 0;
+}
+
+/* E_m on the expression encoder.  Its lids are clamped to [0,1] where ours
+ * pass a sigmoid: the same slope and value in the middle.  Pose has an encoder
+ * of its own there and other units; ours starts as a new model does. */
+static int network_smirk_motion(struct convert *c, const char *prefix,
+                                const struct params *ps, struct error *err)
+{
+    const size_t features = 960, wd[2] = {SMIRK_OUT, features};
+    size_t w = convert_find(c, 0, prefix,
+                            "expression_encoder.expression_layers.0.weight",
+                            2, wd, false);
+    size_t b = convert_find(c, 0, prefix,
+                            "expression_encoder.expression_layers.0.bias", 1,
+                            wd, false);
+    double *weight = NULL, *bias = NULL;
+    int rc = -1;
+
+    if (w == SIZE_MAX || b == SIZE_MAX)
+        return 0;
+    if ((weight = convert_numbers(c, 0, w, err)) &&
+        (bias = convert_numbers(c, 0, b, err)) &&
+        !network_smirk_head(c, ps, "rot", NULL, NULL, 0, 0, 1, 0, err) &&
+        !network_smirk_head(c, ps, "trans", NULL, NULL, 0, 0, 1, 0, err) &&
+        !network_smirk_head(c, ps, "exp", weight, bias, 0, SMIRK_EXP, 1, 0,
+                            err) &&
+        !network_smirk_head(c, ps, "jaw", weight, bias, SMIRK_EXP + 2, 3, 1, 0,
+                            err) &&
+        !network_smirk_head(c, ps, "lid", weight, bias, SMIRK_EXP, 2, 4, -2,
+                            err) &&
+        !network_smirk_head(c, ps, "eye", NULL, NULL, 0, 0, 1, 0, err))
+        rc = 0;
+    free(weight);
+    free(bias);
+    convert_note(c, CONVERT_REMARK, "head pose, translation and gaze start "
+                 "untrained: SMIRK has no layers for them that fit");
+    return rc;
+}
+
+/* Declare E_m and E_beta with SMIRK's network in both. */
+static int network_smirk_declare(struct params *ps,
+                                 struct motion_encoder *motion,
+                                 struct shape_encoder *shape, struct error *err)
+{
+    params_init(ps);
+    memset(shape, 0, sizeof *shape);
+    if (motion_encoder_init(motion, ps, "motion.", SMIRK_NET, err) ||
+        shape_encoder_init(shape, ps, "shape.", SMIRK_NET, err) ||
+        params_allocate(ps, err))
+        return -1;
+    motion_encoder_init_weights(motion);
+    return 0;
+}
+
+/* The configuration of a model with these encoders, as its metadata. */
+static int network_smirk_config(struct convert *c, struct error *err)
+{
+    struct avatar_config config;
+    char *text;
+
+    avatar_config_paper(&config);
+    snprintf(config.motion_net, sizeof config.motion_net, SMIRK_NET);
+    snprintf(config.shape_net, sizeof config.shape_net, SMIRK_NET);
+    text = avatar_config_print(&config);
+    if (!text)
+        return error_set(err, EX_OSERR, "out of memory");
+    convert_set_meta(c, "spid", text);
+    free(text);
+    return 0;
+}
+
+int convert_smirk(struct convert *c, const struct convert_options *o,
+                  struct error *err)
+{
+    struct motion_encoder motion;
+    struct shape_encoder shape;
+    struct params ps;
+    char prefix[TENSORFILE_NAME];
+    int rc = -1;
+
+    (void)o;
+    convert_prefix(prefix, c, 0, "shape_encoder.shape_layers.0.weight");
+    if (!network_smirk_declare(&ps, &motion, &shape, err) &&
+        !network_smirk_config(c, err) &&
+        !convert_take_params(c, 0, prefix, &ps, "expression_encoder.encoder.",
+                             "motion.encoder.", err) &&
+        !network_smirk_motion(c, prefix, &ps, err) &&
+        !convert_take_params(c, 0, prefix, &ps, "shape_encoder.encoder.",
+                             "shape.encoder.", err))
+        rc = convert_take_params(c, 0, prefix, &ps,
+                                 "shape_encoder.shape_layers.0.",
+                                 "shape.shape.", err);
+    motion_encoder_release(&motion);
+    shape_encoder_release(&shape);
+    params_release(&ps);
+    return rc;
+}
+
+/* ---- LPIPS -------------------------------------------------------------- */
+
+/* AlexNet's convolutions: torchvision's names, and those of the LPIPS
+ * package's own files. */
+static const struct {
+    const char *name, *sliced;
+    size_t dim[4];
+} alexnet[] = {
+    {"features.0.", "net.slice1.0.", {64, 3, 11, 11}},
+    {"features.3.", "net.slice2.3.", {192, 64, 5, 5}},
+    {"features.6.", "net.slice3.6.", {384, 192, 3, 3}},
+    {"features.8.", "net.slice4.8.", {256, 384, 3, 3}},
+    {"features.10.", "net.slice5.10.", {256, 256, 3, 3}},
+};
+
+int convert_lpips(struct convert *c, const struct convert_options *o,
+                  struct error *err)
+{
+    const int lin = o->linear ? convert_open(c, o->linear, err) : 0;
+    char prefix[TENSORFILE_NAME], from[80], to[80];
+    bool sliced;
+
+    if (lin < 0)
+        return -1;
+    convert_prefix(prefix, c, 0, "net.slice1.0.weight");
+    sliced = convert_find(c, 0, prefix, "net.slice1.0.weight", 4,
+                          alexnet[0].dim, true) != SIZE_MAX;
+    if (!sliced)
+        convert_prefix(prefix, c, 0, "features.0.weight");
+    for (size_t i = 0; i < sizeof alexnet / sizeof *alexnet; i++)
+        for (int bias = 0; bias < 2; bias++) {
+            const char *end = bias ? "bias" : "weight";
+
+            snprintf(from, sizeof from, "%s%s",
+                     sliced ? alexnet[i].sliced : alexnet[i].name, end);
+            snprintf(to, sizeof to, "%s%s", alexnet[i].name, end);
+            if (convert_take(c, 0, prefix, from, to, bias ? 1 : 4,
+                             alexnet[i].dim, err))
+                return -1;
+        }
+    convert_prefix(prefix, c, lin, "lin0.model.1.weight");
+    for (size_t i = 0; i < sizeof alexnet / sizeof *alexnet; i++) {
+        const size_t dim[4] = {1, alexnet[i].dim[0], 1, 1};
+
+        snprintf(to, sizeof to, "lin%zu.model.1.weight", i);
+        if (convert_take(c, lin, prefix, to, to, 4, dim, err))
+            return -1;
+    }
+    return 0;
+}
+
+/* ---- ArcFace ------------------------------------------------------------ */
+
+/* The four tensors of a batch norm. */
+static int network_take_norm(struct convert *c, const char *prefix,
+                             const char *name, size_t n, struct error *err)
+{
+    static const char *const part[] = {"weight", "bias", "running_mean",
+                                       "running_var"};
+    char text[120];
+
+    for (int i = 0; i < 4; i++) {
+        snprintf(text, sizeof text, "%s.%s", name, part[i]);
+        if (convert_take(c, 0, prefix, text, text, 1, &n, err))
+            return -1;
+    }
+    return 0;
+}
+
+/* A tensor under the same name. */
+static int network_take_plain(struct convert *c, const char *prefix,
+                              const char *name, int ndim, size_t a, size_t b,
+                              size_t k, struct error *err)
+{
+    const size_t dim[4] = {a, b, k, k};
+
+    return convert_take(c, 0, prefix, name, name, ndim, dim, err);
+}
+
+/* One residual block; returns its channels, 0 when there is none, or -1. */
+static long network_take_block(struct convert *c, const char *prefix, int stage,
+                               int index, size_t in, struct error *err)
+{
+    const size_t any[4] = {0, in, 3, 3};
+    char at[40], name[80];
+    size_t i, out;
+
+    snprintf(at, sizeof at, "layer%d.%d", stage, index);
+    snprintf(name, sizeof name, "%s.conv1.weight", at);
+    i = convert_find(c, 0, prefix, name, 4, any, index > 0);
+    if (i == SIZE_MAX)
+        return 0;
+    out = tensorfile_at(c->file[0], i)->dim[0];
+    if (network_take_plain(c, prefix, name, 4, out, in, 3, err))
+        return -1;
+#define NAMED(...) (snprintf(name, sizeof name, __VA_ARGS__), name)
+    if (network_take_norm(c, prefix, NAMED("%s.bn1", at), in, err) ||
+        network_take_norm(c, prefix, NAMED("%s.bn2", at), out, err) ||
+        network_take_plain(c, prefix, NAMED("%s.prelu.weight", at), 1, out, 0,
+                           0, err) ||
+        network_take_plain(c, prefix, NAMED("%s.conv2.weight", at), 4, out, out,
+                           3, err) ||
+        network_take_norm(c, prefix, NAMED("%s.bn3", at), out, err))
+        return -1;
+    if (index == 0 &&
+        (network_take_plain(c, prefix, NAMED("%s.downsample.0.weight", at), 4,
+                            out, in, 1, err) ||
+         network_take_norm(c, prefix, NAMED("%s.downsample.1", at), out, err)))
+        return -1;
+#undef NAMED
+    return (long)out;
+}
+
+int convert_arcface(struct convert *c, const struct convert_options *o,
+                    struct error *err)
+{
+    const size_t stem[4] = {0, 3, 3, 3};
+    char prefix[TENSORFILE_NAME];
+    size_t i, channels, code[2] = {0, 0};
+
+    (void)o;
+    convert_prefix(prefix, c, 0, "layer1.0.conv1.weight");
+    i = convert_find(c, 0, prefix, "conv1.weight", 4, stem, false);
+    if (i == SIZE_MAX)
+        return 0;
+    channels = tensorfile_at(c->file[0], i)->dim[0];
+    if (network_take_plain(c, prefix, "conv1.weight", 4, channels, 3, 3, err) ||
+        network_take_norm(c, prefix, "bn1", channels, err) ||
+        network_take_plain(c, prefix, "prelu.weight", 1, channels, 0, 0, err))
+        return -1;
+    for (int stage = 1; stage <= 4; stage++)
+        for (int k = 0;; k++) {
+            long out = network_take_block(c, prefix, stage, k, channels, err);
+
+            if (out < 0)
+                return -1;
+            if (out == 0)
+                break;
+            channels = (size_t)out;
+        }
+    if (network_take_norm(c, prefix, "bn2", channels, err))
+        return -1;
+    code[1] = channels * 7 * 7;
+    i = convert_find(c, 0, prefix, "fc.weight", 2, code, false);
+    if (i == SIZE_MAX)
+        return 0;
+    code[0] = tensorfile_at(c->file[0], i)->dim[0];
+    return convert_take(c, 0, prefix, "fc.weight", "fc.weight", 2, code,
+                        err) ||
+           convert_take(c, 0, prefix, "fc.bias", "fc.bias", 1, code, err) ||
+           network_take_norm(c, prefix, "features", code[0], err) ? -1 : 0;
+}
+
+/* ---- SqueezeNet --------------------------------------------------------- */
+
+/* The fire modules of version 1.0: place, channels in, squeezed, and of each
+ * half of the output. */
+static const size_t fire[][4] = {
+    {3, 96, 16, 64},   {4, 128, 16, 64},  {5, 128, 32, 128},
+    {7, 256, 32, 128}, {8, 256, 48, 192}, {9, 384, 48, 192},
+    {10, 384, 64, 256}, {12, 512, 64, 256},
+};
+
+/* Weight and bias of a convolution under the same names. */
+static int network_take_conv(struct convert *c, const char *prefix,
+                             const char *name, size_t out, size_t in, size_t k,
+                             struct error *err)
+{
+    char text[80];
+
+    snprintf(text, sizeof text, "%s.weight", name);
+    if (network_take_plain(c, prefix, text, 4, out, in, k, err))
+        return -1;
+    snprintf(text, sizeof text, "%s.bias", name);
+    return network_take_plain(c, prefix, text, 1, out, 0, 0, err);
+}
+
+/* torchvision's network sees (x - mean) / deviation, ours x in [0,1].  The
+ * first convolution has no padding, so that its weights can do it exactly. */
+static int network_squeeze_first(struct convert *c, const char *prefix,
+                                 struct error *err)
+{
+    static const double mean[3] = {0.485, 0.456, 0.406};
+    static const double deviation[3] = {0.229, 0.224, 0.225};
+    const size_t dim[4] = {96, 3, 7, 7}, taps = 49;
+    size_t wi = convert_find(c, 0, prefix, "features.0.weight", 4, dim, false);
+    size_t bi = convert_find(c, 0, prefix, "features.0.bias", 1, dim, false);
+    double *w, *b;
+    float *out, *shift;
+
+    if (wi == SIZE_MAX || bi == SIZE_MAX)
+        return 0;
+    w = convert_numbers(c, 0, wi, err);
+    b = w ? convert_numbers(c, 0, bi, err) : NULL;
+    out = b ? convert_add(c, "features.0.weight", ST_F32, 4, dim, err) : NULL;
+    shift = out ? convert_add(c, "features.0.bias", ST_F32, 1, dim, err)
+                : NULL;
+    for (size_t o = 0; shift && o < dim[0]; o++) {
+        double sum = b[o];
+
+        for (size_t k = 0; k < 3 * taps; k++) {
+            double v = w[o * 3 * taps + k] / deviation[k / taps];
+
+            out[o * 3 * taps + k] = (float)v;
+            sum -= v * mean[k / taps];
+        }
+        shift[o] = (float)sum;
+    }
+    free(w);
+    free(b);
+    return shift ? 0 : -1;
+}
+
+int convert_squeezenet(struct convert *c, const struct convert_options *o,
+                       struct error *err)
+{
+    char prefix[TENSORFILE_NAME], name[64];
+
+    (void)o;
+    convert_prefix(prefix, c, 0, "features.0.weight");
+    if (network_squeeze_first(c, prefix, err))
+        return -1;
+    for (size_t i = 0; i < sizeof fire / sizeof *fire; i++) {
+        const size_t *f = fire[i];
+
+        snprintf(name, sizeof name, "features.%zu.squeeze", f[0]);
+        if (network_take_conv(c, prefix, name, f[2], f[1], 1, err))
+            return -1;
+        snprintf(name, sizeof name, "features.%zu.expand1x1", f[0]);
+        if (network_take_conv(c, prefix, name, f[3], f[2], 1, err))
+            return -1;
+        snprintf(name, sizeof name, "features.%zu.expand3x3", f[0]);
+        if (network_take_conv(c, prefix, name, f[3], f[2], 3, err))
+            return -1;
+    }
+    return network_take_conv(c, prefix, "classifier.1", 1000, 512, 1, err);
+}
+
+/* ---- FAN ---------------------------------------------------------------- */
+
+/* The tensors of a face alignment network of these sizes; its pictures are RGB
+ * from 0 to 1 as they are. */
+static int network_fan_take(struct convert *c, const char *prefix,
+                            size_t stacks, size_t width, struct error *err)
+{
+    struct params ps;
+    struct fan net;
+    int rc;
+
+    params_init(&ps);
+    fan_init(&net, &ps, stacks, width);
+    rc = convert_take_params(c, 0, prefix, &ps, "", "", err);
+    fan_release(&net);
+    params_release(&ps);
+    return rc;
+}
+
+int convert_fan(struct convert *c, const struct convert_options *o,
+                struct error *err)
+{
+    const size_t any[1] = {0};
+    char prefix[TENSORFILE_NAME], name[40];
+    size_t i, width = 0, stacks = 0;
+
+    (void)o;
+    convert_prefix(prefix, c, 0, "m0.b1_4.bn1.weight");
+    for (; stacks < FAN_STACKS; stacks++) {
+        snprintf(name, sizeof name, "m%zu.b1_4.bn1.weight", stacks);
+        i = convert_find(c, 0, prefix, name, 1, any, stacks > 0);
+        if (i == SIZE_MAX)
+            break;
+        width = tensorfile_at(c->file[0], i)->dim[0];
+    }
+    if (!stacks)
+        return 0;
+    if (!width || width % 16 || width > FAN_WIDEST) {
+        convert_note(c, CONVERT_SHAPE, "hourglasses of %zu channels (expected "
+                     "a multiple of 16 up to %d)", width, FAN_WIDEST);
+        return 0;
+    }
+    return network_fan_take(c, prefix, stacks, width, err);
+}

@@ -1,0 +1,43 @@
+/* Contact sheets: pictures in rows and columns, with points on them. */
+#ifndef SPID_LAB_DATA_CONTACT_SHEET_H
+#define SPID_LAB_DATA_CONTACT_SHEET_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "lib/base/error.h"
+#include "lib/base/crop.h"
+
+struct contact_sheet {
+    size_t rows, cols, side;
+    uint8_t *rgb;           /* (rows*side, cols*side, 3) */
+};
+
+/* rows x cols cells of side x side pixels, black. */
+int contact_sheet_init(struct contact_sheet *s, size_t rows, size_t cols,
+                       size_t side, struct error *err);
+/* Free what it holds. */
+void contact_sheet_release(struct contact_sheet *s);
+
+/* Put rgb (side,side,3), values clamped to [0,1], into a place; with alpha
+ * (side,side) it is composed over grey. */
+void contact_sheet_picture(struct contact_sheet *s, size_t row, size_t col,
+                           const float *rgb, const float *alpha);
+/* The difference |a - b|, four times enlarged. */
+void contact_sheet_difference(struct contact_sheet *s, size_t row, size_t col,
+                              const float *a, const float *b);
+enum contact_sheet_colour { CONTACT_SHEET_TRUE, CONTACT_SHEET_FOUND };
+
+/* Points given in the pixels of the picture that square q was cut from: true
+ * ones green, found ones red. */
+void contact_sheet_points(struct contact_sheet *s, size_t row, size_t col,
+                          const float (*xy)[2], size_t n, struct square q,
+                          enum contact_sheet_colour colour);
+/* Write the sheet as PNG and release it. */
+int contact_sheet_save(struct contact_sheet *s, const char *path,
+                       struct error *err);
+/* Hand the pixels over (the caller frees). */
+void contact_sheet_detach(struct contact_sheet *s, uint8_t **rgb, size_t *H,
+                          size_t *W);
+
+#endif

@@ -1,0 +1,41 @@
+/* LPIPS (Zhang et al. 2018) with AlexNet features, when its weights are
+ * given: a safetensors file with torchvision's "features.{0,3,6,8,10}.weight"
+ * and ".bias" and the LPIPS package's "lin{0..4}.model.1.weight". */
+#ifndef SPID_LAB_EVAL_LPIPS_H
+#define SPID_LAB_EVAL_LPIPS_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "lib/base/error.h"
+#include "lib/nn/conv.h"
+#include "lib/nn/params.h"
+
+#define LPIPS_STAGES 5
+
+struct lpips {
+    struct params ps;
+    struct nn_plan plan;
+    struct conv conv[LPIPS_STAGES];     /* as linear layers over patches */
+    size_t lin[LPIPS_STAGES];           /* tensors: (1,C,1,1) */
+    size_t H, W;                        /* as planned; 0: not yet */
+    size_t h[LPIPS_STAGES], w[LPIPS_STAGES];
+    float *patches, *in, *out[2][LPIPS_STAGES];
+    bool learns;                        /* planned for a gradient: set before
+                                         * the first distance */
+    float *dpatches, *din, *dout;       /* when learns; of one stage */
+};
+
+/* Load the weights; EX_DATAERR names a tensor that is missing. */
+int lpips_init(struct lpips *l, const char *path, struct error *err);
+/* Free what it holds; zeroed then. */
+void lpips_release(struct lpips *l);
+
+/* Distance of two planar pictures (3,H,W) in [0,1], both sides 64 or more. */
+int lpips_distance(double *distance, struct lpips *l, const float *a,
+                   const float *b, size_t H, size_t W, struct error *err);
+/* db (3,H,W) = the gradient of the last distance by its second picture;
+ * l->learns.  The weights are constants. */
+void lpips_backward(float *db, struct lpips *l);
+
+#endif

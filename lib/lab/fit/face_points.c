@@ -1,0 +1,436 @@
+/* Each landmark's place on our skin, found by the vertex of the scans that it
+ * means, with its own rows of the blendshapes: all that the fit looks at. */
+#include "lib/lab/fit/face_points.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "lib/base/rotation.h"
+#include "lib/head/lbs.h"
+
+#define N LANDMARK_FACE
+#define FACE_MOTIONS 3
+#define FACE_MOTION_SHARE 0.5   /* of a difference in motion against place */
+
+/* What tells lips and lids apart. */
+static const int face_motion[FACE_MOTIONS] = {
+    ARKIT_JAW_OPENED, ARKIT_EYE_BLINK_L, ARKIT_EYE_BLINK_R
+};
+
+/* A point of the head: a triangle and its barycentric coordinates. */
+struct face_place {
+    const int32_t *corner;
+    double bary[3];
+};
+
+/* ---- which point each landmark is ---------------------------------------- */
+
+/* b = barycentric coordinates of the point of triangle v that is about the
+ * nearest to p: of the foot on its plane, drawn into the triangle. */
+static void face_nearest(double b[3], const float *const v[3],
+                         const double p[3])
+{
+    double d00 = 0, d01 = 0, d11 = 0, d20 = 0, d21 = 0, sum = 0;
+
+    for (int c = 0; c < 3; c++) {
+        double e = (double)(v[1][c] - v[0][c]);
+        double f = (double)(v[2][c] - v[0][c]), g = p[c] - (double)v[0][c];
+
+        d00 += e * e;
+        d01 += e * f;
+        d11 += f * f;
+        d20 += g * e;
+        d21 += g * f;
+    }
+    double det = fmax(d00 * d11 - d01 * d01, 1e-20);
+    b[1] = fmax((d11 * d20 - d01 * d21) / det, 0);
+    b[2] = fmax((d00 * d21 - d01 * d20) / det, 0);
+    sum = fmax(b[1] + b[2], 1);
+    b[1] /= sum;
+    b[2] /= sum;
+    b[0] = 1 - b[1] - b[2];
+}
+
+/* Square distance between what is asked for and the point at place in x. */
+static double face_square(const struct face_place *at, const float *x,
+                          const double to[3])
+{
+    double square = 0;
+
+    for (int c = 0; c < 3; c++) {
+        double d = -to[c];
+
+        for (int k = 0; k < 3; k++)
+            d += at->bary[k] * (double)x[3 * at->corner[k] + c];
+        square += d * d;
+    }
+    return square;
+}
+
+/* The mean head's displacement (V,3) by component k. */
+static void face_displacement(float *d, const struct identity *id, int k)
+{
+    const struct head *h = id->head;
+    float w[ARKIT_COUNT] = {0}, exp[HEAD_MAX_EXP];
+    struct head_motion m = {.exp = exp};
+
+    w[k] = 1;
+    arkit_to_motion(exp, (int)h->nexp, m.jaw, m.lid, m.eye, w);
+    head_pose(d, id, &m);
+    for (size_t i = 0; i < 3 * h->V; i++)
+        d[i] -= h->v_template[i];
+}
+
+/* Whether a triangle is of the skin. */
+static bool face_is_skin(const struct head *h, const int32_t *f)
+{
+    for (int k = 0; h->region && k < 3; k++)
+        if (h->region[f[k]] == REGION_EYEBALL ||
+            h->region[f[k]] == REGION_INNER_MOUTH)
+            return 0;
+    return 1;
+}
+
+/* The place for the scan's vertex v.  move (FACE_MOTIONS,V,3). */
+static struct face_place face_find(const struct head *h,
+                                   const struct scan *scan, const float *move,
+                                   size_t v)
+{
+    struct face_place best = {.corner = NULL};
+    double least = INFINITY, to[1 + FACE_MOTIONS][3];
+
+    for (size_t c = 0; c < 3; c++) {
+        to[0][c] = (double)(scan->neutral[3 * v + c] * h->scale);
+        for (size_t k = 0; k < FACE_MOTIONS; k++)
+            to[1 + k][c] = (double)(h->scale * scan->expression[
+                3 * ((size_t)face_motion[k] * SCAN_VERTS + v) + c]);
+    }
+    for (size_t f = 0; f < h->F; f++) {
+        struct face_place at = {.corner = h->f + 3 * f};
+        const float *x[3];
+
+        if (!face_is_skin(h, at.corner))
+            continue;
+        for (int k = 0; k < 3; k++)
+            x[k] = h->v_template + 3 * at.corner[k];
+        face_nearest(at.bary, x, to[0]);
+        double square = face_square(&at, h->v_template, to[0]);
+        for (size_t k = 0; square < least && k < FACE_MOTIONS; k++)
+            square += FACE_MOTION_SHARE *
+                      face_square(&at, move + 3 * h->V * k, to[1 + k]);
+        if (square < least) {
+            least = square;
+            best = at;
+        }
+    }
+    return best;
+}
+
+/* place (468) for all landmarks. */
+static int face_find_all(struct face_place *place, const struct head *h,
+                         const struct scan *scan, const struct landmark_map *m,
+                         struct error *err)
+{
+    float *move = malloc(FACE_MOTIONS * 3 * h->V * sizeof *move);
+    struct identity id;
+
+    if (!move)
+        return error_set(err, EX_OSERR, "out of memory");
+    if (head_fold(&id, h, NULL, 0, err)) {
+        free(move);
+        return -1;
+    }
+    for (size_t k = 0; k < FACE_MOTIONS; k++)
+        face_displacement(move + 3 * h->V * k, &id, face_motion[k]);
+#pragma omp parallel for
+    for (int i = 0; i < N; i++)
+        place[i] = face_find(h, scan, move, (size_t)m->vertex[i]);
+    identity_release(&id);
+    free(move);
+    return place[0].corner ? 0 : error_set(err, EX_DATAERR, "head has no "
+                                           "skin");
+}
+
+/* ---- their directions ---------------------------------------------------- */
+
+/* out (468,3) = vertices x (V,3) at the places. */
+static void face_take(double (*out)[3], const float *x,
+                      const struct face_place *place)
+{
+    for (int i = 0; i < N; i++)
+        for (int c = 0; c < 3; c++) {
+            out[i][c] = 0;
+            for (int k = 0; k < 3; k++)
+                out[i][c] += place[i].bary[k] *
+                             (double)x[3 * place[i].corner[k] + c];
+        }
+}
+
+/* out (count,468,3) = directions first.. of n in the posing layout; scratch
+ * (V,3). */
+static void face_take_all(double (*out)[3], float *scratch,
+                          const struct head *h, const float *dirs, size_t n,
+                          size_t first, size_t count,
+                          const struct face_place *place)
+{
+    for (size_t k = 0; k < count; k++) {
+        head_direction(scratch, h, dirs, n, first + k);
+        face_take(out + k * N, scratch, place);
+    }
+}
+
+/* What shape k adds to a closed lid. */
+static void face_take_lids(struct face_points *p, float *scratch,
+                           const struct head *h,
+                           const struct face_place *place)
+{
+    for (int side = 0; side < 2; side++) {
+        face_take(p->lid + side * N, side ? h->r_eyelid : h->l_eyelid, place);
+        for (size_t k = 0; k < FACE_SHAPES; k++) {
+            memset(scratch, 0, 3 * h->V * sizeof *scratch);
+            for (size_t i = 0; k < h->nlid_shape && i < 3 * h->nlid; i++)
+                if (h->lid_sides[i / 3] == side)
+                    scratch[3 * (size_t)h->lid_vertices[i / 3] + i % 3] =
+                        h->lid_shapedirs[i * h->nlid_shape + k];
+            face_take(p->lid_shape + ((size_t)side * FACE_SHAPES + k) * N,
+                      scratch, place);
+        }
+    }
+}
+
+/* The eyeball's vertex that looks furthest ahead. */
+static size_t face_find_pupil(const struct head *h, int side)
+{
+    const float *joint = h->joint_template + 3 * (JOINT_EYE_LEFT + side);
+    size_t best = 0;
+    double most = -INFINITY, axis[3];
+
+    scan_eye_axis(axis, side);
+    for (size_t v = 0; v < h->V; v++) {
+        double ahead = 0;
+
+        if (h->weights[HEAD_JOINTS * v + JOINT_EYE_LEFT + (size_t)side] < 0.5f)
+            continue;
+        for (size_t c = 0; c < 3; c++)
+            ahead += axis[c] * (double)(h->v_template[3 * v + c] - joint[c]);
+        if (ahead > most) {
+            most = ahead;
+            best = v;
+        }
+    }
+    return best;
+}
+
+/* Eye joint and pupil of every shape. */
+static void face_take_eye(struct face_points *p, float *scratch,
+                          const struct head *h, int side)
+{
+    struct face_eye *e = &p->eye[side];
+    const size_t joint = 3 * (JOINT_EYE_LEFT + (size_t)side);
+    const size_t v = face_find_pupil(h, side);
+
+    for (size_t c = 0; c < 3; c++) {
+        e->joint[c] = (double)h->joint_template[joint + c];
+        e->pupil[c] = (double)h->v_template[3 * v + c] - e->joint[c];
+    }
+    for (size_t k = 0; k < FACE_SHAPES; k++) {
+        head_direction(scratch, h, h->shape_dirs, h->nshape, k);
+        for (size_t c = 0; c < 3; c++) {
+            e->joint_shape[k][c] = (double)h->joint_shape[15 * k + joint + c];
+            e->pupil_shape[k][c] = (double)scratch[3 * v + c] -
+                                   e->joint_shape[k][c];
+        }
+    }
+}
+
+/* Spread lowers trust, as do points that are placed alike on everybody. */
+static void face_set_weights(struct face_points *p,
+                             const struct landmark_map *m)
+{
+    double sum = 0;
+
+    for (int i = 0; i < N; i++)
+        sum += p->weight[i] = 1 / (0.1 + m->spread[i]);
+    for (int i = 0; i < N; i++)
+        p->weight[i] *= N / sum;
+    for (int i = 0; i < LANDMARK_OVAL; i++)
+        p->weight[landmark_oval[i]] *= 0.3;
+    for (int i = 0; i < LANDMARK_LIP; i++)
+        p->weight[landmark_lip[i]] *= 2;
+    for (int i = 0; i < 2 * LANDMARK_LID; i++)
+        p->weight[landmark_lid[i / LANDMARK_LID][i % LANDMARK_LID]] *= 2;
+}
+
+/* Every array of p, in one piece. */
+static int face_points_reserve(struct face_points *p, struct error *err)
+{
+    const size_t shapes = FACE_SHAPES * N;
+
+    memset(p, 0, sizeof *p);
+    p->rest = calloc((1 + 2) * N + 3 * shapes + (ARKIT_COUNT + FACE_POSES) * N,
+                     sizeof *p->rest);
+    if (!p->rest)
+        return error_set(err, EX_OSERR, "out of memory");
+    p->shape = p->rest + N;
+    p->exp = p->shape + shapes;
+    p->pose = p->exp + ARKIT_COUNT * N;
+    p->lid = p->pose + FACE_POSES * N;
+    p->lid_shape = p->lid + 2 * N;
+    return 0;
+}
+
+int face_points_init(struct face_points *p, const struct head *head,
+                     const struct scan *scan, const struct landmark_map *m,
+                     struct error *err)
+{
+    struct face_place place[N];
+    float *scratch;
+
+    memset(p, 0, sizeof *p);
+    if (!head_has_arkit(head) || head->nshape < FACE_SHAPES)
+        return error_set(err, EX_CONFIG, "head is not registered to the scans "
+                         "(expected one of spid-head --from)");
+    if (face_find_all(place, head, scan, m, err) ||
+        face_points_reserve(p, err))
+        return -1;
+    scratch = malloc(3 * head->V * sizeof *scratch);
+    if (!scratch) {
+        face_points_release(p);
+        return error_set(err, EX_OSERR, "out of memory");
+    }
+    face_take(p->rest, head->v_template, place);
+    face_take_all(p->shape, scratch, head, head->shape_dirs, head->nshape, 0,
+                  FACE_SHAPES, place);
+    face_take_all(p->exp, scratch, head, head->exp_dirs, head->nexp, 0,
+                  ARKIT_COUNT, place);
+    face_take_all(p->pose, scratch, head, head->pose_dirs, HEAD_POSE_DIRS,
+                  9 * (JOINT_JAW - 1), FACE_POSES, place);
+    face_take_lids(p, scratch, head, place);
+    for (int side = 0; side < 2; side++)
+        face_take_eye(p, scratch, head, side);
+    face_set_weights(p, m);
+    free(scratch);
+    return 0;
+}
+
+void face_points_release(struct face_points *p)
+{
+    free(p->rest);
+    memset(p, 0, sizeof *p);
+}
+
+/* ---- posing -------------------------------------------------------------- */
+
+/* x (n,3) += s d (n,3) */
+static void face_mad(double (*x)[3], double s, const double (*d)[3],
+                     size_t n)
+{
+    for (size_t i = 0; s != 0 && i < n; i++)
+        for (int c = 0; c < 3; c++)
+            x[i][c] += s * d[i][c];
+}
+
+void face_points_fold(struct face_own *o, const struct face_points *p,
+                      const double beta[FACE_SHAPES])
+{
+    memcpy(o->at, p->rest, sizeof o->at);
+    memcpy(o->lid, p->lid, sizeof o->lid);
+    for (int side = 0; side < 2; side++) {
+        memcpy(o->joint[side], p->eye[side].joint, sizeof o->joint[side]);
+        memcpy(o->pupil[side], p->eye[side].pupil, sizeof o->pupil[side]);
+    }
+    for (size_t k = 0; k < FACE_SHAPES; k++) {
+        face_mad(o->at, beta[k], p->shape + k * N, N);
+        for (size_t side = 0; side < 2; side++) {
+            face_mad(o->lid[side], beta[k],
+                     p->lid_shape + (side * FACE_SHAPES + k) * N, N);
+            for (size_t c = 0; c < 3; c++) {
+                o->joint[side][c] += beta[k] *
+                                     p->eye[side].joint_shape[k][c];
+                o->pupil[side][c] += beta[k] *
+                                     p->eye[side].pupil_shape[k][c];
+            }
+        }
+    }
+}
+
+/* Angles of the joints under w: jaw, left eye, right eye; axis times angle.
+ * As arkit_to_motion has them, in double. */
+static void face_joints(double a[3][3], const double w[ARKIT_COUNT])
+{
+    memset(a, 0, 9 * sizeof **a);
+    a[0][0] = ARKIT_JAW_OPEN * w[ARKIT_JAW_OPENED];
+    a[0][1] = ARKIT_JAW_SIDE * (w[ARKIT_JAW_LEFT] - w[ARKIT_JAW_RIGHT]);
+    for (int side = 0; side < 2; side++) {
+        const double *s = w + side;
+        double out = ARKIT_EYE_OUT * s[ARKIT_EYE_LOOK_OUT_L] -
+                     ARKIT_EYE_IN * s[ARKIT_EYE_LOOK_IN_L];
+
+        a[1 + side][0] = ARKIT_EYE_DOWN * s[ARKIT_EYE_LOOK_DOWN_L] -
+                         ARKIT_EYE_UP * s[ARKIT_EYE_LOOK_UP_L];
+        a[1 + side][1] = side ? -out : out;
+    }
+}
+
+void face_points_pose(double x[N][3], const struct face_points *p,
+                      const struct face_own *o, const double w[ARKIT_COUNT])
+{
+    double a[3][3], R[9];
+
+    memcpy(x, o->at, sizeof o->at);
+    for (size_t k = 0; k < ARKIT_COUNT; k++)
+        if (!arkit_is_rig((int)k))
+            face_mad(x, w[k], p->exp + k * N, N);
+    face_joints(a, w);
+    for (size_t j = 0; j < 3; j++) {
+        rotation_exp_d(R, a[j]);
+        for (size_t i = 0; i < 9; i++)
+            face_mad(x, R[i] - (i % 4 == 0), p->pose + (9 * j + i) * N, N);
+    }
+    for (int side = 0; side < 2; side++)
+        face_mad(x, w[ARKIT_EYE_BLINK_L + side],
+                 o->lid[side], N);
+}
+
+void face_points_slope(double d[N][3], const struct face_points *p,
+                       const struct face_own *o, const double w[ARKIT_COUNT],
+                       int k)
+{
+    double zero[ARKIT_COUNT] = {0}, a[3][3], da[3][3], one[9], g[3];
+
+    memset(d, 0, sizeof o->at);
+    if (!arkit_is_rig(k)) {
+        memcpy(d, p->exp + (size_t)k * N, sizeof o->at);
+        return;
+    }
+    if (k == ARKIT_EYE_BLINK_L || k == ARKIT_EYE_BLINK_R) {
+        memcpy(d, o->lid[k - ARKIT_EYE_BLINK_L], sizeof o->at);
+        return;
+    }
+    face_joints(a, w);
+    zero[k] = 1;
+    face_joints(da, zero);
+    for (size_t j = 0; j < 3; j++)
+        for (size_t i = 0; i < 9; i++) {
+            memset(one, 0, sizeof one);
+            memset(g, 0, sizeof g);
+            one[i] = 1;
+            rotation_exp_backward_d(g, one, a[j]);
+            face_mad(d, g[0] * da[j][0] + g[1] * da[j][1] +
+                     g[2] * da[j][2], p->pose + (9 * j + i) * N, N);
+        }
+}
+
+void face_pupil(double x[3], const struct face_own *o, int side, double pitch,
+                double yaw)
+{
+    double R[9], a[3] = {pitch, yaw, 0};
+
+    rotation_exp_d(R, a);
+    for (int i = 0; i < 3; i++)
+        x[i] = o->joint[side][i] + R[3 * i] * o->pupil[side][0] +
+               R[3 * i + 1] * o->pupil[side][1] +
+               R[3 * i + 2] * o->pupil[side][2];
+}

@@ -1,0 +1,92 @@
+/* The radial basis that bends the template through its controls: |r| plus an
+ * affine map, the smoothest such bending there is. */
+#include "lib/lab/head/register.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+static double register_distance(const double a[3], const double b[3])
+{
+    double x = a[0] - b[0], y = a[1] - b[1], z = a[2] - b[2];
+
+    return sqrt(x * x + y * y + z * z);
+}
+
+/* Solve A X = B, A (n,n), B (n,3), in place, with the largest pivot. */
+static int register_solve(double *A, double *B, size_t n)
+{
+    for (size_t k = 0; k < n; k++) {
+        size_t best = k;
+
+        for (size_t i = k + 1; i < n; i++)
+            if (fabs(A[i * n + k]) > fabs(A[best * n + k]))
+                best = i;
+        if (fabs(A[best * n + k]) < 1e-14)
+            return -1;
+        for (size_t j = 0; best != k && j < n + 3; j++) {
+            double *x = j < n ? A + k * n + j : B + k * 3 + j - n;
+            double *y = j < n ? A + best * n + j : B + best * 3 + j - n;
+            double swap = *x;
+
+            *x = *y;
+            *y = swap;
+        }
+        for (size_t i = 0; i < n; i++) {
+            double f = i == k ? 0 : A[i * n + k] / A[k * n + k];
+
+            for (size_t j = k; f != 0 && j < n; j++)
+                A[i * n + j] -= f * A[k * n + j];
+            for (size_t j = 0; f != 0 && j < 3; j++)
+                B[i * 3 + j] -= f * B[k * 3 + j];
+        }
+    }
+    for (size_t i = 0; i < 3 * n; i++)
+        B[i] /= A[i / 3 * n + i / 3];
+    return 0;
+}
+
+/* d(p) = sum_i w_i |p - from_i| + a + A p, through to - from at the controls
+ * but for `slack` metres of give. */
+int register_bend(double *at, size_t n, const struct control *c,
+                  size_t count, struct error *err)
+{
+    const double slack = 1e-4;
+    size_t m = count + 4;
+    double *A = calloc(m * m, sizeof *A), *B = calloc(3 * m, sizeof *B);
+
+    if (!A || !B) {
+        free(A);
+        free(B);
+        return error_set(err, EX_OSERR, "no memory for %zu controls", count);
+    }
+    for (size_t i = 0; i < count; i++) {
+        for (size_t j = 0; j < count; j++)
+            A[i * m + j] = register_distance(c[i].from, c[j].from);
+        A[i * m + i] -= slack;
+        for (size_t k = 0; k < 4; k++)
+            A[i * m + count + k] = A[(count + k) * m + i] =
+                k ? c[i].from[k - 1] : 1;
+        for (size_t k = 0; k < 3; k++)
+            B[3 * i + k] = c[i].to[k] - c[i].from[k];
+    }
+    int rc = !register_solve(A, B, m) ? 0 :
+             error_set(err, EX_DATAERR, "the controls do not span a space "
+                       "(expected four apart)");
+    for (size_t v = 0; !rc && v < n; v++) {
+        double p[3], *x = at + 3 * v;
+
+        memcpy(p, x, sizeof p);
+        for (size_t i = 0; i < m; i++) {
+            double k = i < count ? register_distance(p, c[i].from)
+                     : i == count ? 1 : p[i - count - 1];
+
+            for (int d = 0; d < 3; d++)
+                x[d] += k * B[3 * i + (size_t)d];
+        }
+    }
+    free(A);
+    free(B);
+    return rc;
+}

@@ -1,0 +1,335 @@
+/* The folder's lists, labels and meshes, read once and checked against the
+ * head. */
+#include "lib/lab/people/scan.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "lib/lab/people/actor.h"
+#include "lib/lab/people/vec.h"
+
+#define PATH 4096
+#define LOWEST (-2.6f)          /* of clothes, head units */
+
+/* ---- folders ------------------------------------------------------------ */
+
+static int scan_compare(const void *a, const void *b)
+{
+    return strcmp(*(char *const *)a, *(char *const *)b);
+}
+
+/* Names in dir that end in `end`, sorted; a NULL-terminated list that the
+ * caller frees with scan_list_free.  NULL and *err when there are none. */
+static char **scan_list_names(const char *dir, const char *end,
+                              struct error *err)
+{
+    DIR *d = opendir(dir);
+    char **list = NULL;
+    size_t n = 0, l = strlen(end);
+
+    if (!d) {
+        error_set(err, EX_NOINPUT, "%s: %s", dir, strerror(errno));
+        return NULL;
+    }
+    for (struct dirent *e; (e = readdir(d));) {
+        size_t m = strlen(e->d_name);
+        if (e->d_name[0] == '.' || m < l || strcmp(e->d_name + m - l, end))
+            continue;
+        char **more = realloc(list, (n + 2) * sizeof *list);
+        if (!more)
+            break;
+        list = more;
+        if (!(list[n] = strdup(e->d_name)))
+            break;
+        list[++n] = NULL;
+    }
+    closedir(d);
+    if (!n) {
+        free(list);
+        error_set(err, EX_NOINPUT, "%s: nothing named *%s (expected at "
+                  "least one)", dir, end);
+        return NULL;
+    }
+    qsort(list, n, sizeof *list, scan_compare);
+    return list;
+}
+
+static void scan_list_free(char **list)
+{
+    for (size_t i = 0; list && list[i]; i++)
+        free(list[i]);
+    free(list);
+}
+
+/* ---- pieces ------------------------------------------------------------- */
+
+/* One piece of each folder in DIR/makehuman/kind.  The picture is the PNG that
+ * ends in `picture`; NULL: it has none. */
+static int scan_load_rack(struct scan_rack *r, const struct body *b,
+                          const char *dir, const char *kind,
+                          const char *picture, const char *only, float above,
+                          struct error *err)
+{
+    char path[PATH];
+    int rc = 0;
+
+    snprintf(path, sizeof path, "%s/makehuman/%s", dir, kind);
+    char **name = scan_list_names(path, "", err);
+    if (!name)
+        return -1;
+    for (size_t i = 0; !rc && name[i] && r->n < SCAN_PIECES; i++) {
+        char base[PATH], file[256];
+        if (only ? strcmp(name[i], only) : !strncmp(name[i], "fedora", 6))
+            continue;
+        if (snprintf(base, sizeof base, "%s/%s", path, name[i])
+            >= (int)sizeof base
+            || snprintf(file, sizeof file, "%s%s", name[i],
+                        picture ? picture : "") >= (int)sizeof file) {
+            rc = error_set(err, EX_DATAERR, "%s: name too long", path);
+            break;
+        }
+        char **bind = scan_list_names(base, ".mhclo", err);
+        rc = bind ? 0 : -1;
+        for (size_t k = 0; !rc && bind[k] && r->n < SCAN_PIECES; k++) {
+            bind[k][strlen(bind[k]) - 6] = 0;
+            rc = piece_load(&r->piece[r->n++], b, base, bind[k],
+                            bind[k], picture ? file : NULL, above, err);
+        }
+        scan_list_free(bind);
+    }
+    scan_list_free(name);
+    return rc;
+}
+
+/* The pictures of irises. */
+static int scan_load_irises(struct scan_assets *a, const char *dir,
+                            struct error *err)
+{
+    char path[PATH], file[PATH + 300];
+    int rc = 0;
+
+    snprintf(path, sizeof path, "%s/makehuman/eyes/materials", dir);
+    char **name = scan_list_names(path, ".png", err);
+    if (!name)
+        return -1;
+    for (size_t i = 0; !rc && name[i] && a->niris < SCAN_PIECES; i++) {
+        snprintf(file, sizeof file, "%s/%s", path, name[i]);
+        rc = bitmap_load(&a->iris[a->niris++], file, err);
+    }
+    scan_list_free(name);
+    return rc;
+}
+
+/* All panoramas, each made ready by a thread. */
+static int scan_load_lights(struct scan_assets *a, const char *dir, int threads,
+                            struct error *err)
+{
+    char path[PATH];
+    size_t n = 0;
+    int failed = 0;
+
+    snprintf(path, sizeof path, "%s/hdri", dir);
+    char **name = scan_list_names(path, ".hdr", err);
+    if (!name)
+        return -1;
+    while (name[n])
+        n++;
+    a->light = calloc(n, sizeof *a->light);
+    a->nlight = a->light ? n : 0;
+    if (!a->light)
+        failed = error_set(err, EX_OSERR, "out of memory");
+#pragma omp parallel for schedule(dynamic, 1) num_threads(threads)
+    for (size_t i = 0; i < a->nlight; i++) {
+        char file[PATH + 300];
+        struct error mine = {0};
+        snprintf(file, sizeof file, "%s/%s", path, name[i]);
+        if (light_map_load(&a->light[i], file, &mine))
+#pragma omp critical(scan_lights)
+        {
+            failed = -1;
+            *err = mine;
+        }
+    }
+    scan_list_free(name);
+    return failed;
+}
+
+/* The body's skin from the neck down. */
+static int scan_make_torso(struct scan_assets *a, struct error *err)
+{
+    const struct body *b = &a->body;
+    int32_t *f = malloc(3 * b->mesh.nf * sizeof *f);
+    float *p = malloc(3 * b->nbody * sizeof *p);
+    size_t n = 0;
+    int rc = -1;
+
+    for (size_t i = 0; f && p && i < b->mesh.nf; i++) {
+        const int32_t *v = b->mesh.f + 3 * i;
+        if (b->place[3 * v[0] + 1] < -0.72f
+            || b->place[3 * v[1] + 1] < -0.72f)
+            memcpy(f + 3 * n++, v, 3 * sizeof *f);
+    }
+    /* a little inside of clothes, and of the scans' neck */
+    for (size_t i = 0; f && p && i < b->nbody; i++) {
+        const float *q = b->place + 3 * i;
+        float in = 0.006f + 0.010f * ramp(-1.1f, -1.4f, q[1]);
+        float d[3] = {q[0], 0, q[2] + 0.45f};
+        float l = length3(d);
+        copy3(p + 3 * i, q);
+        if (l > 0.05f)
+            mad3(p + 3 * i, q, d, -in / l);
+    }
+    if (f && p)
+        rc = piece_make(&a->torso, b, "body", p, b->nbody, f, n, LOWEST, err);
+    else
+        error_set(err, EX_OSERR, "out of memory for the body");
+    free(f);
+    free(p);
+    return rc;
+}
+
+/* What the vertices are, after the nearest of the head's. */
+static int scan_find_labels(struct scan_assets *a, const struct head *h,
+                            struct error *err)
+{
+    struct near_grid g;
+
+    a->label = malloc(FACE_VERTICES);
+    a->hairy = calloc(FACE_VERTICES, sizeof *a->hairy);
+    if (!a->label || !a->hairy)
+        return error_set(err, EX_OSERR, "out of memory");
+    memset(a->label, LABEL_SKIN, FACE_VERTICES);
+    if (!h->region)
+        return 0;
+    if (near_init(&g, h->v_template, h->V, 0.05f, err))
+        return -1;
+    for (size_t i = 0; i < FACE_NECK_END; i++) {
+        static const uint8_t label[REGION_COUNT] = {
+            LABEL_SKIN, LABEL_SKIN, LABEL_LIP, LABEL_SKIN, LABEL_SKIN,
+            LABEL_EAR, LABEL_NECK, LABEL_NOSE, LABEL_SKIN, LABEL_LIP
+        };
+        int32_t at = 0;
+        near_find(&at, NULL, &g, a->face.neutral + 3 * i, NULL, 1, 10);
+        int r = h->region[at];
+        a->hairy[i] = h->hair ? h->hair[at] : 0;
+        if (r >= 0 && r < REGION_COUNT)
+            a->label[i] = label[r];
+    }
+    near_release(&g);
+    return 0;
+}
+
+/* The corners that the labels' landmarks mean. */
+static int scan_find_points(struct scan_assets *a, const char *dir,
+                            struct error *err)
+{
+    int32_t vertex[REGISTER_POINTS];
+
+    if (register_map_read(vertex, NULL, dir, err))
+        return -1;
+    for (int k = 0; k < REGISTER_POINTS; k++) {
+        size_t c = 0;
+        while (c + 1 < a->face.nc && a->face.source[c] != vertex[k])
+            c++;
+        a->point[k] = (int32_t)c;
+    }
+    return 0;
+}
+
+/* The truth is told in the head's terms: its landmarks must lie on the scans'.
+ */
+static int scan_check_head(const struct scan_assets *a, const struct head *h,
+                           struct error *err)
+{
+    float at[3 * HEAD_LANDMARKS], sum = 0;
+
+    if (!h->has_landmarks || h->nshape < SCAN_IDENTITIES
+        || h->nexp < ARKIT_COUNT)
+        return error_set(err, EX_DATAERR, "head with %zu shapes and %zu "
+                         "expressions%s (expected %d and %d at least, and "
+                         "landmarks)", h->nshape, h->nexp,
+                         h->has_landmarks ? "" : ", without landmarks",
+                         SCAN_IDENTITIES, ARKIT_COUNT);
+    head_landmarks(at, h, h->v_template);
+    for (int k = 0; k < HEAD_LANDMARKS; k++) {
+        float d[3];
+        sub3(d, at + 3 * k, a->face.neutral + 3 * a->face.landmark[k]);
+        sum += length3(d) / HEAD_LANDMARKS;
+    }
+    if (sum > 0.03f)
+        return error_set(err, EX_DATAERR, "head whose landmarks lie %.1f mm "
+                         "from the scans' (expected one registered to them: "
+                         "head.safetensors)", (double)(sum * 200));
+    return 0;
+}
+
+struct scan_assets *scan_open(const char *dir, const struct head *head,
+                              int threads, struct error *err)
+{
+    struct scan_assets *a = calloc(1, sizeof *a);
+    char path[PATH];
+    int rc;
+
+    if (!a) {
+        error_set(err, EX_OSERR, "out of memory");
+        return NULL;
+    }
+    snprintf(path, sizeof path, "%s/ict", dir);
+    rc = scan_face_load(&a->face, path, err) || scan_check_head(a, head, err)
+         || scan_find_labels(a, head, err) || scan_find_points(a, dir, err)
+         || follow_map_init(&a->follow, &a->face, head, err);
+    snprintf(path, sizeof path, "%s/makehuman", dir);
+    rc = rc || body_load(&a->body, &a->face, path, err) ||
+         scan_make_torso(a, err) || hand_make(&a->hand, &a->body, err) ||
+         scan_load_rack(&a->hair, &a->body, dir, "hair", "_diffuse.png", NULL,
+                        -9, err) ||
+         scan_load_rack(&a->hat, &a->body, dir, "clothes", NULL, "fedora01", -9,
+                        err) ||
+         scan_load_rack(&a->cloth, &a->body, dir, "clothes", "_diffuse.png",
+                        NULL, LOWEST, err) ||
+         scan_load_irises(a, dir, err) ||
+         scan_load_lights(a, dir, threads, err) ||
+         sky_measure(a, threads, err) ||
+         skin_model_fit(&a->skin, &a->face, dir, threads, err) ||
+         act_model_fit(&a->act, dir, err);
+    if (rc) {
+        scan_close(a);
+        return NULL;
+    }
+    return a;
+}
+
+static void scan_rack_release(struct scan_rack *r)
+{
+    for (size_t i = 0; i < r->n; i++)
+        piece_release(&r->piece[i]);
+}
+
+void scan_close(struct scan_assets *a)
+{
+    if (!a)
+        return;
+    scan_face_release(&a->face);
+    follow_map_release(&a->follow);
+    body_release(&a->body);
+    piece_release(&a->torso);
+    piece_release(&a->hand);
+    scan_rack_release(&a->hair);
+    scan_rack_release(&a->hat);
+    scan_rack_release(&a->cloth);
+    for (size_t i = 0; i < a->niris; i++)
+        free(a->iris[i].rgba);
+    for (size_t i = 0; i < a->nlight; i++)
+        light_map_release(&a->light[i]);
+    free(a->light);
+    skin_model_release(&a->skin);
+    free(a->seen);
+    free(a->label);
+    free(a->hairy);
+    free(a);
+}

@@ -1,0 +1,66 @@
+/* People from an assets folder: the scans' faces under real light, dressed
+ * and combed, with skin statistics of photographs.  What is read once. */
+#ifndef SPID_LAB_PEOPLE_SCAN_H
+#define SPID_LAB_PEOPLE_SCAN_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "lib/base/error.h"
+#include "lib/head/head.h"
+#include "lib/lab/people/scan_act.h"
+#include "lib/lab/people/scan_face.h"
+#include "lib/lab/people/scan_follow.h"
+#include "lib/lab/people/scan_light.h"
+#include "lib/lab/people/scan_piece.h"
+#include "lib/lab/people/scan_register.h"
+#include "lib/lab/people/scan_skin.h"
+
+#define SCAN_PIECES 24          /* of one kind at most */
+
+struct scan_rack {              /* pieces of one kind */
+    size_t n;
+    struct piece piece[SCAN_PIECES];
+};
+
+struct scan_assets {
+    struct scan_face face;
+    struct follow_map follow;
+    struct body body;
+    struct piece torso;         /* the body's own skin below the chin */
+    struct piece hand;          /* its left hand */
+    struct scan_rack hair, hat, cloth;
+    struct bitmap iris[SCAN_PIECES];
+    size_t niris;
+    struct light_map *light;
+    size_t nlight;
+    struct skin_model skin;
+    struct act_model act;
+    uint64_t *seen;             /* (FACE_VERTICES) directions each is seen
+                                 * from, bald */
+    uint8_t *label;             /* (FACE_VERTICES) enum synth_label */
+    float *hairy;               /* (FACE_VERTICES) 0 bare .. 1 under hair */
+    int32_t point[REGISTER_POINTS]; /* the face's corners that the labels'
+                                     * landmarks mean */
+};
+
+/* Read everything under DIR (ict/, makehuman/, hdri/, photos/, labels/).  head
+ * lends its regions.  NULL and *err naming the file that is missing, cut,
+ * of another shape or holds numbers that are none. */
+struct scan_assets *scan_open(const char *dir, const struct head *head,
+                              int threads, struct error *err);
+void scan_close(struct scan_assets *a);         /* NULL is allowed */
+
+/* ---- directions of the sky, for visibility ------------------------------ */
+
+#define SKY_DIRECTIONS 64
+
+/* The k-th of SKY_DIRECTIONS even directions, head frame. */
+void sky_direction(float d[3], int k);
+/* Fill a->seen and every hair's and hat's seen and shade. */
+int sky_measure(struct scan_assets *a, int threads, struct error *err);
+/* Moments (harmonic2_moments) of the cosine about unit n over the directions
+ * in mask. */
+void sky_moments(float m[10], uint64_t mask, const float n[3]);
+
+#endif

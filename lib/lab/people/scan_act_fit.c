@@ -1,0 +1,248 @@
+/* Kinds of expression fitted to the labels of the assets' photographs and
+ * clips. */
+#include "lib/base/sort.h"
+#include "lib/lab/people/scan_act.h"
+
+#include <cjson/cJSON.h>
+#include <math.h>
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "formats/safetensors.h"
+#include "lib/lab/people/vec.h"
+
+#define LABELS 52
+#define ROUNDS 12               /* of the clustering */
+
+struct act_seen {               /* weights of pictures, one after another */
+    float (*w)[ARKIT_COUNT];
+    float *column;              /* as long: of one weight, to be sorted */
+    size_t n;
+};
+
+/* How the labels' scale differs from a weight of 1: their full blink is 0.6,
+ * talking jaws 0.4. */
+static float act_label_gain(int k)
+{
+    if (k == ARKIT_EYE_BLINK_L || k == ARKIT_EYE_BLINK_R)
+        return 1.5f;
+    return k == ARKIT_JAW_OPENED ? 1.25f : 1.1f;
+}
+
+/* Pictures of one person or clip share the name before '#', or, of photographs,
+ * before '_'. */
+static size_t act_stem(const char *name)
+{
+    const char *hash = strchr(name, '#'), *base = strrchr(name, '/');
+    const char *line = base ? strrchr(base, '_') : NULL;
+    bool clip = strstr(name, "clips/") != NULL;
+
+    if (!clip && line)
+        return (size_t)(line - name);
+    return hash ? (size_t)(hash - name) : strlen(name);
+}
+
+/* The rows from `first` on, of one person, become changes against their calm:
+ * the fifth smallest of a hundred. */
+static void act_take_calm(struct act_seen *s, size_t first)
+{
+    const size_t n = s->n - first;
+    float (*w)[ARKIT_COUNT] = s->w + first;
+
+    for (int k = 0; n && k < ARKIT_COUNT; k++) {
+        for (size_t i = 0; i < n; i++)
+            s->column[i] = w[i][k];
+        sort_floats(s->column, n);
+        const float calm = s->column[n / 20];
+        for (size_t i = 0; i < n; i++)
+            w[i][k] = clampf(act_label_gain(k) * (w[i][k] - calm), 0, 1);
+    }
+}
+
+/* Columns of the labels that our components take. */
+static int act_columns(int column[ARKIT_COUNT], const struct safetensors *st,
+                       struct error *err)
+{
+    const char *text = st_meta(st, "blendshape_names");
+    cJSON *names = text ? cJSON_Parse(text) : NULL;
+    int rc = cJSON_GetArraySize(names) == LABELS ? 0 : -1;
+
+    for (int k = 0; k < ARKIT_COUNT; k++)
+        column[k] = -1;
+    for (int i = 0; !rc && i < LABELS; i++) {
+        const cJSON *n = cJSON_GetArrayItem(names, i);
+        int c[2], m = cJSON_IsString(n) ? arkit_find(c, n->valuestring) : 0;
+        for (int j = 0; j < m; j++)
+            column[c[j]] = i;
+    }
+    cJSON_Delete(names);
+    return rc ? error_set(err, EX_DATAERR, "%s: no %d blendshape_names "
+                          "(expected ARKit's)", st_path(st), LABELS) : 0;
+}
+
+/* Room for n more pictures. */
+static int act_grow(struct act_seen *s, size_t n, struct error *err)
+{
+    const size_t most = s->n + n + 1;
+    float (*w)[ARKIT_COUNT] = realloc(s->w, most * sizeof *w);
+    float *column;
+
+    if (w)
+        s->w = w;
+    column = w ? realloc(s->column, most * sizeof *column) : NULL;
+    if (!column)
+        return error_set(err, EX_OSERR, "out of memory (%zu pictures)", n);
+    s->column = column;
+    return 0;
+}
+
+/* The rows b (n,52) of pictures with these names, person by person; those of
+ * `real/` are left out. */
+static void act_add_rows(struct act_seen *s, const float *b, const int *column,
+                         const cJSON *names)
+{
+    const cJSON *name;
+    const char *last = "";
+    size_t first = s->n;
+
+    cJSON_ArrayForEach(name, names) {
+        const char *t = cJSON_IsString(name) ? name->valuestring : "real/";
+        const float *row = b;
+
+        b += LABELS;
+        if (strncmp(last, t, act_stem(t) + 1)) {
+            act_take_calm(s, first);
+            first = s->n;
+            last = t;
+        }
+        if (!strncmp(t, "real/", 5))
+            continue;
+        for (int k = 0; k < ARKIT_COUNT; k++)
+            s->w[s->n][k] = column[k] < 0 ? 0 : row[column[k]];
+        s->n++;
+    }
+    act_take_calm(s, first);
+}
+
+/* The rows of a labels file, as weights of the expressions. */
+static int act_add_labels(struct act_seen *s, const struct safetensors *st,
+                          struct error *err)
+{
+    size_t dims[2] = {0, LABELS}, n;
+    int column[ARKIT_COUNT], rc;
+    const char *text = st_meta(st, "names");
+    float *b;
+    cJSON *names;
+
+    if (act_columns(column, st, err))
+        return -1;
+    b = st_load_f32(st, "blendshapes", 2, dims, &n, err);
+    if (!b)
+        return -1;
+    n /= LABELS;
+    names = text ? cJSON_Parse(text) : NULL;
+    rc = cJSON_IsArray(names) && (size_t)cJSON_GetArraySize(names) == n
+             ? act_grow(s, n, err)
+             : error_set(err, EX_DATAERR, "%s: names: expected a list of %zu",
+                         st_path(st), n);
+    if (!rc)
+        act_add_rows(s, b, column, names);
+    cJSON_Delete(names);
+    free(b);
+    return rc;
+}
+
+/* The kind whose mean is nearest to weights w. */
+static int act_nearest(const struct act_model *m, const float *w)
+{
+    float least = 1e9f;
+    int best = 0;
+
+    for (int c = 0; c < m->kinds; c++) {
+        float d = 0;
+
+        for (int k = 0; k < ARKIT_COUNT; k++)
+            d += (w[k] - m->mean[c][k]) * (w[k] - m->mean[c][k]);
+        if (d < least) {
+            least = d;
+            best = c;
+        }
+    }
+    return best;
+}
+
+/* One of Lloyd's rounds: means and deviations of what is nearest to each kind,
+ * and how many those are. */
+static void act_lloyd(struct act_model *m, float *count,
+                      const struct act_seen *s)
+{
+    float sum[ACT_KINDS][ARKIT_COUNT] = {{0}};
+    float two[ACT_KINDS][ARKIT_COUNT] = {{0}};
+
+    memset(count, 0, ACT_KINDS * sizeof *count);
+    for (size_t i = 0; i < s->n; i++) {
+        const float *w = s->w[i];
+        const int c = act_nearest(m, w);
+
+        count[c] += 1;
+        for (int k = 0; k < ARKIT_COUNT; k++) {
+            sum[c][k] += w[k];
+            two[c][k] += w[k] * w[k];
+        }
+    }
+    for (int c = 0; c < m->kinds; c++)
+        for (int k = 0; count[c] > 0 && k < ARKIT_COUNT; k++) {
+            const float mean = sum[c][k] / count[c];
+
+            m->mean[c][k] = mean;
+            m->spread[c][k] = sqrtf(maxf(two[c][k] / count[c] - mean * mean,
+                                         0));
+        }
+}
+
+/* Lloyd's rounds from pictures spread over the list, and the kinds' shares. */
+static void act_fit_kinds(struct act_model *m, const struct act_seen *s)
+{
+    float count[ACT_KINDS], share = 0;
+
+    m->kinds = s->n < ACT_KINDS ? (int)s->n : ACT_KINDS;
+    for (int c = 0; c < m->kinds; c++)
+        memcpy(m->mean[c], s->w[(size_t)c * s->n / (size_t)m->kinds],
+               sizeof m->mean[c]);
+    for (int round = 0; round < ROUNDS; round++)
+        act_lloyd(m, count, s);
+    for (int c = 0; c < m->kinds; c++) {
+        /* rare kinds come up more often than they were seen */
+        count[c] = sqrtf(count[c]);
+        share += count[c];
+    }
+    for (int c = 0; c < m->kinds; c++)
+        m->share[c] = (c ? m->share[c - 1] : 0) + count[c] / share;
+}
+
+int act_model_fit(struct act_model *m, const char *dir, struct error *err)
+{
+    static const char *const file[2] = {"photos", "clips"};
+    struct act_seen s = {0};
+    int rc = 0;
+
+    memset(m, 0, sizeof *m);
+    for (int i = 0; !rc && i < 2; i++) {
+        char path[4096];
+        snprintf(path, sizeof path, "%s/labels/%s.safetensors", dir, file[i]);
+        struct safetensors *st = st_open(path, err);
+        rc = st ? act_add_labels(&s, st, err) : -1;
+        st_close(st);
+    }
+    if (!rc && s.n < ACT_KINDS)
+        rc = error_set(err, EX_DATAERR, "%s/labels: %zu pictures (expected "
+                       "at least %d)", dir, s.n, ACT_KINDS);
+    if (!rc)
+        act_fit_kinds(m, &s);
+    free(s.column);
+    free(s.w);
+    return rc;
+}

@@ -1,0 +1,37 @@
+/* The nearest of many points, by a grid of cells. */
+#ifndef SPID_LAB_PEOPLE_SCAN_NEAR_H
+#define SPID_LAB_PEOPLE_SCAN_NEAR_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "lib/base/error.h"
+
+#define NEAR_MAX 8
+
+struct near_grid {
+    const float *p;             /* (n,3), borrowed */
+    const float *normal;        /* (n,3) unit, borrowed, or NULL */
+    size_t n;
+    float lo[3], cell;
+    int dim[3];
+    int32_t *start, *item;
+};
+
+/* Over n points p (n,3) in cells of side `cell`; p is borrowed. */
+int near_init(struct near_grid *g, const float *p, size_t n, float cell,
+              struct error *err);
+/* Free what it holds; zeroed then. */
+void near_release(struct near_grid *g);
+
+/* The k (at most NEAR_MAX) points nearest to x within `reach`, nearest first;
+ * with a normal n, only points whose own normal lies within 60 degrees.
+ * Returns how many were found; d2 may be NULL. */
+int near_find(int32_t *index, float *d2, const struct near_grid *g,
+              const float x[3], const float *n, int k, float reach);
+
+/* Weights (4) of the four nearest points, inverse to distance; adding to 1. */
+void near_bind(int32_t index[4], float weight[4], const struct near_grid *g,
+               const float x[3]);
+
+#endif

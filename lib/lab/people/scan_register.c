@@ -1,0 +1,228 @@
+/* Alternating: the pose by Gauss and Newton, then identity and expression
+ * together as a ridge regression under that pose. */
+#include "lib/lab/people/scan_register.h"
+
+#include <cjson/cJSON.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "lib/base/cholesky.h"
+#include "lib/lab/people/scan_json.h"
+#include "lib/lab/people/vec.h"
+
+#define ROUNDS 3
+#define SIGMA 2.5f              /* pixels that a landmark may be off */
+
+int register_map_read(int32_t *vertex, float *spread, const char *dir,
+                      struct error *err)
+{
+    char path[4096];
+    int32_t landmark[REGISTER_POINTS], at[REGISTER_POINTS];
+
+    snprintf(path, sizeof path, "%s/labels/mediapipe_to_ict.json", dir);
+    cJSON *j = scan_json_read(path, err);
+    if (!j)
+        return -1;
+    int rc = scan_json_ints(landmark, REGISTER_POINTS, REGISTER_POINTS, j,
+                            "landmark", err)
+             || scan_json_ints(at, REGISTER_POINTS, FACE_VERTICES, j,
+                               "vertex", err);
+    const cJSON *cm = cJSON_GetObjectItemCaseSensitive(j, "spread_cm");
+    const cJSON *s = cm ? cm->child : NULL;
+    for (int i = 0; !rc && i < REGISTER_POINTS; i++) {
+        vertex[landmark[i]] = at[i];
+        if (spread)
+            spread[landmark[i]] = s && cJSON_IsNumber(s)
+                ? (float)s->valuedouble : 0.15f;
+        s = s ? s->next : NULL;
+    }
+    cJSON_Delete(j);
+    return rc ? error_prefix(err, "%s", path) : 0;
+}
+
+int register_map_load(struct register_map *m, const struct scan_face *f,
+                      const char *dir, struct error *err)
+{
+    size_t one = 3 * (size_t)FACE_VERTICES;
+
+    *m = (struct register_map){.basis = NULL};
+    if (register_map_read(m->vertex, m->weight, dir, err))
+        return -1;
+    for (int i = 0; i < REGISTER_POINTS; i++)
+        m->weight[i] = 1 / (0.1f + m->weight[i]);
+    m->basis = malloc(3 * (size_t)REGISTER_POINTS * REGISTER_TERMS
+                      * sizeof *m->basis);
+    if (!m->basis)
+        return error_set(err, EX_OSERR, "out of memory");
+    for (size_t t = 0; t < REGISTER_TERMS; t++)
+        for (size_t i = 0; i < REGISTER_POINTS; i++)
+            copy3(m->basis + 3 * (t * REGISTER_POINTS + i),
+                  (t < SCAN_IDENTITIES
+                   ? f->identity + t * one
+                   : f->expression + (t - SCAN_IDENTITIES) * one)
+                  + 3 * m->vertex[i]);
+    return 0;
+}
+
+void register_map_release(struct register_map *m)
+{
+    free(m->basis);
+    m->basis = NULL;
+}
+
+void register_project(float o[3], const struct registration *r,
+                      const float p[3])
+{
+    float q[3], g;
+
+    rot3(q, r->rot, p);
+    g = r->scale / (1 - q[2] / REGISTER_DEPTH);
+    o[0] = r->at[0] + g * q[0];
+    o[1] = r->at[1] - g * q[1];
+    o[2] = q[2];
+}
+
+/* The landmarks' places under the terms, head frame. */
+static void register_place(float *p, const struct registration *r,
+                           const struct register_map *m,
+                           const struct scan_face *f)
+{
+    for (int i = 0; i < REGISTER_POINTS; i++)
+        copy3(p + 3 * i, f->neutral + 3 * m->vertex[i]);
+    for (size_t t = 0; t < REGISTER_TERMS; t++)
+        for (size_t i = 0; r->term[t] != 0 && i < 3 * REGISTER_POINTS; i++)
+            p[i] += r->term[t] * m->basis[3 * t * REGISTER_POINTS + i];
+}
+
+/* A step of the pose: small rotation, shift, relative scale. */
+static void register_step_pose(struct registration *r,
+                               const struct register_map *m, const float *p,
+                               const float *point)
+{
+    double a[36] = {0}, b[6] = {0};
+
+    for (int i = 0; i < REGISTER_POINTS; i++) {
+        float o[3], q[3], w = m->weight[i];
+        register_project(o, r, p + 3 * i);
+        rot3(q, r->rot, p + 3 * i);
+        double g = (double)r->scale / (1 - (double)(q[2] / REGISTER_DEPTH));
+        double j[2][6] = {
+            {0, g * (double)q[2], -g * (double)q[1], 1, 0, g * (double)q[0]},
+            {g * (double)q[2], 0, -g * (double)q[0], 0, 1, -g * (double)q[1]}
+        };
+        for (int k = 0; k < 2; k++) {
+            double e = (double)(point[3 * i + k] - o[k]);
+            for (int u = 0; u < 6; u++) {
+                for (int v = 0; v < 6; v++)
+                    a[6 * u + v] += (double)w * j[k][u] * j[k][v];
+                b[u] += (double)w * j[k][u] * e;
+            }
+        }
+    }
+    for (int u = 0; u < 6; u++)
+        a[7 * u] *= 1 + 1e-9;
+    cholesky_solve(b, a, 6);
+    float w[3] = {(float)b[0], (float)b[1], (float)b[2]}, d[9], o[9];
+    rodrigues33(d, w);
+    mul33(o, d, r->rot);
+    memcpy(r->rot, o, sizeof o);
+    r->at[0] += (float)b[3];
+    r->at[1] += (float)b[4];
+    r->scale *= 1 + (float)b[5];
+}
+
+/* Identity and expression under the pose. */
+static int register_step_terms(struct registration *r,
+                               const struct register_map *m,
+                               const struct scan_face *f, const float *point,
+                               bool calm)
+{
+    enum { N = REGISTER_TERMS };
+    double *a = calloc(N * N + N, sizeof *a), *b = a + N * N;
+    float *row = malloc(2 * N * sizeof *row);
+
+    for (int i = 0; a && row && i < REGISTER_POINTS; i++) {
+        float o[3], q[3], t[3], w = m->weight[i] * 0.25f;
+        const float *p = f->neutral + 3 * m->vertex[i];
+        register_project(o, r, p);
+        rot3(q, r->rot, p);
+        float g = r->scale / (1 - q[2] / REGISTER_DEPTH) / SIGMA;
+        for (size_t k = 0; k < N; k++) {
+            rot3(t, r->rot, m->basis + 3 * (k * REGISTER_POINTS + (size_t)i));
+            row[k] = g * t[0];
+            row[N + k] = -g * t[1];
+        }
+        for (size_t c = 0; c < 2; c++) {
+            double e = (double)((point[3 * i + (int)c] - o[c]) / SIGMA);
+            const float *v = row + c * N;
+            for (size_t u = 0; u < N; u++) {
+                double x = (double)(w * v[u]);
+#pragma omp simd
+                for (size_t k = 0; k <= u; k++)
+                    a[u * N + k] += x * (double)v[k];
+                b[u] += x * e;
+            }
+        }
+    }
+    if (a && row) {
+        for (size_t u = 0; u < N; u++)
+            a[u * N + u] += u < SCAN_IDENTITIES ? 1 : calm ? 30 : 4;
+        cholesky_solve(b, a, N);
+        for (size_t u = 0; u < N; u++)
+            r->term[u] = clampf((float)b[u], u < SCAN_IDENTITIES ? -4 : -0.3f,
+                                u < SCAN_IDENTITIES ? 4 : 1.2f);
+    }
+    free(row);
+    int rc = a && row ? 0 : -1;
+    free(a);
+    return rc;
+}
+
+int register_fit(struct registration *r, const struct register_map *m,
+                 const struct scan_face *f, const float *point, bool calm)
+{
+    float p[3 * REGISTER_POINTS], sum = 0;
+    float x = 0, y = 0, sx = 0;
+
+    *r = (struct registration){.rot = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
+    for (int i = 0; i < REGISTER_POINTS; i++) {
+        x += point[3 * i] / REGISTER_POINTS;
+        y += point[3 * i + 1] / REGISTER_POINTS;
+    }
+    for (int i = 0; i < REGISTER_POINTS; i++)
+        sx += fabsf(point[3 * i] - x) / REGISTER_POINTS;
+    r->at[0] = x;
+    r->at[1] = y;
+    r->scale = sx / 0.2f;
+    for (int round = 0; round < ROUNDS; round++) {
+        register_place(p, r, m, f);
+        for (int k = 0; k < (round ? 3 : 10); k++)
+            register_step_pose(r, m, p, point);
+        if (register_step_terms(r, m, f, point, calm))
+            return -1;
+    }
+    register_place(p, r, m, f);
+    for (int i = 0; i < REGISTER_POINTS; i++) {
+        float o[3];
+        register_project(o, r, p + 3 * i);
+        sum += (o[0] - point[3 * i]) * (o[0] - point[3 * i])
+               + (o[1] - point[3 * i + 1]) * (o[1] - point[3 * i + 1]);
+    }
+    r->rms = sqrtf(sum / REGISTER_POINTS);
+    return 0;
+}
+
+void register_shape(float *out, const struct scan_face *f,
+                    const struct registration *r)
+{
+    size_t one = 3 * (size_t)FACE_VERTICES;
+
+    scan_face_fold(out, f, r->term, SCAN_IDENTITIES);
+    for (size_t k = 0; k < ARKIT_COUNT; k++)
+        for (size_t i = 0; i < one; i++)
+            out[i] += r->term[SCAN_IDENTITIES + k]
+                      * f->expression[k * one + i];
+}

@@ -1,0 +1,53 @@
+/* The scans' face fitted to a photograph's landmarks: pose, identity and
+ * expression. */
+#ifndef SPID_LAB_PEOPLE_SCAN_REGISTER_H
+#define SPID_LAB_PEOPLE_SCAN_REGISTER_H
+
+#include <stdbool.h>
+
+#include "lib/head/arkit.h"
+#include "lib/lab/people/scan_face.h"
+
+#define REGISTER_POINTS 468
+#define REGISTER_TERMS (SCAN_IDENTITIES + ARKIT_COUNT)
+
+/* Landmarks and the vertices they mean. */
+struct register_map {
+    int32_t vertex[REGISTER_POINTS];
+    float weight[REGISTER_POINTS];
+    float *basis;               /* (REGISTER_TERMS, REGISTER_POINTS, 3) */
+};
+
+/* The fitted face, as a nearly parallel camera sees it: x = at[0] + scale
+ * p_x / (1 - p_z / REGISTER_DEPTH) with p = rot vertex. */
+#define REGISTER_DEPTH 9.0f
+struct registration {
+    float rot[9], at[2], scale;
+    float term[REGISTER_TERMS]; /* identity, then expression */
+    float rms;                  /* pixels */
+};
+
+/* Read DIR/labels/mediapipe_to_ict.json. */
+int register_map_load(struct register_map *m, const struct scan_face *f,
+                      const char *dir, struct error *err);
+/* vertex and spread (REGISTER_POINTS, cm; NULL: not wanted) alone, by
+ * landmark. */
+int register_map_read(int32_t *vertex, float *spread, const char *dir,
+                      struct error *err);
+/* Free what it holds. */
+void register_map_release(struct register_map *m);
+
+/* Fit to points (REGISTER_POINTS,3: x, y, unused) of a picture; calm: the
+ * expression hardly differs from rest.  0, or -1 when memory is short. */
+int register_fit(struct registration *r, const struct register_map *m,
+                 const struct scan_face *f, const float *point, bool calm);
+
+/* Pixel of a vertex position, and the depth towards the camera. */
+void register_project(float o[3], const struct registration *r,
+                      const float p[3]);
+
+/* out (FACE_VERTICES,3): the fitted face. */
+void register_shape(float *out, const struct scan_face *f,
+                    const struct registration *r);
+
+#endif

@@ -1,0 +1,53 @@
+/* How a lamp infinitely far away sees the head: the orthographic view of a
+ * shadow map. */
+#ifndef SPID_LAB_PEOPLE_SUN_H
+#define SPID_LAB_PEOPLE_SUN_H
+
+#include "lib/lab/people/raster.h"
+#include "lib/lab/people/vec.h"
+
+#define SUN_FAR 8       /* added to heights: positive for the z-buffer */
+
+struct sun {
+    float u[3], v[3], w[3];     /* right, down, towards the lamp */
+    float centre[3];
+    float scale;                /* texels per head unit */
+    float half;                 /* of the map's side, texels */
+};
+
+/* A view along dir, turned by up, that reaches so far about its centre on a map
+ * of n by n. */
+static inline void sun_aim(struct sun *s, const float dir[3],
+                           const float up[3], int n, float reach)
+{
+    copy3(s->w, dir);
+    cross3(s->u, up, s->w);
+    unit3(s->u);
+    cross3(s->v, s->w, s->u);
+    s->half = 0.5f * (float)n;
+    s->scale = (float)n / (2 * reach);
+}
+
+/* Its centre: the mean of every step-th of n points p (n,3). */
+static inline void sun_centre(struct sun *s, const float *p, size_t n,
+                              size_t step)
+{
+    s->centre[0] = s->centre[1] = s->centre[2] = 0;
+    for (size_t i = 0; i < n; i += step)
+        mad3(s->centre, s->centre, p + 3 * i,
+             1 / (float)((n + step - 1) / step));
+}
+
+/* A point on the map, its height above the plane through the centre as q. */
+static inline struct raster_vertex sun_place(const struct sun *s,
+                                             const float p[3])
+{
+    float d[3];
+
+    sub3(d, p, s->centre);
+    return (struct raster_vertex){dot3(d, s->u) * s->scale + s->half,
+                                  dot3(d, s->v) * s->scale + s->half,
+                                  dot3(d, s->w) + SUN_FAR};
+}
+
+#endif

@@ -1,0 +1,108 @@
+/* Batches for the encoders: every item is drawn from numbers of its own, so
+ * that it is the same on whichever process it falls. */
+#include "lib/lab/train/encoder_task.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "lib/base/crop.h"
+
+#define CROP ((size_t)CROP_NET * CROP_NET * 3)
+
+int encoder_task_init(struct encoder_task *e, const struct task *t,
+                      size_t outputs, struct error *err)
+{
+    const size_t B = (size_t)t->config->micro;
+
+    memset(e, 0, sizeof *e);
+    params_init(&e->copy);
+    e->batch = B;
+    e->outputs = outputs;
+    e->item = calloc(B, sizeof *e->item);
+    e->rgb = malloc(B * (CROP + 2 * outputs) * sizeof *e->rgb);
+    if (!e->item || !e->rgb)
+        return error_set(err, EX_OSERR, "out of memory (batch of %zu)", B);
+    e->out = e->rgb + B * CROP;
+    e->dout = e->out + B * outputs;
+    return 0;
+}
+
+void encoder_task_release(struct encoder_task *e)
+{
+    params_release(&e->copy);
+    free(e->item);
+    free(e->rgb);
+    memset(e, 0, sizeof *e);
+}
+
+/* Another frame, if there is one, of the person of item *of. */
+static void encoder_task_draw_partner(struct encoder_item *k,
+                                      const struct encoder_item *of,
+                                      size_t last)
+{
+    const struct data_person *p = of->who;
+
+    k->who = p;
+    if (p->count > 1)
+        last += 1 + random_below(&k->r, (uint32_t)p->count - 1);
+    k->frame = &p->frame[last % p->count];
+}
+
+int encoder_task_draw(struct encoder_task *e, const struct task *t,
+                      uint64_t step, size_t micro, struct error *err)
+{
+    const struct train_config *c = t->config;
+    struct random look = {0};   /* what the last crop's colours come from */
+    size_t drawn = 0;           /* the last even item's frame */
+
+    for (size_t i = 0; i < e->batch; i++) {
+        struct encoder_item *k = &e->item[i];
+        const bool partner = e->pairs && i % 2;
+
+        data_random(&k->r, (uint64_t)c->seed, step, micro * e->batch + i);
+        if (partner) {
+            encoder_task_draw_partner(k, k - 1, drawn);
+        } else {
+            k->frame = data_pool_draw(t->pool, &k->who, &k->r);
+            drawn = (size_t)(k->frame - k->who->frame);
+        }
+        if (c->augment.roll > 0) {
+            data_turn(&k->turned, k->frame, M_PI / 180 * random_normal(&k->r)
+                                            * (double)c->augment.roll);
+            k->frame = &k->turned;
+        }
+        k->q = data_jitter(k->frame, c->augment.jitter, &k->r);
+        if (partner)
+            k->r = look;
+        look = k->r;
+        if (data_sample(e->rgb + i * CROP, CROP_NET, k->frame, k->q,
+                        &c->augment, &k->r, err))
+            return -1;
+    }
+    return 0;
+}
+
+int encoder_task_fill(struct task *t, struct error *err)
+{
+    if (params_allocate(&t->ps, err) ||
+        params_allocate_gradients(&t->ps, err))
+        return -1;
+    params_randomise(&t->ps, (uint64_t)t->config->seed);
+    return 0;
+}
+
+int encoder_task_allocate_copy(struct encoder_task *e, const struct task *t,
+                               struct error *err)
+{
+    if (params_allocate(&e->copy, err))
+        return -1;
+    encoder_task_copy(e, t);
+    return 0;
+}
+
+void encoder_task_copy(struct encoder_task *e, const struct task *t)
+{
+    memcpy(e->copy.w, t->ps.w, t->ps.total * sizeof *t->ps.w);
+}

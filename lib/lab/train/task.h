@@ -1,0 +1,77 @@
+/* What is trained, as the loop sees it: a model with parameters that turns a
+ * part of a step's batch into losses and gradients. */
+#ifndef SPID_LAB_TRAIN_TASK_H
+#define SPID_LAB_TRAIN_TASK_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "lib/base/error.h"
+#include "lib/head/head.h"
+#include "lib/nn/params.h"
+#include "lib/lab/train/config.h"
+#include "lib/lab/data/data.h"
+
+#define TASK_PARTS 24
+
+struct task;
+
+struct task_type {
+    double margin;              /* of the pictures it wants: see data_open */
+    void (*release)(struct task *t);
+    /* Pass `micro` of a step: adds losses to parts, divided by the number of
+     * passes, and gradients to ps->g (and opponent->g) likewise. */
+    int (*pass)(struct task *t, double *parts, uint64_t step, size_t micro,
+                struct error *err);
+    /* The weights changed. */
+    void (*update)(struct task *t);
+    /* Figures on people never trained on: names in figure_name. */
+    int (*validate)(struct task *t, double *figures, struct error *err);
+    /* A contact sheet of what it does, as rgb (H,W,3) bytes, malloced. */
+    int (*sheet)(struct task *t, uint8_t **rgb, size_t *H, size_t *W,
+                 struct error *err);
+};
+
+struct task {
+    const struct task_type *type;
+    const struct train_config *config;
+    const struct head *head;
+    struct data_pool *pool;     /* people to train on */
+    struct data_person *validation; /* people never trained on */
+    size_t nvalidation;
+    struct params ps;
+    struct params *opponent;    /* of a network that learns against ps, with an
+                                 * Adam of its own, from opponent_from on, and
+                                 * that no model file has; NULL: none */
+    uint64_t opponent_from;     /* a step */
+    double opponent_rate;
+    int nparts, nfigures;       /* the loss is the sum of the parts; */
+    int nwatched;               /* so many more follow in the log */
+    const char *part_name[TASK_PARTS];
+    const char *figure_name[TASK_PARTS];
+    void *impl;
+};
+
+/* Make the task of the configuration's stage: declares, allocates and fills
+ * its tensors from the seed.  pool and validation are set by the caller before
+ * the first pass. */
+int task_init(struct task *t, const struct train_config *c,
+              const struct head *h, struct error *err);
+/* Free what it holds; zeroed then. */
+void task_release(struct task *t);
+/* At most config->validation_people of one pass become t->validation. */
+int task_read_validation(struct task *t, struct data_reader *r,
+                         struct error *err);
+
+/* The stages' constructors; t->config and t->head are set. */
+int task_motion_init(struct task *t, struct error *err);
+/* E_beta, ... */
+int task_shape_init(struct task *t, struct error *err);
+/* ... how sure E_m is, ... */
+int task_sure_init(struct task *t, struct error *err);
+/* ... the matte network, ... */
+int task_matte_init(struct task *t, struct error *err);
+/* ... branches and refiner, or all of the model. */
+int task_avatar_init(struct task *t, struct error *err);
+
+#endif

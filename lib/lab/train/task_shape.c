@@ -1,0 +1,235 @@
+/* E_beta alone (Section 3.3): supervised by the true shapes of rendered
+ * crops, half of them mirrored. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "lib/lab/data/contact_sheet.h"
+#include "lib/net/shape_encoder.h"
+#include "lib/track/tta.h"
+#include "lib/lab/train/encoder_task.h"
+#include "lib/lab/train/shape_loss.h"
+#include "lib/lab/train/task.h"
+
+#define N SHAPE_ENCODER_SIZE
+#define OUT SHAPE_ENCODER_OUT
+#define SHEET_ROWS 2
+#define SHEET_COLS 6
+
+struct impl {
+    struct encoder_task e;
+    struct shape_encoder net;
+    struct shape_encoder validator; /* in e.copy, for inference */
+    struct shape_tta tta; /* the validator's; its signs for a pass, too */
+    struct shape_loss vertex, landmark;
+    float *truth; /* (B,OUT) */
+};
+
+/* NULL before it is made. */
+static void shape_task_release(struct task *t)
+{
+    struct impl *m = t->impl;
+
+    if (!m)
+        return;
+    shape_encoder_release(&m->net);
+    shape_tta_release(&m->tta);
+    shape_encoder_release(&m->validator);
+    shape_loss_release(&m->vertex);
+    shape_loss_release(&m->landmark);
+    encoder_task_release(&m->e);
+    free(m->truth);
+    free(m);
+    t->impl = NULL;
+}
+
+/* ---- a pass ------------------------------------------------------------- */
+
+enum { PART_VERTEX, PART_LANDMARK, PART_BETA, PARTS };
+
+/* Add one item's losses to parts; d (OUT) is their gradient by out. */
+static void shape_task_losses(double *parts, float *d, const float *out,
+                              const float *truth, double scale,
+                              const struct task *t)
+{
+    const struct impl *m = t->impl;
+    const float *term = t->config->geometry.term;
+    double vertex = scale * (double)term[TERM_VERTEX];
+    double landmark = scale * (double)term[TERM_LANDMARK];
+    double direct = scale * (double)term[TERM_EXP] / OUT;
+    double gv[OUT] = {0}, gl[OUT] = {0};
+
+    parts[PART_VERTEX] += vertex * shape_loss(gv, out, truth, &m->vertex);
+    parts[PART_LANDMARK] += landmark * shape_loss(gl, out, truth,
+                                                  &m->landmark);
+    for (size_t k = 0; k < OUT; k++) {
+        double e = (double)out[k] - truth[k];
+
+        parts[PART_BETA] += direct * fabs(e);
+        d[k] = (float)(direct * ((e > 0) - (e < 0)) + vertex * gv[k] +
+                       landmark * gl[k]);
+    }
+}
+
+/* The person as the mirror shows them. */
+static void shape_task_mirror(float *rgb, float *truth, const struct impl *m)
+{
+    float own[OUT];
+
+    memcpy(own, truth, sizeof own);
+    tta_mirror_picture(rgb, rgb, N);
+    head_mirror_apply(truth, own, &m->tta.across);
+}
+
+/* A batch forward, its losses, and back. */
+static int shape_task_pass(struct task *t, double *parts, uint64_t step,
+                           size_t micro, struct error *err)
+{
+    struct impl *m = t->impl;
+    struct encoder_task *e = &m->e;
+    double scale = 1.0 / (double)t->config->batch;
+
+    if (encoder_task_draw(e, t, step, micro, err))
+        return -1;
+    for (size_t i = 0; i < e->batch; i++) {
+        struct encoder_item *k = &e->item[i];
+        float *truth = m->truth + i * OUT;
+
+        memcpy(truth, k->who->shape, sizeof k->who->shape);
+        if (m->tta.mirror && random_uniform(&k->r) < 0.5)
+            shape_task_mirror(e->rgb + i * N * N * 3, truth, m);
+    }
+    shape_encoder_forward(e->out, e->rgb, &m->net);
+    for (size_t i = 0; i < e->batch; i++)
+        shape_task_losses(parts, e->dout + i * OUT, e->out + i * OUT,
+                          m->truth + i * OUT, scale, t);
+    shape_encoder_backward(NULL, e->dout, &m->net);
+    return 0;
+}
+
+/* After the weights changed. */
+static void shape_task_update(struct task *t)
+{
+    struct impl *m = t->impl;
+
+    shape_encoder_update(&m->net);
+}
+
+/* ---- validation --------------------------------------------------------- */
+
+/* Figures of validation, in the order of held.tsv. */
+enum {
+    FIGURE_VERTEX, FIGURE_MEAN, FIGURE_RATIO, FIGURE_LANDMARK, FIGURE_COUNT
+};
+static const char *const figure_name[FIGURE_COUNT] = {
+    "shape_rms_mm", "mean_head_rms_mm", "ratio", "landmark_rms_mm"};
+
+/* Error of the shape found from the first frame of each person, of the mean
+ * head, and their ratio; of the found shape's landmarks. */
+static int shape_task_validate(struct task *t, double *figures,
+                               struct error *err)
+{
+    struct impl *m = t->impl;
+    float zero[OUT] = {0}, *out = m->e.out;
+    double mm = 1000 / ((double)t->head->scale * (double)t->nvalidation);
+
+    encoder_task_copy(&m->e, t);
+    shape_encoder_update(&m->validator);
+    memset(figures, 0, FIGURE_COUNT * sizeof *figures);
+    for (size_t i = 0; i < t->nvalidation; i++) {
+        const struct data_person *p = &t->validation[i];
+        const struct data_frame *f = &p->frame[0];
+
+        if (shape_tta_forward(out, &m->tta, f->crop, data_crop, (void *)f,
+                              err))
+            return -1;
+        figures[FIGURE_VERTEX] += mm * shape_loss(NULL, out, p->shape,
+                                                  &m->vertex);
+        figures[FIGURE_MEAN] += mm * shape_loss(NULL, zero, p->shape,
+                                                &m->vertex);
+        figures[FIGURE_LANDMARK] += mm * shape_loss(NULL, out, p->shape,
+                                                    &m->landmark);
+    }
+    if (figures[FIGURE_MEAN] > 0)
+        figures[FIGURE_RATIO] = figures[FIGURE_VERTEX] / figures[FIGURE_MEAN];
+    return 0;
+}
+
+/* The crops E_beta receives; there is nothing to draw on them. */
+static int shape_task_sheet(struct task *t, uint8_t **rgb, size_t *H,
+                            size_t *W, struct error *err)
+{
+    struct impl *m = t->impl;
+    struct contact_sheet sh;
+
+    if (contact_sheet_init(&sh, SHEET_ROWS, SHEET_COLS, N, err))
+        return -1;
+    for (size_t i = 0; i < SHEET_ROWS * SHEET_COLS && i < t->nvalidation;
+         i++) {
+        const struct data_frame *f = &t->validation[i].frame[0];
+
+        if (data_sample(m->e.rgb, N, f, f->crop, NULL, NULL, err)) {
+            contact_sheet_release(&sh);
+            return -1;
+        }
+        contact_sheet_picture(&sh, i / SHEET_COLS, i % SHEET_COLS, m->e.rgb,
+                              NULL);
+    }
+    contact_sheet_detach(&sh, rgb, H, W);
+    return 0;
+}
+
+/* ---- making it ---------------------------------------------------------- */
+
+static const struct task_type shape_task_type = {
+    1.5, shape_task_release, shape_task_pass, shape_task_update,
+    shape_task_validate, shape_task_sheet
+};
+
+/* Declare, fill and plan the network and its copy for validation. */
+static int shape_task_networks(struct task *t, struct error *err)
+{
+    const struct train_config *c = t->config;
+    struct nn_options opt = {c->running_norm ? NN_FROZEN : NN_TRAIN, NN_BF16};
+    struct impl *m = t->impl;
+    char net[64];
+
+    train_config_net(net, sizeof net, c, "shape",
+                     "tf_mobilenetv3_large_minimal_100");
+    if (shape_encoder_init(&m->net, &t->ps, "shape.", net, err) ||
+        encoder_task_fill(t, err) ||
+        shape_encoder_plan(&m->net, m->e.batch, opt, err) ||
+        shape_encoder_init(&m->validator, &m->e.copy, "shape.", net, err) ||
+        encoder_task_allocate_copy(&m->e, t, err))
+        return -1;
+    opt = (struct nn_options){NN_INFER, NN_F32};
+    if (shape_encoder_plan(&m->validator, 1, opt, err))
+        return -1;
+    return shape_tta_init(&m->tta, &m->validator, t->head, err);
+}
+
+int task_shape_init(struct task *t, struct error *err)
+{
+    size_t directions = t->head->nshape < OUT ? t->head->nshape : OUT;
+    struct impl *m = calloc(1, sizeof *m);
+
+    if (!m)
+        return error_set(err, EX_OSERR, "out of memory");
+    t->impl = m;
+    t->type = &shape_task_type;
+    t->nparts = PARTS;
+    t->part_name[PART_VERTEX] = "vertex";
+    t->part_name[PART_LANDMARK] = "landmark";
+    t->part_name[PART_BETA] = "beta";
+    t->nfigures = FIGURE_COUNT;
+    memcpy(t->figure_name, figure_name, sizeof figure_name);
+    m->truth = malloc((size_t)t->config->micro * OUT * sizeof *m->truth);
+    if (!m->truth)
+        return error_set(err, EX_OSERR, "out of memory");
+    if (encoder_task_init(&m->e, t, OUT, err) ||
+        shape_loss_vertices(&m->vertex, t->head, directions, err) ||
+        shape_loss_landmarks(&m->landmark, t->head, directions, err))
+        return -1;
+    return shape_task_networks(t, err);
+}

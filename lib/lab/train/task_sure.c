@@ -1,0 +1,218 @@
+/* E_m's sure head (lib/net/sure_head.h): logistic regression on the pooled
+ * features of the encoder as it is, from crops in place against negative
+ * samples. */
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "lib/lab/data/negative.h"
+#include "lib/lab/data/contact_sheet.h"
+#include "lib/base/crop.h"
+#include "lib/net/mobilenet.h"
+#include "lib/net/sure_head.h"
+#include "lib/lab/train/task.h"
+
+#define CROP ((size_t)CROP_NET * CROP_NET * 3)
+#define SHEET_COLS 6
+
+enum { FIGURE_REFUSED, FIGURE_BELIEVED, FIGURE_COUNT };
+static const char *const figure_name[FIGURE_COUNT] = {
+    "refused_pct", "believed_pct"
+};
+
+struct impl {
+    struct mobilenet net;       /* for inference: nothing of it learns */
+    struct sure_head head;
+    bool folded;                /* net has seen its weights */
+    size_t batch;
+    float *rgb, *pooled;        /* (B,224,224,3), (B,features) */
+    enum negative *how;         /* (B) */
+};
+
+static void sure_task_release(struct task *t)
+{
+    struct impl *m = t->impl;
+
+    if (!m)
+        return;
+    mobilenet_release(&m->net);
+    free(m->rgb);
+    free(m->how);
+    free(m);
+    t->impl = NULL;
+}
+
+/* Half of the crops are in place. */
+static enum negative sure_task_kind(struct random *r)
+{
+    return random_uniform(r) < 0.5
+        ? NEGATIVE_NONE
+        : (enum negative)(1 + random_below(r, NEGATIVE_COUNT - 1));
+}
+
+/* The features of the crops in m->rgb. */
+static void sure_task_forward(struct impl *m)
+{
+    if (!m->folded)
+        mobilenet_update(&m->net);
+    m->folded = true;
+    mobilenet_forward(m->pooled, m->rgb, &m->net);
+}
+
+/* Faces in place and negative samples, with the truth of each. */
+static int sure_task_pass(struct task *t, double *parts, uint64_t step,
+                          size_t micro, struct error *err)
+{
+    struct impl *m = t->impl;
+    const struct train_config *c = t->config;
+
+    for (size_t i = 0; i < m->batch; i++) {
+        const struct data_person *who;
+        const struct data_frame *f;
+        struct random r;
+
+        data_random(&r, (uint64_t)c->seed, step, micro * m->batch + i);
+        f = data_pool_draw(t->pool, &who, &r);
+        m->how[i] = sure_task_kind(&r);
+        if (negative_sample(m->rgb + i * CROP, f, m->how[i], &c->augment, &r,
+                            err))
+            return -1;
+    }
+    sure_task_forward(m);
+    for (size_t i = 0; i < m->batch; i++)
+        parts[0] += sure_head_loss(&m->head, m->pooled + i * m->net.features,
+                                   m->how[i] == NEGATIVE_NONE,
+                                   1.0 / (double)c->batch);
+    return 0;
+}
+
+/* The head needs no preparation. */
+static void sure_task_update(struct task *t)
+{
+    (void)t;
+}
+
+/* Crop number n of the validation people into place i of the batch. */
+static int sure_task_take(struct task *t, size_t i, size_t n,
+                          struct error *err)
+{
+    struct impl *m = t->impl;
+    const struct data_person *p = &t->validation[n % t->nvalidation];
+    struct random r;
+
+    data_random(&r, (uint64_t)t->config->seed, UINT64_MAX, n);
+    m->how[i] = n / t->nvalidation % 2
+        ? (enum negative)(1 + n / t->nvalidation / 2 % (NEGATIVE_COUNT - 1))
+        : NEGATIVE_NONE;
+    return negative_sample(m->rgb + i * CROP,
+                           &p->frame[random_below(&r, (uint32_t)p->count)],
+                           m->how[i], &t->config->augment, &r, err);
+}
+
+/* Of crops in place and of negatives, the share on the wrong side of a half. */
+static int sure_task_validate(struct task *t, double *figures,
+                              struct error *err)
+{
+    struct impl *m = t->impl;
+    size_t count[2] = {0}, wrong[2] = {0};
+    size_t n = 2 * t->nvalidation * (NEGATIVE_COUNT - 1);
+
+    for (size_t k = 0; k + m->batch <= n; k += m->batch) {
+        for (size_t i = 0; i < m->batch; i++)
+            if (sure_task_take(t, i, k + i, err))
+                return -1;
+        sure_task_forward(m);
+        for (size_t i = 0; i < m->batch; i++) {
+            float sure = sure_head_forward(&m->head, m->pooled +
+                                           i * m->net.features);
+            int bad = m->how[i] != NEGATIVE_NONE;
+
+            count[bad]++;
+            wrong[bad] += bad ? sure >= 0.5f : sure < 0.5f;
+        }
+    }
+    for (int k = 0; k < FIGURE_COUNT; k++)
+        figures[k] = 100.0 * (double)wrong[k] / (double)(count[k] + !count[k]);
+    return 0;
+}
+
+/* A row of crops of each kind, surest pictures as they come. */
+static int sure_task_sheet(struct task *t, uint8_t **rgb, size_t *H,
+                           size_t *W, struct error *err)
+{
+    struct impl *m = t->impl;
+    struct contact_sheet sh;
+    struct random r;
+    int rc = 0;
+
+    if (contact_sheet_init(&sh, NEGATIVE_COUNT, SHEET_COLS, CROP_NET, err))
+        return -1;
+    for (size_t i = 0; i < NEGATIVE_COUNT * SHEET_COLS && !rc; i++) {
+        const struct data_person *p =
+            &t->validation[i % (t->nvalidation ? t->nvalidation : 1)];
+
+        if (!t->nvalidation)
+            break;
+        data_random(&r, 0, UINT64_MAX - 1, i);
+        rc = negative_sample(m->rgb, &p->frame[0],
+                             (enum negative)(i / SHEET_COLS),
+                             &t->config->augment, &r, err);
+        contact_sheet_picture(&sh, i / SHEET_COLS, i % SHEET_COLS, m->rgb,
+                              NULL);
+    }
+    if (rc)
+        contact_sheet_release(&sh);
+    else
+        contact_sheet_detach(&sh, rgb, H, W);
+    return rc;
+}
+
+static const struct task_type sure_task_type = {
+    0, sure_task_release, sure_task_pass, sure_task_update,
+    sure_task_validate, sure_task_sheet
+};
+
+/* Encoder and head; only the head learns. */
+static int sure_task_networks(struct task *t, struct error *err)
+{
+    const struct nn_options opt = {NN_INFER, NN_F32};
+    struct impl *m = t->impl;
+    char net[64];
+
+    train_config_net(net, sizeof net, t->config, "motion",
+                     "mobilenetv3_small_100");
+    if (mobilenet_init(&m->net, &t->ps, "motion.encoder.", net, err))
+        return -1;
+    for (size_t i = 0; i < t->ps.count; i++)
+        t->ps.tensor[i].frozen = true;
+    sure_head_init(&m->head, &t->ps, "motion.", m->net.features);
+    if (params_allocate(&t->ps, err) ||
+        params_allocate_gradients(&t->ps, err))
+        return -1;
+    params_randomise(&t->ps, (uint64_t)t->config->seed);
+    return mobilenet_plan(&m->net, m->batch, CROP_NET, CROP_NET, opt, err);
+}
+
+int task_sure_init(struct task *t, struct error *err)
+{
+    struct impl *m = calloc(1, sizeof *m);
+
+    if (!m)
+        return error_set(err, EX_OSERR, "out of memory");
+    t->impl = m;
+    t->type = &sure_task_type;
+    t->nparts = 1;
+    t->part_name[0] = "logistic";
+    t->nfigures = FIGURE_COUNT;
+    memcpy(t->figure_name, figure_name, sizeof figure_name);
+    m->batch = (size_t)t->config->micro;
+    if (sure_task_networks(t, err))
+        return -1;
+    m->how = calloc(m->batch, sizeof *m->how);
+    m->rgb = malloc(m->batch * (CROP + m->net.features) * sizeof *m->rgb);
+    if (!m->how || !m->rgb)
+        return error_set(err, EX_OSERR, "out of memory (batch of %zu)",
+                         m->batch);
+    m->pooled = m->rgb + m->batch * CROP;
+    return 0;
+}

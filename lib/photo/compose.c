@@ -1,0 +1,262 @@
+/* The photograph into a picture by its confidence (texture.h), forward and
+ * backward. */
+#include "lib/photo/texture.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "lib/photo/lookup.h"
+#include "lib/photo/lookup_kernel.h"
+
+/* The smaller one, a where b is not a number: fminf is a call. */
+static inline float compose_min(float a, float b)
+{
+    return b < a ? b : a;
+}
+
+void texture_mix(float *color, size_t channels, float *alpha,
+                 const float *photo, size_t n)
+{
+    if (channels == 3) {
+        lookup_kernels()->mix(color, alpha, photo, n);
+        return;
+    }
+    for (size_t i = 0; i < n; i++) {
+        const float *p = photo + TEXTURE_PHOTO * i;
+
+        if (p[4] == 0)
+            continue;
+        for (size_t c = 0; c < 3; c++)
+            color[channels * i + c] +=
+                p[4] * (p[c] - color[channels * i + c]);
+        alpha[i] += p[4] * (p[3] - alpha[i]);
+    }
+}
+
+void texture_clamp_to_alpha(float *color, size_t channels, const float *alpha,
+                            size_t n)
+{
+#pragma omp parallel for schedule(static)
+    for (size_t i = 0; i < n; i++)
+        for (size_t c = 0; c < 3; c++)
+            color[channels * i + c] = compose_min(color[channels * i + c],
+                                                  alpha[i]);
+}
+
+/* ---- the field --------------------------------------------------------- */
+
+typedef float field4 __attribute__((vector_size(16)));
+
+/* Where pixel x of a line lies between two of n places, `step` pixels apart:
+ * a and b, and the weight of b. */
+struct compose_tap {
+    size_t a, b;
+    float w;
+};
+
+static struct compose_tap compose_tap_make(size_t x, size_t n, float step)
+{
+    float at = ((float)x + 0.5f) / step - 0.5f;
+    float low = floorf(at);
+    size_t a = low > 0 ? (size_t)low : 0, b = (size_t)(low + 1);
+
+    a = a < n ? a : n - 1;
+    b = b < n ? b : n - 1;
+    return (struct compose_tap){a, b, at - low};
+}
+
+/* The field's numbers at a pixel. */
+static field4 compose_field_at(const struct texture_field *f,
+                               struct compose_tap y, struct compose_tap x)
+{
+    field4 v[4];
+
+    memcpy(&v[0], f->at + TEXTURE_FIELD * (y.a * f->width + x.a), sizeof *v);
+    memcpy(&v[1], f->at + TEXTURE_FIELD * (y.a * f->width + x.b), sizeof *v);
+    memcpy(&v[2], f->at + TEXTURE_FIELD * (y.b * f->width + x.a), sizeof *v);
+    memcpy(&v[3], f->at + TEXTURE_FIELD * (y.b * f->width + x.b), sizeof *v);
+    v[0] += x.w * (v[1] - v[0]);
+    v[2] += x.w * (v[3] - v[2]);
+    return v[0] + y.w * (v[2] - v[0]);
+}
+
+void texture_field_row(float *photo, const struct texture_field *f,
+                       float step, size_t x, size_t n, size_t y)
+{
+    const struct compose_tap ty = compose_tap_make(y, f->height, step);
+
+    for (size_t i = 0; i < n; i++, photo += TEXTURE_PHOTO) {
+        field4 at;
+
+        if (!(photo[4] > 0))
+            continue;
+        at = compose_field_at(f, ty, compose_tap_make(x + i, f->width, step));
+        photo[4] *= 1 - at[0];
+        photo[4] = photo[4] > 0 ? compose_min(photo[4], 1) : 0;
+        for (int c = 0; c < 3; c++)
+            photo[c] *= 1 + at[c + 1];
+    }
+}
+
+/* dfield += d at the pixel. */
+static void compose_field_add(float *dfield, const struct texture_field *f,
+                              struct compose_tap y, struct compose_tap x,
+                              const float d[TEXTURE_FIELD])
+{
+    const size_t at[4] = {y.a * f->width + x.a, y.a * f->width + x.b,
+                          y.b * f->width + x.a, y.b * f->width + x.b};
+    const float w[4] = {(1 - y.w) * (1 - x.w), (1 - y.w) * x.w,
+                        y.w * (1 - x.w), y.w * x.w};
+
+    for (size_t k = 0; k < 4; k++)
+        for (size_t c = 0; c < TEXTURE_FIELD; c++)
+            dfield[TEXTURE_FIELD * at[k] + c] += w[k] * d[c];
+}
+
+/* ---- forward ----------------------------------------------------------- */
+
+#define COMPOSE_RUN 64          /* pixels at a time, */
+#define COMPOSE_PLACES (COMPOSE_RUN / TEXTURE_FIELD_STEP + 2)   /* ... between
+                                                                 * so many */
+
+/* The field between two of its lines, at places from the one left of pixel x0
+ * on. */
+static void compose_field_line(field4 line[COMPOSE_PLACES],
+                               const struct texture_field *f,
+                               struct compose_tap y, size_t x0)
+{
+    for (size_t k = 0; k < COMPOSE_PLACES; k++) {
+        size_t x = x0 / TEXTURE_FIELD_STEP + k;
+        field4 a, b;
+
+        x = x ? x - 1 : 0;
+        x = x < f->width ? x : f->width - 1;
+        memcpy(&a, f->at + TEXTURE_FIELD * (y.a * f->width + x), sizeof a);
+        memcpy(&b, f->at + TEXTURE_FIELD * (y.b * f->width + x), sizeof b);
+        line[k] = a + y.w * (b - a);
+    }
+}
+
+/* One pixel: rgb (3) and its alpha. */
+static inline void compose_pixel(float *rgb, float *alpha, const float *p,
+                                 field4 f)
+{
+    const field4 was = {rgb[0], rgb[1], rgb[2], *alpha};
+    const field4 gain = {1 + f[1], 1 + f[2], 1 + f[3], 1};
+    field4 photo;
+    float b = p[4] * (1 - f[0]);
+
+    memcpy(&photo, p, sizeof photo);
+    b = b > 0 ? compose_min(b, 1) : 0;
+    photo = was + b * (photo * gain - was);
+    for (size_t c = 0; c < 3; c++)
+        rgb[c] = photo[c];
+    *alpha = photo[3];
+}
+
+/* n pixels of a row; line: the field's, from the place left of the first. */
+static void compose_run(float *rgb, float *alpha, const float *photo,
+                        const field4 line[COMPOSE_PLACES], size_t n)
+{
+    for (size_t x = 0; x < n; x++, rgb += 3, alpha++, photo += TEXTURE_PHOTO) {
+        /* half a place to the left of the pixel's own */
+        const size_t at = x + TEXTURE_FIELD_STEP / 2;
+        const size_t k = at / TEXTURE_FIELD_STEP;
+        const float w = ((float)(at % TEXTURE_FIELD_STEP) + 0.5f) /
+                        TEXTURE_FIELD_STEP;
+
+        if (photo[4] > 0)
+            compose_pixel(rgb, alpha, photo,
+                          line[k] + w * (line[k + 1] - line[k]));
+        for (size_t c = 0; c < 3; c++)
+            rgb[c] = compose_min(rgb[c], *alpha);
+    }
+}
+
+void texture_compose(float *rgb, float *alpha, const float *photo,
+                     const struct texture_field *field, size_t height,
+                     size_t width)
+{
+#pragma omp parallel for schedule(static)
+    for (size_t y = 0; y < height; y++) {
+        field4 line[COMPOSE_PLACES] = {{0}};
+
+        for (size_t x = 0; x < width; x += COMPOSE_RUN) {
+            const size_t i = y * width + x, left = width - x;
+
+            if (field->at)
+                compose_field_line(line, field,
+                                   compose_tap_make(y, field->height,
+                                                    TEXTURE_FIELD_STEP), x);
+            compose_run(rgb + 3 * i, alpha + i, photo + TEXTURE_PHOTO * i,
+                        line, left < COMPOSE_RUN ? left : COMPOSE_RUN);
+        }
+    }
+}
+
+/* ---- backward ---------------------------------------------------------- */
+
+/* compose_pixel's lines from the last to the first, given what went in. */
+static void compose_pixel_backward(float *drgb, float *dalpha, float *dp,
+                                   float df[TEXTURE_FIELD], const float *rgb,
+                                   float alpha, const float *p, field4 f)
+{
+    float raw = p[4] * (1 - f[0]), b = fminf(fmaxf(raw, 0), 1), db;
+    float after = alpha + b * (p[3] - alpha);
+
+    /* out = min(rgb, alpha) */
+    for (int c = 0; c < 3; c++) {
+        float out = rgb[c] + b * (p[c] * (1 + f[c + 1]) - rgb[c]);
+
+        if (out > after) {
+            *dalpha += drgb[c];
+            drgb[c] = 0;
+        }
+    }
+    /* alpha += b (p[3] - alpha) */
+    db = *dalpha * (p[3] - alpha);
+    dp[3] = *dalpha * b;
+    *dalpha *= 1 - b;
+    for (int c = 0; c < 3; c++) {
+        db += drgb[c] * (p[c] * (1 + f[c + 1]) - rgb[c]);
+        dp[c] = drgb[c] * b * (1 + f[c + 1]);
+        df[c + 1] = drgb[c] * b * p[c];
+        drgb[c] *= 1 - b;
+    }
+    if (raw < 0 || raw > 1)
+        db = 0;
+    dp[4] = db * (1 - f[0]);
+    df[0] = -db * p[4];
+}
+
+void texture_compose_backward(float *drgb, float *dalpha, float *dphoto,
+                              float *dfield, const float *rgb,
+                              const float *alpha, const float *photo,
+                              const struct texture_field *field,
+                              size_t height, size_t width)
+{
+    memset(dphoto, 0, TEXTURE_PHOTO * height * width * sizeof *dphoto);
+    if (field->at)
+        memset(dfield, 0, TEXTURE_FIELD * field->height * field->width *
+                          sizeof *dfield);
+    for (size_t y = 0; y < height; y++) {
+        struct compose_tap ty = compose_tap_make(y, field->height,
+                                                 TEXTURE_FIELD_STEP);
+
+        for (size_t x = 0, i = y * width; x < width; x++, i++) {
+            struct compose_tap tx = compose_tap_make(x, field->width,
+                                                     TEXTURE_FIELD_STEP);
+            const float *p = photo + TEXTURE_PHOTO * i;
+            float df[TEXTURE_FIELD] = {0};
+            field4 f = {0};
+
+            if (p[4] > 0 && field->at)
+                f = compose_field_at(field, ty, tx);
+            compose_pixel_backward(drgb + 3 * i, dalpha + i,
+                                   dphoto + TEXTURE_PHOTO * i, df,
+                                   rgb + 3 * i, alpha[i], p, f);
+            if (p[4] > 0 && field->at)
+                compose_field_add(dfield, field, ty, tx, df);
+        }
+    }
+}

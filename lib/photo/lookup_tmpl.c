@@ -1,0 +1,391 @@
+/* Lookups in the photograph: offsets and confidence of VEC pixels at once, and
+ * Keys's bicubic (1981, "Cubic convolution interpolation for digital image
+ * processing") in a picture of four bytes a pixel, where lanes are four
+ * neighbours' four channels. */
+#include "lib/photo/lookup_kernel.h"
+
+#include "lib/splat/vec_shuffle.h"
+#include "lib/photo/lookup.h"
+
+/* ---- offsets ------------------------------------------------------------- */
+
+/* Numbers k, k + 3, k + 6 ... of the 3 VEC in a, b and c. */
+VEC_INLINE vf lookup_every_third(vf a, vf b, vf c, const int k)
+{
+#ifdef __clang__        /* has no shuffle by a vector, but finds one here */
+    float all[3 * VEC];
+    vf r;
+
+    vf_store(all, a);
+    vf_store(all + VEC, b);
+    vf_store(all + 2 * VEC, c);
+#pragma GCC unroll 16
+    for (int i = 0; i < VEC; i++)
+        r[i] = all[3 * i + k];
+    return r;
+#else
+    const vi at = 3 * vi_iota() + k;
+    const vi first = at < 2 * VEC;
+
+    a = __builtin_shuffle(a, b, at & first);
+    return __builtin_shuffle(a, c, (vi_iota() & first) | ((at - VEC) & ~first));
+#endif
+}
+
+static bool ISA(texture_offsets)(float *x, float *y, float *w,
+                                 const float *place, size_t n)
+{
+    vf most = vf_set(0);
+
+    for (size_t i = 0; i < n; i += VEC, place += 3 * VEC) {
+        vf a = vf_load(place), b = vf_load(place + VEC);
+        vf c = vf_load(place + 2 * VEC);
+        vf weight = lookup_every_third(a, b, c, 2);
+        vm has = vf_gt(weight, vf_set(TEXTURE_LEAST));
+
+        if (!vm_any(has)) {
+            vf_store(x + i, vf_set(0));
+            vf_store(y + i, vf_set(0));
+            vf_store(w + i, vf_set(0));
+            continue;
+        }
+        vf_store(x + i, vf_keep(has, lookup_every_third(a, b, c, 0) / weight));
+        vf_store(y + i, vf_keep(has, lookup_every_third(a, b, c, 1) / weight));
+        vf_store(w + i, vf_keep(has, weight));
+        most = vf_max(most, vf_keep(has, weight));
+    }
+    return vm_any(vf_gt(most, vf_set(0)));
+}
+
+/* ---- confidence ------------------------------------------------------------
+ */
+
+/* VEC pixels' own offsets, and where they lie in the planes. */
+struct lookup_here {
+    const float *x, *y, *w;
+    vf ox, oy;
+};
+
+/* At least `most`, or the square of the offset's change to the pixels `step`
+ * further. */
+VEC_INLINE vf lookup_change(vf most, const struct lookup_here *h,
+                            ptrdiff_t step)
+{
+    vf dx = vf_load(h->x + step) - h->ox, dy = vf_load(h->y + step) - h->oy;
+    vm has = vf_gt(vf_load(h->w + step), vf_set(0));
+
+    return vf_max(vf_keep(has, dx * dx + dy * dy), most);
+}
+
+/* The offset's change in each direction along a line, over the position's:
+ * texture_slope. */
+VEC_INLINE void lookup_slope(vf d[2], const struct lookup_here *h,
+                             ptrdiff_t step, float size)
+{
+    const vf across = vf_set(TEXTURE_ACROSS);
+    vm back = vf_gt(vf_load(h->w - TEXTURE_ACROSS * step), vf_set(0));
+    vm ahead = vf_gt(vf_load(h->w + TEXTURE_ACROSS * step), vf_set(0));
+    vf far = vf_keep(back, across) + vf_keep(ahead, across);
+    vf n = vf_set(0.5f * size) / vf_max(far, vf_set(1));
+    const float *const plane[2] = {h->x, h->y};
+    const vf own[2] = {h->ox, h->oy};
+
+    for (int k = 0; k < 2; k++) {
+        vf a = vf_load(plane[k] - TEXTURE_ACROSS * step);
+        vf b = vf_load(plane[k] + TEXTURE_ACROSS * step);
+
+        d[k] = n * (vf_sel(ahead, b, own[k]) - vf_sel(back, a, own[k]));
+    }
+}
+
+/* texture_stretch */
+VEC_INLINE vf lookup_stretch(const struct lookup_here *h,
+                             const struct lookup_view *k)
+{
+    const float *A = k->v.A;
+    vf dx[2], dy[2];
+
+    lookup_slope(dx, h, 1, k->size);
+    lookup_slope(dy, h, LOOKUP_LINE, k->size);
+    vf area = (A[0] + dx[0]) * (A[3] + dy[1]) -
+              (A[1] + dy[0]) * (A[2] + dx[1]);
+    area /= vf_max(vf_set(k->zoom), vf_set(1e-6f));
+    return vf_clamp((area - TEXTURE_STRETCHED) /
+                    (TEXTURE_SHARP - TEXTURE_STRETCHED), vf_set(0), vf_set(1));
+}
+
+/* VEC pixels from the row's pixel i on. */
+VEC_INLINE void lookup_confidence(struct lookup_row *r,
+                                  const struct lookup_view *k, size_t i)
+{
+    const struct lookup_here h = {r->x + i, r->y + i, r->w + i,
+                                  vf_load(r->x + i), vf_load(r->y + i)};
+    const float *A = k->v.A, *b = k->v.b;
+    vf w = vf_load(h.w), zero = vf_set(0), one = vf_set(1), jump = zero;
+
+    vf_store(r->sure + i, zero);
+    if (!vm_any(vf_gt(w, zero)))
+        return;
+    jump = lookup_change(jump, &h, -1);
+    jump = lookup_change(jump, &h, 1);
+    jump = lookup_change(jump, &h, -LOOKUP_LINE);
+    jump = lookup_change(jump, &h, LOOKUP_LINE);
+    jump = 0.5f * k->size * vf_sqrt(jump);
+    vf sure = (TEXTURE_LEAP - jump) / (TEXTURE_LEAP - TEXTURE_JUMP);
+    vf own = TEXTURE_SHARE(w / vf_max(vf_load(r->alpha + i),
+                                      vf_set(TEXTURE_LEAST)));
+    vm some = vm_and(vf_gt(w, zero), vm_and(vf_gt(own, zero),
+                                            vf_gt(sure, zero)));
+    vf_store(r->sure + i, vf_keep(some, vf_min(own, one) *
+                                  vf_min(sure, one) * lookup_stretch(&h, k)));
+    vf nx = __builtin_convertvector(vi_iota() + (int)i, vf) * r->step + r->nx;
+    vf_store(r->u + i, k->half * (A[0] * nx + A[1] * r->ny + b[0] + h.ox + 1));
+    vf_store(r->v + i, k->half * (A[2] * nx + A[3] * r->ny + b[1] + h.oy + 1));
+}
+
+static void ISA(lookup_confidence_row)(struct lookup_row *row,
+                                       const struct lookup_view *k, size_t n)
+{
+    for (size_t i = 0; i < n; i += VEC)
+        lookup_confidence(row, k, i);
+}
+
+/* ---- bicubic --------------------------------------------------------------
+ */
+
+#define PARTS (16 / VEC)        /* vectors that hold four pixels' channels */
+
+/* The four neighbours' weights at t in [0,1) past the second are polynomials:
+ * their numbers from the highest power, one for each lane.  Keys's a is -3/4:
+ * it restores photographs best that were moved by known fractions of a
+ * pixel. */
+static const float weights[4][16] = {
+    {-0.75f, -0.75f, -0.75f, -0.75f, 1.25f, 1.25f, 1.25f, 1.25f,
+     -1.25f, -1.25f, -1.25f, -1.25f, 0.75f, 0.75f, 0.75f, 0.75f},
+    {1.5f, 1.5f, 1.5f, 1.5f, -2.25f, -2.25f, -2.25f, -2.25f,
+     1.5f, 1.5f, 1.5f, 1.5f, -0.75f, -0.75f, -0.75f, -0.75f},
+    {-0.75f, -0.75f, -0.75f, -0.75f, 0, 0, 0, 0,
+     0.75f, 0.75f, 0.75f, 0.75f, 0, 0, 0, 0},
+    {0, 0, 0, 0, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0}};
+
+/* Four pixels' bytes. */
+VEC_INLINE void lookup_bytes(vf p[PARTS], const uint8_t *row)
+{
+#if defined(ISA_AVX512)
+    p[0] = (vf)_mm512_cvtepi32_ps(_mm512_cvtepu8_epi32(
+        _mm_loadu_si128((const __m128i *)row)));
+#elif defined(ISA_AVX2)
+    for (int k = 0; k < PARTS; k++)
+        p[k] = (vf)_mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(
+            _mm_loadl_epi64((const __m128i *)(row + VEC * k))));
+#elif defined(__SSE2__)
+    const __m128i zero = _mm_setzero_si128();
+    const __m128i b = _mm_loadu_si128((const __m128i *)row);
+    const __m128i low = _mm_unpacklo_epi8(b, zero);
+    const __m128i high = _mm_unpackhi_epi8(b, zero);
+
+    p[0] = (vf)_mm_cvtepi32_ps(_mm_unpacklo_epi16(low, zero));
+    p[1] = (vf)_mm_cvtepi32_ps(_mm_unpackhi_epi16(low, zero));
+    p[2] = (vf)_mm_cvtepi32_ps(_mm_unpacklo_epi16(high, zero));
+    p[3] = (vf)_mm_cvtepi32_ps(_mm_unpackhi_epi16(high, zero));
+#elif defined(__ARM_NEON)
+    const uint8x16_t b = vld1q_u8(row);
+    const uint16x8_t low = vmovl_u8(vget_low_u8(b));
+    const uint16x8_t high = vmovl_high_u8(b);
+
+    p[0] = (vf)vcvtq_f32_u32(vmovl_u16(vget_low_u16(low)));
+    p[1] = (vf)vcvtq_f32_u32(vmovl_high_u16(low));
+    p[2] = (vf)vcvtq_f32_u32(vmovl_u16(vget_low_u16(high)));
+    p[3] = (vf)vcvtq_f32_u32(vmovl_high_u16(high));
+#else
+    float level[16];
+
+    for (int i = 0; i < 16; i++)
+        level[i] = row[i];
+    for (int k = 0; k < PARTS; k++)
+        p[k] = vf_load(level + VEC * k);
+#endif
+}
+
+/* Sum of the four pixels, in order. */
+VEC_INLINE vq lookup_sum(const vf p[PARTS])
+{
+#if defined(ISA_AVX512)
+    __m256 half = _mm256_add_ps(_mm512_castps512_ps256((__m512)p[0]),
+                                _mm512_extractf32x8_ps((__m512)p[0], 1));
+    return (vq)_mm_add_ps(_mm256_castps256_ps128(half),
+                          _mm256_extractf128_ps(half, 1));
+#else
+    vq q[4];
+
+    memcpy(q, p, sizeof q);
+    return (q[0] + q[2]) + (q[1] + q[3]);
+#endif
+}
+
+/* The sum over four rows `stride` bytes apart, at (tx,ty) past the second
+ * pixel of the second row. */
+VEC_INLINE vq lookup_cubic(const uint8_t *row, size_t stride, float tx,
+                           float ty)
+{
+    vf sum[PARTS] = {{0}}, p[PARTS];
+    float wy[4];
+
+    for (int i = 0; i < 4; i++)
+        wy[i] = ((weights[0][4 * i] * ty + weights[1][4 * i]) * ty +
+                 weights[2][4 * i]) * ty + weights[3][4 * i];
+    for (int j = 0; j < 4; j++, row += stride) {
+        lookup_bytes(p, row);
+        for (int k = 0; k < PARTS; k++)
+            sum[k] = vf_fma(vf_set(wy[j]), p[k], sum[k]);
+    }
+    for (int k = 0; k < PARTS; k++) {
+        vf w = vf_fma(vf_load(weights[0] + VEC * k), vf_set(tx),
+                      vf_load(weights[1] + VEC * k));
+
+        w = vf_fma(w, vf_set(tx), vf_load(weights[2] + VEC * k));
+        sum[k] *= vf_fma(w, vf_set(tx), vf_load(weights[3] + VEC * k));
+    }
+    return lookup_sum(sum);
+}
+
+/* Index i of n pixels, clamped inside. */
+static inline size_t lookup_clamp(int32_t i, int32_t n)
+{
+    return (size_t)(i < 0 ? 0 : i >= n ? n - 1 : i);
+}
+
+/* The same where rows or columns are missing. */
+static vq lookup_border(const uint8_t *texture, size_t S, int32_t x0,
+                        int32_t y0, float tx, float ty)
+{
+    uint8_t near[4][16];
+
+    for (int j = 0; j < 4; j++)
+        for (int i = 0; i < 4; i++)
+            memcpy(near[j] + 4 * i, texture + 4 *
+                   (S * lookup_clamp(y0 + j, (int32_t)S) +
+                    lookup_clamp(x0 + i, (int32_t)S)), 4);
+    return lookup_cubic(near[0], sizeof near[0], tx, ty);
+}
+
+/* Pixels before the positions p (VEC), clamped near the texture, and how far
+ * past the second of the four.  What is far outside is the border's anyway; NaN
+ * becomes the corner. */
+VEC_INLINE void lookup_split(int32_t first[VEC], float past[VEC],
+                             const float *p, float end)
+{
+    vf x = vf_min(vf_max(vf_load(p), vf_set(-2)), vf_set(end + 2)) - 0.5f;
+    vi i = __builtin_convertvector(x, vi);
+
+    i += x < __builtin_convertvector(i, vf);        /* downwards */
+    vi_store(first, i - 1);
+    vf_store(past, x - __builtin_convertvector(i, vf));
+}
+
+/* Each lane of c / 255 clamped to 0..1: the cubic overshoots at edges. */
+VEC_INLINE vq lookup_saturate(vq c)
+{
+    const vq one = {1, 1, 1, 1};
+
+    c *= 1.0f / 255;
+    c = (vq)((c > 0.0f) & (typeof(c > c))c);
+    typeof(c > c) big = c > one;
+    return (vq)((big & (typeof(big))one) | (~big & (typeof(big))c));
+}
+
+static void ISA(texture_bicubic)(float *photo, const float *u, const float *v,
+                                 const float *weight, const float *alpha,
+                                 const float *inside, size_t n,
+                                 const uint8_t *texture, size_t S,
+                                 struct texture_rim rim)
+{
+    const int32_t last = (int32_t)S - 3;
+    int32_t x0[VEC], y0[VEC];
+    float tx[VEC], ty[VEC];
+
+    for (size_t i = 0; i < n; i++, photo += TEXTURE_PHOTO) {
+        size_t k = i % VEC;
+
+        if (k == 0) {
+            lookup_split(x0, tx, u + i, (float)S);
+            lookup_split(y0, ty, v + i, (float)S);
+        }
+        if (!(weight[i] > 0))
+            continue;
+        bool within = x0[k] >= 0 && y0[k] >= 0 && x0[k] < last && y0[k] < last;
+        vq c = within ? lookup_cubic(texture + 4 * ((size_t)y0[k] * S +
+                                                    (size_t)x0[k]),
+                                     4 * S, tx[k], ty[k])
+                      : lookup_border(texture, S, x0[k], y0[k], tx[k], ty[k]);
+
+        c = lookup_saturate(c);
+        const struct texture_rim here = texture_rim_at(rim, inside[i]);
+        photo[4] = texture_sure(weight[i], c[3], alpha[i], here);
+        c *= texture_cover(c[3], alpha[i], here);
+        vq_store(photo, c);
+    }
+}
+
+/* ---- over what was drawn -------------------------------------------------
+ */
+
+/* Four pixels. */
+VEC_INLINE void lookup_mix_four(float *color, float *alpha,
+                                const float *photo)
+{
+    vq p[4], w, c[3], was[3], a = vq_load(alpha);
+
+    for (int k = 0; k < 4; k++) {
+        p[k] = vq_load(photo + TEXTURE_PHOTO * k);
+        w[k] = photo[TEXTURE_PHOTO * k + 4];
+    }
+    for (int k = 0; k < 3; k++)
+        was[k] = vq_load(color + 4 * k);
+    c[0] = __builtin_shufflevector(p[0], p[1], 0, 1, 2, 4);
+    c[1] = __builtin_shufflevector(p[1], p[2], 1, 2, 4, 5);
+    c[2] = __builtin_shufflevector(p[2], p[3], 2, 4, 5, 6);
+    vq_store(color, was[0] + (c[0] - was[0]) *
+             __builtin_shufflevector(w, w, 0, 0, 0, 1));
+    vq_store(color + 4, was[1] + (c[1] - was[1]) *
+             __builtin_shufflevector(w, w, 1, 1, 2, 2));
+    vq_store(color + 8, was[2] + (c[2] - was[2]) *
+             __builtin_shufflevector(w, w, 2, 3, 3, 3));
+    vq_transpose(p);
+    vq_store(alpha, a + w * (p[3] - a));
+}
+
+/* Fewer than four, at the end of a run: the same arithmetic. */
+static void lookup_mix_rest(float *color, float *alpha, const float *photo,
+                            size_t n)
+{
+    float c[12] = {0}, a[4] = {0}, p[4 * TEXTURE_PHOTO] = {0};
+
+    memcpy(c, color, 3 * n * sizeof *c);
+    memcpy(a, alpha, n * sizeof *a);
+    memcpy(p, photo, TEXTURE_PHOTO * n * sizeof *p);
+    lookup_mix_four(c, a, p);
+    memcpy(color, c, 3 * n * sizeof *c);
+    memcpy(alpha, a, n * sizeof *a);
+}
+
+static void ISA(texture_mix)(float *color, float *alpha, const float *photo,
+                             size_t n)
+{
+    size_t i = 0;
+
+    for (; i + 4 <= n; i += 4) {
+        const float *p = photo + TEXTURE_PHOTO * i;
+
+        if (p[4] + p[9] + p[14] + p[19] > 0)
+            lookup_mix_four(color + 3 * i, alpha + i, p);
+    }
+    if (i < n)
+        lookup_mix_rest(color + 3 * i, alpha + i, photo + TEXTURE_PHOTO * i,
+                        n - i);
+}
+
+const struct lookup_kernels ISA(lookup_kernels) = {
+    ISA(texture_offsets), ISA(lookup_confidence_row), ISA(texture_bicubic),
+    ISA(texture_mix)
+};

@@ -1,0 +1,44 @@
+/* Places in the source picture: where each Gaussian was seen by the source's
+ * camera, whether it was, and what of it the renderer blends.
+ *
+ * Positions are normalised picture coordinates (x right, y down, -1..1).  A
+ * frame's place is split in two: a plane through the head that faces the
+ * source's camera goes from the driven picture to the source picture by one
+ * affine map (the view), and each Gaussian carries what differs from it (its
+ * offset).  So a place is exact across a Gaussian's whole footprint for the
+ * plane, and to first order nearly so for the face, while the renderer blends
+ * three numbers that are constant in each Gaussian. */
+#ifndef SPID_PHOTO_PLACE_H
+#define SPID_PHOTO_PLACE_H
+
+#include <stddef.h>
+
+#include "lib/splat/types.h"
+
+#define PLACE_CHANNELS 3        /* seen x offset, seen y offset, seen */
+
+/* The view from the source's camera (3,4) to a frame's (3,4).  The map is
+ * kept from growing without bound where the head turns its side to the
+ * camera. */
+void place_view_make(struct splat_place_view *v, const float source[12],
+                     const float cam[12]);
+
+/* What the renderer blends for a frame: out (N,3).
+ *   mean (N,3)  driven centres, head units     cam (3,4)  the frame's camera
+ *   uv (N,2)    places, 0..1 across the source picture
+ *   seen (N)    0..1 */
+void place_channels(float *out, const float *mean, const float *uv,
+                    const float *seen, const struct splat_place_view *v,
+                    const float cam[12], size_t N);
+/* dmean (N,3) += gradient of dout (N,3); the view is held. */
+void place_channels_backward(float *dmean, const float *dout,
+                             const float *mean, const float *seen,
+                             const struct splat_place_view *v,
+                             const float cam[12], size_t N);
+
+/* uv (N,2) of centres mean (N,3) as the source's camera sees them; what it
+ * does not see, outside of the picture, has its seen (N) set to 0. */
+void place_of_source(float *uv, float *seen, const float *mean,
+                     const float cam[12], size_t N);
+
+#endif
