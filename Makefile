@@ -39,7 +39,7 @@ CFLAGS_ALL   += $(JSON_CFLAGS)
 CXXFLAGS_ALL += $(JSON_CFLAGS) $(OPENCV_CFLAGS) $(OIIO_CFLAGS)
 LIBS := -Wl,--as-needed -lcjson -lxxhash -lpng -ljpeg -lz -ldnnl -lopencv_core \
         -lopencv_imgproc -lopencv_objdetect -lopencv_photo -ltinygltf -lzip \
-        $(MPI_LIBS) -lm
+        -lonnx_proto -lprotobuf $(MPI_LIBS) -lm
 # These bring 250 and 130 others along, so they come with modules
 # (formats/module.h).
 MEDIA_LIBS := -Wl,--as-needed -lOpenImageIO -lOpenImageIO_Util -lopencv_core \
@@ -221,8 +221,8 @@ DEPS := build-essential pkg-config libcjson-dev libxxhash-dev libpng-dev \
         libjpeg62-turbo-dev zlib1g-dev \
         libdnnl-dev libopenimageio-dev libopencv-dev opencv-data \
         libavformat-dev libavcodec-dev libswscale-dev \
-        libtinygltf-dev libzip-dev libopenmpi-dev openmpi-bin ffmpeg \
-        gnuplot-nox bats mandoc python3 python3-numpy
+        libtinygltf-dev libzip-dev libonnx-dev libprotobuf-dev libopenmpi-dev openmpi-bin ffmpeg \
+        gnuplot-nox bats mandoc python3 python3-numpy python3-onnx
 
 tests: all $(UNIT) $(if $(GOLDEN_C),$(BUILD)/tests/golden)
 
@@ -261,9 +261,11 @@ deps:
 	sudo=; [ "$$(id -u)" = 0 ] || sudo=sudo; \
 	$$sudo apt-get update -q && $$sudo env DEBIAN_FRONTEND=noninteractive \
 	  apt-get install -y -q --no-install-recommends $(DEPS); }
-	@! command -v npm >/dev/null || [ -d build/npm/node_modules ] || { \
+	@! command -v npm >/dev/null || \
+	  cmp -s tests/npm/package.json build/npm/package.json || { \
 	  mkdir -p build/npm; cp tests/npm/package.json build/npm/; \
-	  npm install --silent --no-audit --no-fund --prefix build/npm || \
+	  npm install --silent --no-audit --no-fund --ignore-scripts \
+	    --prefix build/npm || \
 	  echo "make deps: npm installed nothing; tests that compare with it skip"; }
 
 # The shipped model from its seeds (hours; see spid-train(1)), and how it does

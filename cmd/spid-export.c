@@ -9,9 +9,10 @@
 #include "formats/ply.h"
 #include "lib/base/file.h"
 #include "lib/export/export.h"
+#include "lib/export/networks.h"
 
 static struct export_options opt = {.frame = -1};
-static const char *identity_path, *head_path, *lint_path;
+static const char *identity_path, *head_path, *lint_path, *onnx_path;
 static long expressions = 50;
 
 static const struct cli_option options[] = {
@@ -27,6 +28,8 @@ static const struct cli_option options[] = {
                   "OBJ of one frame's mesh; name_%06d.obj for every frame"),
     OPTION_STRING("html", 0, &opt.html, "FILE",
                   "a page that plays the driven avatar in a browser"),
+    OPTION_STRING("onnx", 0, &onnx_path, "DIR",
+                  "the model's networks as ONNX files in this folder"),
     OPTION_INT("frame", 0, &opt.frame, 0, 1e9, "N",
                "the frame for names without %d (default: the first)"),
     OPTION_STRING("identity", 'i', &identity_path, "FILE",
@@ -47,7 +50,8 @@ static const struct cli_option options[] = {
 static const struct cli_usage usage = {
     "spid-export",
     "[--ply FILE] [--splat FILE] [--glb-splats FILE] [--glb-head FILE] "
-    "[--obj FILE] [--html FILE] [--frame N] [-i FILE] [--head FILE] "
+    "[--obj FILE] [--html FILE] [--onnx DIR] [--frame N] [-i FILE] "
+    "[--head FILE] "
     "[--expressions N] [--correctives] [--model-space] [-o FILE] "
     "[-j N] [-m MODEL] [-q] [--stats FILE] [STREAM] | --lint FILE",
     "write Gaussians and the driven head for other programs", options
@@ -114,6 +118,33 @@ static void export_print_page(const struct export *x)
                x->page.baked.N, x->page.frames, (double)x->page_bytes / 1e6);
 }
 
+/* Whether something is asked for that a stream has. */
+static bool export_streams(void)
+{
+    return opt.ply || opt.splat || opt.glb_splats || opt.glb_head || opt.obj ||
+           opt.html;
+}
+
+/* --onnx: the model's networks. */
+static void export_write_networks(void)
+{
+    static struct networks networks;
+    struct model model;
+    struct head head;
+    struct error err = {0};
+
+    if (!onnx_path)
+        return;
+    if (option_model_open(&model, &err) ||
+        option_head_load(&head, head_path, &err) ||
+        networks_open(&networks, &model, &head, &err) ||
+        networks_write(onnx_path, &networks, &err))
+        die_error(&err);
+    networks_release(&networks);
+    head_release(&head);
+    model_close(&model);
+}
+
 /* The template of --html. */
 static void export_open_player(void)
 {
@@ -134,10 +165,9 @@ static void export_open_all(struct export *x)
     struct error err = {0};
     char path[4096] = "";
 
-    if (!opt.ply && !opt.splat && !opt.glb_splats && !opt.glb_head &&
-        !opt.obj && !opt.html)
+    if (!export_streams())
         die(EX_USAGE, "nothing to write (expected --ply, --splat, "
-            "--glb-splats, --glb-head, --obj or --html)");
+            "--glb-splats, --glb-head, --obj, --html or --onnx)");
     opt.head.expressions = (size_t)expressions;
     opt.head.clip = "driven";
     if (export_needs_head(&opt) && !head_path &&
@@ -182,6 +212,11 @@ int main(int argc, char **argv)
         die(EX_USAGE, "more than one stream");
     if (lint_path)
         return export_lint_file(lint_path);
+    export_write_networks();
+    if (onnx_path && !export_streams()) {
+        stats_write();
+        return EX_OK;
+    }
     export_open_all(&x);
     export_stream(&x, at < argc ? argv[at] : "-");
     export_print_drawn(&x);

@@ -113,3 +113,21 @@ void backbone_backward(const float *dfeatures, struct backbone *b)
     else
         dino_base_backward(dfeatures, &b->impl->dino);
 }
+
+/* ---- as a graph ------------------------------------------------------------
+ */
+
+void backbone_graph(struct graph *g, size_t input, const struct backbone *b)
+{
+    const size_t n = b->config.size;
+
+    if (!backbone_is_small(b)) {
+        graph_fail(g, EX_CONFIG, "the DINOv2 backbone has no ONNX form here "
+                   "(expected the small one)");
+        return;
+    }
+    int picture = GRAPH_INPUT(g, "picture", 1, input, input, 3);
+    int x = small_backbone_graph(g, picture, input, &b->impl->small);
+    GRAPH_OUTPUT(g, graph_rows(g, x), "features", 1, n, n,
+                 b->config.features);
+}

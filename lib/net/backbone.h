@@ -4,6 +4,7 @@
 #ifndef SPID_NET_BACKBONE_H
 #define SPID_NET_BACKBONE_H
 
+#include "lib/nn/graph.h"
 #include "lib/nn/nn.h"
 #include "lib/nn/params.h"
 
@@ -51,5 +52,9 @@ void backbone_token(float *token, const struct backbone *b);
 const struct dino_base *backbone_dino(const struct backbone *b);
 /* No gradient for the picture; the ViT is frozen, its fusion head is not. */
 void backbone_backward(const float *dfeatures, struct backbone *b);
+
+/* The same as a graph: "picture" (1,input,input,3) in [0,1] to "features"
+ * (1,n,n,C_f).  BACKBONE_SMALL only; the graph remembers that otherwise. */
+void backbone_graph(struct graph *g, size_t input, const struct backbone *b);
 
 #endif

@@ -238,3 +238,25 @@ void conv_decoder_backward(float *dfeatures, float *ddir, float *drgb_logit,
         harmonic_backward(ddir, im->dgamma, dir, d->batch);
     }
 }
+
+/* ---- as a graph ------------------------------------------------------------
+ */
+
+void conv_decoder_graph(struct graph *g, size_t n,
+                        const struct conv_decoder *d)
+{
+    const int64_t N = (int64_t)(n * n), side = (int64_t)n;
+    int features = GRAPH_INPUT(g, "features", 1, n, n, d->in);
+    int gamma = harmonic_graph(g, GRAPH_INPUT(g, "direction", 1, 3));
+    int logit = GRAPH_INPUT(g, "rgb_logit", n * n, 3);
+
+    gamma = GRAPH_NODE(g, "Reshape", gamma,
+                       GRAPH_INTS(g, 1, HARMONIC_OUT, 1, 1));
+    gamma = GRAPH_NODE(g, "Expand", gamma,
+                       GRAPH_INTS(g, 1, HARMONIC_OUT, side, side));
+    int x = graph_concat(g, graph_maps(g, features), gamma, 1);
+    for (int i = 0; i < 4; i++)
+        x = graph_conv(g, x, &d->impl->conv[i]);
+    x = GRAPH_NODE(g, "Reshape", graph_rows(g, x), GRAPH_INTS(g, N, -1));
+    gaussian_head_graph(g, x, logit, n * n, &d->head);
+}

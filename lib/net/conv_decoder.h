@@ -6,6 +6,7 @@
 #define SPID_NET_CONV_DECODER_H
 
 #include "lib/net/gaussian_head.h"
+#include "lib/nn/graph.h"
 #include "lib/nn/nn.h"
 #include "lib/nn/params.h"
 
@@ -46,5 +47,10 @@ void conv_decoder_backward(float *dfeatures, float *ddir, float *drgb_logit,
                            const struct gaussian_out *dout,
                            const float *dir, const float *rgb_logit,
                            struct conv_decoder *d);
+
+/* The same as a graph of n x n cells: "features" (1,n,n,in), "direction" (1,3)
+ * and "rgb_logit" (n*n,3) to the attributes (gaussian_head_graph). */
+void conv_decoder_graph(struct graph *g, size_t n,
+                        const struct conv_decoder *d);
 
 #endif

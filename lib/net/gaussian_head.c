@@ -4,6 +4,7 @@
 
 #include <math.h>
 #include <string.h>
+#include <sysexits.h>
 
 #include "lib/nn/math.h"
 
@@ -258,4 +259,38 @@ void gaussian_head_backward(float *draw, float *drgb_logit,
                                      dout->quat + 4 * b * N,
                                      raw + b * N * stride, N, stride,
                                      h->colors + 4);
+}
+
+/* ---- as a graph ------------------------------------------------------------
+ */
+
+void gaussian_head_graph(struct graph *g, int raw, int rgb_logit, size_t N,
+                         const struct gaussian_head *h)
+{
+    const size_t C = h->colors, all = gaussian_head_width(h);
+    int rgb = GRAPH_NODE(g, "Add", graph_slice(g, raw, 1, 0, 3), rgb_logit);
+    int scale = graph_act(g, graph_slice(g, raw, 1, C + 1, C + 4),
+                          ACT_SIGMOID);
+    int quat = graph_slice(g, raw, 1, C + 4, C + 8);
+    int last = graph_slice(g, raw, 1, C + 8, all);
+
+    if (h->quirk_columns || h->quirk_rotation || C < 4)
+        graph_fail(g, EX_CONFIG, "a decoder with the public code's slips has "
+                   "no ONNX form here");
+    GRAPH_OUTPUT(g, graph_concat(g, graph_act(g, rgb, ACT_SIGMOID),
+                                 graph_slice(g, raw, 1, 3, C), 1),
+                 "color", N, C);
+    GRAPH_OUTPUT(g, graph_act(g, graph_slice(g, raw, 1, C, C + 1),
+                              ACT_SIGMOID), "opacity", N, 1);
+    GRAPH_OUTPUT(g, GRAPH_NODE(g, "Mul", scale, graph_real(g, SCALE_MAX)),
+                 "scale", N, 3);
+    int length = GRAPH_NODE(g, "ReduceL2", quat);
+    graph_set_ints(g, "axes", (int64_t[]){1}, 1);
+    length = GRAPH_NODE(g, "Max", length, graph_real(g, (float)TINY));
+    GRAPH_OUTPUT(g, GRAPH_NODE(g, "Div", quat, length), "quat", N, 4);
+    if (h->position == GAUSSIAN_POSITION_NONE)
+        return;
+    if (h->position == GAUSSIAN_POSITION_DEPTH)
+        last = graph_act(g, last, ACT_SIGMOID);
+    GRAPH_OUTPUT(g, last, "position", N, all - C - 8);
 }

@@ -7,6 +7,8 @@
 #include <stdbool.h>
 #include <stddef.h>
 
+#include "lib/nn/graph.h"
+
 /* A view of caller's memory; N Gaussians. */
 struct gaussian_out {
     float *color;      /* (N,colors), or those that are kept */
@@ -51,5 +53,11 @@ void gaussian_head_backward(float *draw, float *drgb_logit,
                             const float *rgb_logit,
                             const struct gaussian_head *h, size_t B, size_t N,
                             size_t stride, size_t image_w);
+
+/* The same as a graph: outputs "color" (N,colors), "opacity" (N,1), "scale"
+ * (N,3), "quat" (N,4) and, where there are positions, "position" (N,1 or 3)
+ * from raw (N,width of the head) and rgb_logit (N,3). */
+void gaussian_head_graph(struct graph *g, int raw, int rgb_logit, size_t N,
+                         const struct gaussian_head *h);
 
 #endif

@@ -37,3 +37,17 @@ void harmonic_backward(float *ddir, const float *denc, const float *dir,
         }
     }
 }
+
+/* ---- as a graph ------------------------------------------------------------
+ */
+
+int harmonic_graph(struct graph *g, int dir)
+{
+    const float frequency[4] = {1, 2, 4, 8};
+    int x = GRAPH_NODE(g, "Reshape", dir, GRAPH_INTS(g, 1, 3, 1));
+
+    x = GRAPH_NODE(g, "Mul", x, graph_floats(g, frequency, 4));
+    x = GRAPH_NODE(g, "Reshape", x, GRAPH_INTS(g, 1, 12));
+    x = graph_concat(g, GRAPH_NODE(g, "Sin", x), GRAPH_NODE(g, "Cos", x), 1);
+    return graph_concat(g, x, dir, 1);
+}

@@ -69,3 +69,16 @@ double matte_net_loss(float *dlogit, const float *logit, const float *alpha,
     }
     return sum;
 }
+
+/* ---- as a graph ------------------------------------------------------------
+ */
+
+void matte_net_graph(struct graph *g, const struct matte_net *m)
+{
+    const size_t S = m->side;
+    int picture = GRAPH_INPUT(g, "picture", 1, S, S, 3);
+    int x = small_backbone_graph(g, picture, S, &m->net);
+
+    x = graph_act(g, graph_to_space(g, x, 2), ACT_SIGMOID);
+    GRAPH_OUTPUT(g, graph_rows(g, x), "alpha", 1, S, S, 1);
+}

@@ -6,6 +6,7 @@
 #define SPID_NET_MATTE_NET_H
 
 #include "lib/net/small_backbone.h"
+#include "lib/nn/graph.h"
 
 #define MATTE_SIDE 256          /* of the pictures it learns from and sees */
 #define MATTE_WIDTH 12          /* of the network that ships */
@@ -41,5 +42,9 @@ double matte_net_alpha(float logit);
  * weight[i] times, times scale; dlogit (n) is its gradient. */
 double matte_net_loss(float *dlogit, const float *logit, const float *alpha,
                       const float *weight, double scale, size_t n);
+
+/* The same as a graph: "picture" (1,side,side,3) in [0,1] to "alpha"
+ * (1,side,side,1), 0 to 1. */
+void matte_net_graph(struct graph *g, const struct matte_net *m);
 
 #endif

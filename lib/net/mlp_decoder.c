@@ -280,3 +280,27 @@ void mlp_decoder_backward(float *dfeatures, float *ddir, float *drgb_logit,
     }
     conv_backward(dfeatures, a, im->y[0], im->features, &im->trunk[0]);
 }
+
+/* ---- as a graph ------------------------------------------------------------
+ */
+
+void mlp_decoder_graph(struct graph *g, size_t N,
+                       const struct mlp_decoder *d)
+{
+    const struct mlp_decoder_impl *im = d->impl;
+    int x = GRAPH_INPUT(g, "features", N, d->in), part[4];
+    int gamma = harmonic_graph(g, GRAPH_INPUT(g, "direction", 1, 3));
+    int logit = GRAPH_INPUT(g, "rgb_logit", N, 3);
+
+    for (int i = 0; i < 4; i++)
+        x = graph_linear(g, x, &im->trunk[i]);
+    gamma = GRAPH_NODE(g, "Expand", gamma,
+                       GRAPH_INTS(g, (int64_t)N, HARMONIC_OUT));
+    x = graph_concat(g, x, gamma, 1);
+    for (int i = 0; i < 4; i++)
+        part[i] = graph_linear(g, graph_linear(g, x, &im->inner[i]),
+                               &im->outer[i]);
+    int raw = graph_node(g, "Concat", part, 4);
+    graph_set_int(g, "axis", 1);
+    gaussian_head_graph(g, raw, logit, N, &d->head);
+}

@@ -6,6 +6,7 @@
 #define SPID_NET_MLP_DECODER_H
 
 #include "lib/net/gaussian_head.h"
+#include "lib/nn/graph.h"
 #include "lib/nn/nn.h"
 #include "lib/nn/params.h"
 
@@ -43,5 +44,10 @@ void mlp_decoder_backward(float *dfeatures, float *ddir, float *drgb_logit,
                           const struct gaussian_out *dout,
                           const float *dir, const float *rgb_logit,
                           struct mlp_decoder *d);
+
+/* The same as a graph of N points: "features" (N,in), "direction" (1,3) and
+ * "rgb_logit" (N,3) to the attributes (gaussian_head_graph). */
+void mlp_decoder_graph(struct graph *g, size_t N,
+                       const struct mlp_decoder *d);
 
 #endif

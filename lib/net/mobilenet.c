@@ -501,3 +501,43 @@ const float *mobilenet_stage(size_t shape[4], const struct mobilenet *m,
     shape[3] = u->C;
     return u->y;
 }
+
+/* ---- as a graph ------------------------------------------------------------
+ */
+
+static int mobilenet_unit_graph(struct graph *g, int x,
+                                const struct mobilenet_unit *u)
+{
+    struct conv plain = u->conv;
+
+    plain.act = ACT_NONE;         /* a plan may have moved the norm's there */
+    x = u->depthwise ? graph_depthwise(g, x, &u->dw)
+                     : graph_conv(g, x, &plain);
+    return graph_batch_norm(g, x, &u->bn);
+}
+
+static int mobilenet_block_graph(struct graph *g, int in,
+                                 const struct mobilenet_block *b)
+{
+    int x = in;
+
+    if (b->last)
+        return mobilenet_unit_graph(g, x, &b->down);
+    if (b->expand)
+        x = mobilenet_unit_graph(g, x, &b->up);
+    x = mobilenet_unit_graph(g, x, &b->dw);
+    if (b->se)
+        x = graph_squeeze_excite(g, x, &b->squeeze);
+    x = mobilenet_unit_graph(g, x, &b->down);
+    return b->residual ? GRAPH_NODE(g, "Add", x, in) : x;
+}
+
+int mobilenet_graph(struct graph *g, int maps, const struct mobilenet *m)
+{
+    const struct mobilenet_impl *im = m->impl;
+    int x = mobilenet_unit_graph(g, maps, &im->stem);
+
+    for (size_t i = 0; i < im->blocks; i++)
+        x = mobilenet_block_graph(g, x, &im->block[i]);
+    return graph_mean(g, x);
+}

@@ -5,6 +5,7 @@
 #ifndef SPID_NET_MOBILENET_H
 #define SPID_NET_MOBILENET_H
 
+#include "lib/nn/graph.h"
 #include "lib/nn/nn.h"
 #include "lib/nn/params.h"
 
@@ -44,5 +45,9 @@ const float *mobilenet_stage(size_t shape[4], const struct mobilenet *m,
 /* Gradient from the last stage's map (B,out_h,out_w,features), not pooled. */
 void mobilenet_backward_features(float *drgb, const float *dfeatures,
                                  struct mobilenet *m);
+
+/* The same layers as a graph: mean over the last stage (B,features) from maps
+ * of the picture. */
+int mobilenet_graph(struct graph *g, int maps, const struct mobilenet *m);
 
 #endif

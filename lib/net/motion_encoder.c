@@ -141,3 +141,41 @@ void motion_encoder_backward(float *drgb, const float *dout,
         motion_encoder_head_backward(m, i);
     mobilenet_backward(drgb, m->dpooled, &m->net);
 }
+
+/* ---- as a graph ------------------------------------------------------------
+ */
+
+/* A linear head of pooled features. */
+static int motion_encoder_head_graph(struct graph *g, int pooled,
+                                     const struct params *ps, size_t w,
+                                     size_t b)
+{
+    int x = GRAPH_NODE(g, "Gemm", pooled, graph_weight(g, ps, w),
+                       graph_weight(g, ps, b));
+
+    graph_set_int(g, "transB", 1);
+    return x;
+}
+
+void motion_encoder_graph(struct graph *g, const struct motion_encoder *m)
+{
+    const size_t S = MOTION_ENCODER_SIZE;
+    int picture = GRAPH_INPUT(g, "picture", 1, S, S, 3);
+    int pooled = mobilenet_graph(g, graph_maps(g, picture), &m->net);
+    int part[6];
+
+    for (int i = 0; i < 6; i++) {
+        part[i] = motion_encoder_head_graph(g, pooled, m->ps, m->head_w[i],
+                                            m->head_b[i]);
+        if (heads[i].at == MOTION_LID)
+            part[i] = graph_act(g, part[i], ACT_SIGMOID);
+    }
+    int code = graph_node(g, "Concat", part, 6);
+    graph_set_int(g, "axis", 1);
+    GRAPH_OUTPUT(g, code, "code", 1, MOTION_OUT);
+    if (!m->sure.ps)
+        return;
+    int sure = motion_encoder_head_graph(g, pooled, m->ps, m->sure.w,
+                                         m->sure.b);
+    GRAPH_OUTPUT(g, graph_act(g, sure, ACT_SIGMOID), "sure", 1, 1);
+}

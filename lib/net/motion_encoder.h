@@ -7,6 +7,7 @@
 
 #include "lib/net/mobilenet.h"
 #include "lib/net/sure_head.h"
+#include "lib/nn/graph.h"
 #include "lib/nn/plan.h"
 
 #define MOTION_ENCODER_SIZE 224
@@ -61,5 +62,10 @@ float motion_encoder_sure(const struct motion_encoder *m, size_t n);
 /* drgb (B,224,224,3), or NULL, from dout (B,120) as in enum motion_out. */
 void motion_encoder_backward(float *drgb, const float *dout,
                              struct motion_encoder *m);
+
+/* The same as a graph of one crop: "picture" (1,224,224,3) in [0,1] to "code"
+ * (1,120), as enum motion_out has it, and "sure" (1,1) where there is that
+ * head. */
+void motion_encoder_graph(struct graph *g, const struct motion_encoder *m);
 
 #endif

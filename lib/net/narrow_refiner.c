@@ -526,3 +526,70 @@ void narrow_refiner_backward(float *dfeat, float *dphoto, const float *drgb,
         for (size_t c = 0; c < 3; c++)
             dfeat[i * C + c] += drgb[i * 3 + c];
 }
+
+/* ---- as a graph ------------------------------------------------------------
+ */
+
+/* y = r (1 + s) + t, s and t the halves of what the condition's layer makes of
+ * the map e. */
+static int narrow_refiner_condition_graph(struct graph *g, int r, int e,
+                                          int turn, size_t C,
+                                          const struct conv *c,
+                                          const struct conditional_conv *v)
+{
+    int st = turn < 0 ? graph_conv(g, e, c)
+                      : graph_conditional_conv(g, e, turn, v);
+    int s = GRAPH_NODE(g, "Add", graph_slice(g, st, 1, 0, C),
+                       graph_real(g, 1));
+
+    return GRAPH_NODE(g, "Add", GRAPH_NODE(g, "Mul", r, s),
+                      graph_slice(g, st, 1, C, 2 * C));
+}
+
+/* The way down to a quarter. */
+static int narrow_refiner_stem_graph(struct graph *g, int features, size_t h,
+                                     size_t w, const struct narrow_refiner *r)
+{
+    int e0 = graph_conv(g, graph_conv(g, features, &r->stem0), &r->stem1);
+
+    if (!r->photos)
+        return e0;
+    int photo = GRAPH_INPUT(g, "photo", 1, h, w, NARROW_REFINER_PHOTO);
+    int p0 = graph_conv(g, graph_maps(g, photo), &r->photo0);
+    return graph_conv_add(g, e0, p0, &r->photo1);
+}
+
+void narrow_refiner_graph(struct graph *g, size_t h, size_t w,
+                          const struct narrow_refiner *r)
+{
+    const size_t w0 = r->width, w1 = w0 * 3 / 2;
+    int features = graph_maps(g, GRAPH_INPUT(g, "features", 1, h, w,
+                                             r->channels));
+    int turn = r->turns ? GRAPH_INPUT(g, "turn", RELATIVE_POSE_SIZE) : -1;
+    int e0 = narrow_refiner_stem_graph(g, features, h, w, r);
+    int e1 = graph_conv(g, e0, &r->down1);
+    int e2 = graph_conv(g, e1, &r->down2);
+    int m = graph_conv_add(g, e2, e2, &r->mid);
+    int s = graph_conv(g, GRAPH_NODE(g, "GlobalAveragePool", m), &r->style1);
+    s = GRAPH_NODE(g, "Add", graph_conv(g, s, &r->style2), graph_real(g, 1));
+    int x = graph_conv(g, GRAPH_NODE(g, "Mul", m, s), &r->up2);
+
+    x = graph_resize(g, x, w1, h / 8, w / 8);
+    x = narrow_refiner_condition_graph(g, x, e1, turn, w1, &r->cond1,
+                                       &r->conditional1);
+    x = graph_conv(g, graph_conv(g, x, &r->body1), &r->up1);
+    x = graph_resize(g, x, w0, h / 4, w / 4);
+    x = narrow_refiner_condition_graph(g, x, e0, turn, w0, &r->cond0,
+                                       &r->conditional0);
+    x = graph_conv(g, x, &r->body0);
+    int d = graph_conv(g, x, &r->rgb);
+    if (r->photos) {
+        GRAPH_OUTPUT(g, graph_rows(g, graph_conv(g, x, &r->field)), "field",
+                     1, h / 4, w / 4, NARROW_REFINER_FIELD);
+        d = GRAPH_NODE(g, "Clip", d, graph_real(g, -NARROW_REFINER_MOST),
+                       graph_real(g, NARROW_REFINER_MOST));
+    }
+    x = GRAPH_NODE(g, "Add", graph_slice(g, features, 1, 0, 3),
+                   graph_to_space(g, d, 4));
+    GRAPH_OUTPUT(g, graph_rows(g, x), "rgb", 1, h, w, 3);
+}

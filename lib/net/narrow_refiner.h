@@ -15,6 +15,7 @@
 #include "lib/net/narrow_end.h"
 #include "lib/nn/conv.h"
 #include "lib/nn/fused_stem.h"
+#include "lib/nn/graph.h"
 #include "lib/nn/rescale.h"
 #include "lib/nn/conditional_conv.h"
 
@@ -84,5 +85,11 @@ void narrow_refiner_turn(struct narrow_refiner *r,
  * rgb and of the field (NULL without photos). */
 void narrow_refiner_backward(float *dfeat, float *dphoto, const float *drgb,
                              const float *dfield, struct narrow_refiner *r);
+
+/* The same as a graph, of h x w pixels: "features" (1,h,w,channels), with turns
+ * "turn" (6), with photos "photo" (1,h,w,5), to "rgb" (1,h,w,3) and, with
+ * photos, "field" (1,h/4,w/4,4). */
+void narrow_refiner_graph(struct graph *g, size_t h, size_t w,
+                          const struct narrow_refiner *r);
 
 #endif

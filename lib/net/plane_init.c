@@ -119,3 +119,17 @@ void plane_init_backward(float *din, const float *ddelta,
     conv_backward(im->grad[1], im->grad[0], im->y[1], im->y[0], &im->conv[1]);
     conv_backward(din, im->grad[1], im->y[0], im->in, &im->conv[0]);
 }
+
+/* ---- as a graph ------------------------------------------------------------
+ */
+
+void plane_init_graph(struct graph *g, size_t n, const struct plane_init *p)
+{
+    int x = graph_maps(g, GRAPH_INPUT(g, "features", 1, n, n, p->in));
+
+    for (int i = 0; i < 3; i++)
+        x = graph_conv(g, x, &p->impl->conv[i]);
+    x = GRAPH_NODE(g, "Mul", graph_act(g, x, ACT_TANH),
+                   graph_real(g, PLANE_INIT_MAX));
+    GRAPH_OUTPUT(g, graph_rows(g, x), "delta", 1, n, n, 2);
+}

@@ -4,6 +4,7 @@
 #ifndef SPID_NET_PLANE_INIT_H
 #define SPID_NET_PLANE_INIT_H
 
+#include "lib/nn/graph.h"
 #include "lib/nn/nn.h"
 #include "lib/nn/params.h"
 
@@ -36,5 +37,9 @@ void plane_init_forward(float *delta, const float *in, struct plane_init *p);
 /* din (B,h,w,in), or NULL, from ddelta (B,h,w,2). */
 void plane_init_backward(float *din, const float *ddelta,
                          struct plane_init *p);
+
+/* The same as a graph of n x n cells: "features" (1,n,n,in), coverage last, to
+ * "delta" (1,n,n,2). */
+void plane_init_graph(struct graph *g, size_t n, const struct plane_init *p);
 
 #endif

@@ -123,3 +123,16 @@ void refiner_backward(const struct refiner_gradients *g, const float *drgb,
     if (g->turn)        /* zero where nothing receives it */
         memcpy(g->turn, r->impl->narrow.dturn, sizeof r->impl->narrow.dturn);
 }
+
+/* ---- as a graph ------------------------------------------------------------
+ */
+
+void refiner_graph(struct graph *g, size_t h, size_t w,
+                   const struct refiner *r)
+{
+    if (refiner_is_narrow(r))
+        narrow_refiner_graph(g, h, w, &r->impl->narrow);
+    else
+        graph_fail(g, EX_CONFIG, "the StyleUNet has no ONNX form here "
+                   "(expected the narrow refiner)");
+}

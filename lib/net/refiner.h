@@ -6,6 +6,7 @@
 
 #include "lib/base/relative_pose.h"
 #include "lib/nn/fused_stem.h"
+#include "lib/nn/graph.h"
 #include "lib/nn/nn.h"
 #include "lib/nn/params.h"
 
@@ -76,5 +77,10 @@ struct refiner_gradients {
 /* From drgb (B,H,W,3) and, with config.photo, dfield (B,H/4,W/4,4). */
 void refiner_backward(const struct refiner_gradients *g, const float *drgb,
                       const float *dfield, struct refiner *r);
+
+/* The same as a graph for h x w pixels (narrow_refiner_graph); NARROW only, the
+ * graph remembers that otherwise. */
+void refiner_graph(struct graph *g, size_t h, size_t w,
+                   const struct refiner *r);
 
 #endif

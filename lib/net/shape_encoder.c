@@ -85,3 +85,18 @@ void shape_encoder_backward(float *drgb, const float *dbeta,
         }
     mobilenet_backward(drgb, s->dpooled, &s->net);
 }
+
+/* ---- as a graph ------------------------------------------------------------
+ */
+
+void shape_encoder_graph(struct graph *g, const struct shape_encoder *s)
+{
+    const size_t S = SHAPE_ENCODER_SIZE;
+    int picture = GRAPH_INPUT(g, "picture", 1, S, S, 3);
+    int pooled = mobilenet_graph(g, graph_maps(g, picture), &s->net);
+    int beta = GRAPH_NODE(g, "Gemm", pooled, graph_weight(g, s->ps, s->weight),
+                          graph_weight(g, s->ps, s->bias));
+
+    graph_set_int(g, "transB", 1);
+    GRAPH_OUTPUT(g, beta, "shape", 1, SHAPE_ENCODER_OUT);
+}

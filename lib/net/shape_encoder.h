@@ -4,6 +4,7 @@
 #define SPID_NET_SHAPE_ENCODER_H
 
 #include "lib/net/mobilenet.h"
+#include "lib/nn/graph.h"
 #include "lib/nn/plan.h"
 
 #define SHAPE_ENCODER_SIZE 224
@@ -36,5 +37,9 @@ void shape_encoder_forward(float *beta, const float *rgb,
 /* drgb (B,224,224,3), or NULL, from dbeta (B,300). */
 void shape_encoder_backward(float *drgb, const float *dbeta,
                             struct shape_encoder *s);
+
+/* The same as a graph of one crop: "picture" (1,224,224,3) in [0,1] to "shape"
+ * (1,300). */
+void shape_encoder_graph(struct graph *g, const struct shape_encoder *s);
 
 #endif

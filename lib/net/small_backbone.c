@@ -3,6 +3,7 @@
 #include "lib/net/small_backbone.h"
 
 #include <string.h>
+#include <sysexits.h>
 
 #include "lib/nn/image.h"
 
@@ -190,4 +191,34 @@ void small_backbone_backward(const float *dfeatures, struct small_backbone *s)
         image_add(s->db[i - 1], below, small_backbone_level_size(s, i - 1));
     }
     conv_backward(NULL, s->db[0], s->a[0], s->x, &s->down[0]);
+}
+
+/* ---- as a graph ------------------------------------------------------------
+ */
+
+int small_backbone_graph(struct graph *g, int picture, size_t input,
+                         const struct small_backbone *s)
+{
+    size_t n = s->size, side[L];
+    int x = graph_maps(g, picture), b[L];
+
+    if (input > 2 * n)
+        graph_fail(g, EX_CONFIG, "a backbone that shrinks its picture has no "
+                   "ONNX form here");
+    if (input != 2 * n)
+        x = graph_resize(g, x, 3, 2 * n, 2 * n);
+    x = GRAPH_NODE(g, "Sub", x, graph_real(g, 0.45f));
+    x = GRAPH_NODE(g, "Mul", x, graph_real(g, 4.0f));
+    x = graph_to_depth(g, x, 2);
+    for (size_t i = 0; i < L; i++) {
+        n = i ? (n + 1) / 2 : n;
+        side[i] = n;
+        x = graph_conv(g, x, &s->down[i]);
+        b[i] = x = i ? graph_conv_add(g, x, x, &s->same[i]) : x;
+    }
+    for (size_t i = L - 1; i-- > 0;) {
+        x = graph_resize(g, x, s->channels[i], side[i], side[i]);
+        x = graph_conv(g, GRAPH_NODE(g, "Add", x, b[i]), &s->up[i]);
+    }
+    return x;
 }

@@ -5,6 +5,7 @@
 #define SPID_NET_SMALL_BACKBONE_H
 
 #include "lib/nn/conv.h"
+#include "lib/nn/graph.h"
 #include "lib/nn/rescale.h"
 
 #define SMALL_LEVELS 5
@@ -40,5 +41,10 @@ void small_backbone_forward(float *features, const float *rgb,
 /* The weights' gradients; the picture has none. */
 void small_backbone_backward(const float *dfeatures,
                              struct small_backbone *s);
+
+/* The same as a graph: maps of the features from a picture (1,input,input,3),
+ * which must not be larger than twice the features. */
+int small_backbone_graph(struct graph *g, int picture, size_t input,
+                         const struct small_backbone *s);
 
 #endif
