@@ -7,7 +7,7 @@
 
 #include "lib/avatar/avatar.h"
 #include "lib/base/error.h"
-#include "lib/model/model.h"
+#include "lib/net/model.h"
 #include "lib/net/refiner.h"
 #include "lib/nn/graph.h"
 #include "lib/track/encoders.h"
