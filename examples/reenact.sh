@@ -1,33 +1,61 @@
 #!/usr/bin/env bash
-# reenact.sh [-s] [-n FRAMES] -o DIR CLIP...: the paper's two protocols, each
-# clip an identity.  The source is the first frame of a clip.
+# reenact.sh [-stc] [-n FRAMES] [-e N] -o DIR CLIP...: the paper's two
+# protocols, each clip an identity.  The source is the first frame of a clip.
 #   self    its driver is the same clip; the truth its frames and its motion
-#   cross   its driver is the next clip (the first after the last)
+#   cross   its driver is the next clip (the first after the last); -c: not run
 # -s makes SpiD* (no refiner).  -n takes only the first frames of each clip, all
-# of a shorter one.
+# of a shorter one; -e every N-th.  -t (--turned) starts each clip at its most
+# turned frame, as spid-motion finds it, and goes on to the farther end, be it
+# backwards.  --split NAME takes the clips of that split (model/splits.tsv, below
+# $SHARED, by default the folder shared beside the checkout).
 #   DIR/truth/NAME    frames of the clip's portrait window, and NAME.spid
 #   DIR/self, DIR/cross   results, and the motion found in them
 #   DIR/pairs.tsv     what spid-eval --pairs reads; its table is printed
+#   DIR/judge.tsv     what $JUDGE (shared's tools/judge/judge.mjs by default) reads
+#   DIR/judge.json, judge.txt   and says, where that is installed
 # The row "frame 0 unchanged" is the source itself in place of every later frame.
 # A portrait window may reach past the edges of its clip, where the truth is
 # unknown (black here).  Frames are compared inside the driver's clip alone, in
 # folders DIR/*/NAME.inside, and the share of the window that this is is said.
-# A clip that fails is named, left out of the pairs, and makes the exit 1.
+# A clip that fails is named, left out of the pairs, and makes the exit 1; how
+# many sources were refused is said.
 set -uo pipefail
-star= frames= out=
-while getopts sn:o: option; do
+here=$(cd "$(dirname "$0")" && pwd)
+shared=${SHARED:-$here/../../shared}
+judge=${JUDGE:-$shared/tools/judge/judge.mjs}
+star= frames= out= turned= every=1 protocols='self cross' split=
+for word; do        # long options into short ones
+    shift
+    case $word in
+    --turned) set -- "$@" -t ;;
+    --split) set -- "$@" -S ;;
+    *) set -- "$@" "$word" ;;
+    esac
+done
+while getopts stcn:e:o:S: option; do
     case $option in
     s) star=1 ;;
+    t) turned=1 ;;
+    c) protocols=self ;;
     n) frames="-frames:v $OPTARG" ;;
+    e) every=$OPTARG ;;
     o) out=$OPTARG ;;
+    S) split=$OPTARG ;;
     *) exit 64 ;;
     esac
 done
 shift $((OPTIND - 1))
-[ -n "$out" ] && [ $# -gt 0 ] || { sed -n '2s/^# //p' "$0" >&2; exit 64; }
-method=SpiD${star:+*}
+if [ -n "$split" ]; then
+    while read -r name; do
+        set -- "$@" "$shared/$name"
+    done < <(awk -F '\t' -v s="$split" '$1 == s && $2 == "clip" { print $3 }' \
+        "$here/model/splits.tsv")
+fi
+[ -n "$out" ] && [ $# -gt 0 ] || { sed -n '2,3s/^# //p' "$0" >&2; exit 64; }
+method=SpiD${star:+*}${turned:+ turned}
 mkdir -p "$out"/{truth,self,cross,person}
 : >"$out/pairs.tsv"
+: >"$out/judge.tsv"
 bad=0
 
 # conf FILE KEY...: numbers of a stream's CONF, blanks between.
@@ -38,10 +66,34 @@ values = json.loads(json.loads(sys.stdin.readline())["arrays"][0]["text"])[sys.a
 print(*(values.values() if isinstance(values, dict) else values))' "$2"
 }
 
+# start MOTION: number of the most turned frame, and of the last one.
+start() {
+    spid-dump --json --values --only MOTN "$1" | python3 -c '
+import json, sys
+facing = []
+for line in sys.stdin:
+    arrays = {a["name"]: a for a in json.loads(line).get("arrays", [])}
+    if "rot" in arrays:
+        facing.append(-arrays["rot"]["data"][8])
+print(facing.index(min(facing)), len(facing) - 1)'
+}
+
+# chosen MOTION: ffmpeg filter of the frames that are taken, the first first.
+chosen() {
+    local at=0 last=0
+    [ -z "$turned" ] || read -r at last < <(start "$1")
+    if [ $((2 * at)) -gt "$last" ]; then
+        echo "select=lte(n\\,$at)*not(mod($at-n\\,$every)),reverse"
+    else
+        echo "select=gte(n\\,$at)*not(mod(n-$at\\,$every))"
+    fi
+}
+
 # truth CLIP NAME: its portrait window as pictures, its motion, its avatar.
 truth() {
-    local clip=$1 name=$2 x y side size width height
+    local clip=$1 name=$2 x y side size width height take
     spid-motion -q "$clip" -o "$out/person/$name.whole.spid" || return
+    take=$(chosen "$out/person/$name.whole.spid")
     # whole pixels: ffmpeg cuts exactly what the encoder then sees
     read -r x y side < <(conf "$out/person/$name.whole.spid" window |
         awk '{ s = int($3 / 2) * 2; printf "%d %d %d\n", $1 - s / 2 + .5, $2 - s / 2 + .5, s }')
@@ -59,13 +111,14 @@ truth() {
     mkdir -p "$out/truth/$name"
     # shellcheck disable=SC2086
     ffmpeg -nostdin -v error -y -i "$clip" $frames -fps_mode passthrough -vf \
-        "format=rgb24,pad=iw+2*$side:ih+2*$side:$side:$side,crop=$side:$side:$((x + side)):$((y + side)),scale=$size:$size:flags=area" \
+        "$take,format=rgb24,pad=iw+2*$side:ih+2*$side:$side:$side,crop=$side:$side:$((x + side)):$((y + side)),scale=$size:$size:flags=area" \
         "$out/truth/$name/%05d.png" || return
     window=$((size / 2)),$((size / 2)),$size
     # the source is the clip's own picture: black beside it would be its background
-    ffmpeg -nostdin -v error -y -i "$clip" -frames:v 1 -pix_fmt rgb24 "$out/person/$name.png" &&
+    ffmpeg -nostdin -v error -y -i "$clip" -vf "$take" -frames:v 1 -pix_fmt rgb24 "$out/person/$name.png" &&
         spid-motion -q --window "$window" "$out/truth/$name" -o "$out/truth/$name.spid" &&
-        spid-shape -q --window "$((x + side / 2)),$((y + side / 2)),$side" "$out/person/$name.png" -o "$out/person/$name.me.spid" &&
+        { spid-shape -q --window "$((x + side / 2)),$((y + side / 2)),$side" "$out/person/$name.png" -o "$out/person/$name.me.spid" ||
+            { refused=$((refused + 1)); false; }; } &&
         spid-branches -q --bake "$out/person/$name.me.spid" -o "$out/person/$name.spid"
 }
 
@@ -105,9 +158,11 @@ judged() {
         "$method" frames "$truth" "$made" "$1" "$out/truth/$2/00001.png" \
         "$method" motion "$out/truth/$3.spid" "$out/$1/$2.spid" "$1" "$out/truth/$2/00001.png" \
         >>"$out/pairs.tsv"
+    printf '%s\t%s\t%s\n' "$out/truth/$2/00001.png" "$out/truth/$3" "$out/$1/$2" \
+        >>"$out/judge.tsv"
 }
 
-names=()
+names=() refused=0
 for clip; do
     name=$(basename "${clip%.*}")
     if truth "$clip" "$name"; then
@@ -124,7 +179,7 @@ for i in "${!names[@]}"; do
     name=${names[i]} next=${names[(i + 1) % ${#names[@]}]}
     read -r size _ < <(conf "$out/truth/$name.spid" camera)
     window=$((size / 2)),$((size / 2)),$size
-    for protocol in self cross; do
+    for protocol in $protocols; do
         driver=$name
         [ $protocol = self ] || driver=$next
         [ $protocol = self ] || [ "$next" != "$name" ] || continue
@@ -135,5 +190,12 @@ for i in "${!names[@]}"; do
         fi
     done
 done
+echo "reenact.sh: $refused of $# sources refused" >&2
 spid-eval --pairs "$out/pairs.tsv" || bad=1
+if [ -f "$judge" ] && [ -d "${JUDGE_NODE:-$HOME/.cache/judge_node}" ]; then
+    node "$judge" pairs "$out/judge.tsv" --json "$out/judge.json" |
+        tee "$out/judge.txt" || bad=1
+else
+    echo "reenact.sh: no judge (${judge%/*}/setup.sh installs it)" >&2
+fi
 exit $bad

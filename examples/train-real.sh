@@ -2,7 +2,8 @@
 # train-real.sh ASSETS [DIR]: a model for real people, start to end.  What
 # `make model ASSETS=...` runs.  People of scans under real light, labelled
 # photographs and clips, pairs of photographs as source and target, and at last
-# the people of the photographs as avatars that act.  Everything lands in DIR
+# the people of the photographs as avatars that act; of all these, those whose
+# split is training (model/splits.tsv).  Everything lands in DIR
 # (default build/train-real; 30 GB); a run that was stopped goes on where it
 # was.  SEED, PEOPLE, ACTS (pictures of each avatar) and STEPS (of every stage,
 # for a trial) change the size.
@@ -14,8 +15,18 @@ dir=${2:-build/train-real}
 seed=${SEED:-1}
 people=${PEOPLE:-8000}
 chunks=8
-apart='012 024 037 068 100 117 130 143'  # people that the refiner never sees
 mkdir -p "$dir"
+
+# names OPTION SPLIT...: OPTION before each photograph and clip of these splits.
+names() {
+    option=$1
+    shift
+    for split; do
+        awk -F '\t' -v s="$split" -v o="$option" \
+            '$1 == s && $2 != "scans" { print o, $3 }' \
+            "$here/model/splits.tsv"
+    done
+}
 
 make_once() { # FILE COMMAND...: -o FILE is added
     file=$dir/$1
@@ -30,20 +41,17 @@ synth() { # FILE PEOPLE FRAMES SIZE SEED EFFECTS
 fit() { # FILE OPTION...
     name=$1
     shift
-    make_once "$name" spid-fit --assets "$assets" --except real/ \
-        --same id2_vcd_swwp2s,pwij3p --head "$dir/head.safetensors" "$@" \
+    # shellcheck disable=SC2046 # options without blanks
+    make_once "$name" spid-fit --assets "$assets" \
+        $(names --except validation test) --same id2_vcd_swwp2s,pwij3p \
+        --head "$dir/head.safetensors" "$@" \
         "$assets/labels/photos.safetensors" "$assets/labels/clips.safetensors"
 }
-pairs() { # FILE: neutral and smiling, frames of clips; the held apart
-    name=$1
-    set --
-    for person in $apart; do
-        set -- "$@" --hold "assets/photos/london/$person"
-    done
-    make_once "$name" spid-fit --assets "$assets" --size 512 --plain --every 8 \
-        --except real/ --except assets/clips/lrwp9a \
-        --except assets/clips/brbk7n --head "$dir/head.safetensors" "$@" \
-        --held "$dir/held-pairs.spid" \
+pairs() { # FILE: neutral and smiling, frames of clips; validation's apart
+    # shellcheck disable=SC2046
+    make_once "$1" spid-fit --assets "$assets" --size 512 --plain --every 8 \
+        $(names --except test) $(names --hold validation) \
+        --head "$dir/head.safetensors" --held "$dir/held-pairs.spid" \
         "$assets/labels/photos.safetensors" "$assets/labels/clips.safetensors"
 }
 train() { # NAME CONFIG HELD OPTIONS AND DATA
@@ -113,8 +121,10 @@ train sure sure held.spid \
     "$dir/faces-384.spid" "$dir/real.spid"
 
 # who is in the picture: people of scans, and photographs before plain walls
-make_once plain.spid spid-fit --assets "$assets" --plain --except real/ \
-    --head "$dir/head.safetensors" "$assets/labels/photos.safetensors"
+# shellcheck disable=SC2046
+make_once plain.spid spid-fit --assets "$assets" --plain \
+    $(names --except validation test) --head "$dir/head.safetensors" \
+    "$assets/labels/photos.safetensors"
 # shellcheck disable=SC2086
 train matte matte held.spid \
     $(echo "$mixed" | sed "s:$dir/real.spid:$dir/plain.spid:g")

@@ -16,6 +16,7 @@
 #include "lib/lab/people/sheet.h"
 #include "lib/lab/people/statistics.h"
 #include "lib/lab/people/synth.h"
+#include "lib/lab/people/turn.h"
 #include "lib/track/conf.h"
 
 static long people = 1, frames = 1, seed = 1, first, size = 512;
@@ -23,6 +24,13 @@ static double fps = 25, effects = 1;
 static const char *head_path, *sheet_path, *assets_path;
 static bool statistics;
 static bool without_mesh;
+
+#define SYNTH_TURNS 1000        /* that --turn takes */
+
+static struct {
+    struct synth_turn each[SYNTH_TURNS];
+    size_t n;
+} turns;
 static enum framesink_format format = FRAMESINK_AUTO;
 
 /* --without: only meshes can be left out. */
@@ -33,6 +41,13 @@ static int synth_parse_without(const char *value, void *dest, struct error *err)
                          "(expected mesh)", value);
     *(bool *)dest = true;
     return 0;
+}
+
+/* --turn LIST */
+static int synth_parse_turn(const char *value, void *dest, struct error *err)
+{
+    (void)dest;
+    return synth_turns_parse(turns.each, &turns.n, SYNTH_TURNS, value, err);
 }
 
 static const struct cli_option options[] = {
@@ -51,6 +66,9 @@ static const struct cli_option options[] = {
     OPTION_FLOAT("effects", 0, &effects, 0, 1, "X",
                  "what the camera adds: 0 nothing to 1 everything (default "
                  "1)"),
+    OPTION_CALL("turn", 0, NULL, "LIST", synth_parse_turn,
+                "YAW[:PITCH[:ROLL]],...: degrees of each frame's head, again "
+                "from the first"),
     OPTION_CALL("without", 0, &without_mesh, "mesh", synth_parse_without,
                 "leave out the MESH records"),
     OPTION_CALL("format", 0, &format, "NAME", framesink_parse_format,
@@ -68,7 +86,7 @@ static const struct cli_option options[] = {
 
 static const struct cli_usage usage = {
     "spid-synth", "[-n N] [--frames N] [-s N] [--first N] [--size PIXELS] "
-    "[--fps RATE] [--effects X] [--without mesh] [--format NAME] "
+    "[--fps RATE] [--effects X] [--turn LIST] [--without mesh] [--format NAME] "
     "[--sheet FILE] [--statistics] [--assets DIR] [--head FILE] [-o FILE] "
     "[-j N] [-m MODEL] [-q] [--stats FILE] [PICTURE ...]",
     "make people: pictures with their true parameters", options
@@ -250,7 +268,7 @@ int main(int argc, char **argv)
         .seed = (uint64_t)seed, .first = (uint64_t)first,
         .people = (uint64_t)people, .frames = (uint64_t)frames,
         .size = (int)size, .fps = fps, .effects = (float)effects,
-        .threads = cli.threads
+        .threads = cli.threads, .turn = turns.each, .turns = turns.n
     };
     if (assets_path && (statistics || sheet_path))
         die(EX_USAGE, "--assets does not go with --statistics or --sheet");

@@ -52,6 +52,28 @@ load helper
     [ ! -s "$BATS_TEST_TMPDIR/err" ]
 }
 
+@test "--turn says where each frame's head turns to" {
+    need_numpy
+    spid-synth -q --frames 3 --size 32 --without mesh --turn -45,10:20:5 \
+        -o "$BATS_TEST_TMPDIR/s"
+    spid-dump -q --npy "$BATS_TEST_TMPDIR/n" -o /dev/null "$BATS_TEST_TMPDIR/s"
+    "$PYTHON" - "$BATS_TEST_TMPDIR/n/MOTN.rot.npy" <<'P'
+import sys, numpy as np
+rot = np.load(sys.argv[1])
+out = rot[:, :, 2]              # where the face points, camera frame
+yaw = np.degrees(np.arctan2(out[:, 0], -out[:, 2]))
+pitch = np.degrees(np.arcsin(out[:, 1]))
+assert np.allclose(yaw, [-45, yaw[1], -45], atol=1e-3), yaw
+assert abs(yaw[1] - 10) < 3 and abs(pitch[1] - 20) < 3, (yaw, pitch)
+assert np.allclose(pitch[[0, 2]], 0, atol=1e-3), pitch
+P
+    for bad in x 91 10: 10:20:30:40 10,; do
+        run spid-synth --turn "$bad" -o /dev/null
+        [ "$status" -eq 64 ]
+        [ "${#lines[@]}" -eq 1 ]
+    done
+}
+
 @test "statistics of people are printed" {
     spid-synth --statistics -n 4 --size 32 > "$BATS_TEST_TMPDIR/t"
     grep -q '^yaw degrees' "$BATS_TEST_TMPDIR/t"

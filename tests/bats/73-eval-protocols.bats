@@ -32,6 +32,27 @@ prepare() { animate_files; }
     [ "$(ls short/self/drive | wc -l)" -lt 50 ]
 }
 
+@test "--turned: a clip starts at its most turned frame and goes to the farther end" {
+    command -v ffmpeg >/dev/null || skip "no ffmpeg"
+    export SPID_MODEL=$PWD/model
+    spid-synth -q -n 1 --frames 4 -s 31 --first 2 --effects 0 --size 256 --fps 20 \
+        --turn 0,5,10,25 --head "$HEAD" -o turns.y4m
+    status 0 env JUDGE=none "$TOP/examples/reenact.sh" -s -c -e 2 --turned -o turned turns.y4m
+    has "SpiD* turned, self"
+    has "0 of 1 sources refused"
+    [ ! -d turned/cross/turns ]
+    [ "$(ls turned/truth/turns | wc -l)" -eq 2 ]
+    spid-dump --json --values --only MOTN turned/person/turns.whole.spid >whole.json
+    ffmpeg -nostdin -v error -y -i turns.y4m -pix_fmt rgb24 turn%d.png
+    # whichever the encoder calls most turned is the source
+    most=$(python3 -c '
+import json
+f = [-a["data"][8] for l in open("whole.json") for a in json.loads(l)["arrays"] if a["name"] == "rot"]
+print(f.index(min(f)) + 1)')
+    cmp <(ffmpeg -v error -i turned/person/turns.png -f rawvideo -pix_fmt rgb24 -) \
+        <(ffmpeg -v error -i turn$most.png -f rawvideo -pix_fmt rgb24 -)
+}
+
 @test "--people: what stands before a person counts for nobody" {
     need_numpy
     spid-synth -q -n 1 --frames 3 -s 4 --fps 1 --effects 0 --size 128 \

@@ -45,7 +45,7 @@ int main(void)
         for (int t = 0; t < TIMES; t++) {
             struct act a;
 
-            act_at(&a, &calm, &look, 7.3 * t);
+            act_at(&a, &calm, &look, 7.3 * t, NULL);
             const float *w = a.weight;
             const float lid = 0.5f * (w[ARKIT_EYE_BLINK_L]
                                       + w[ARKIT_EYE_BLINK_R]);

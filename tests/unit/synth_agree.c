@@ -165,7 +165,7 @@ static void agree_drawn(const struct head *h, float blur, float shutter,
     p.lens.occluder = what;
     REQUIRE(!actor_init(&a, h, &p, &err) && !stage_init(&s, S, &err), "%s",
             err.text);
-    synth_motion(&m, &p, 3, h->nexp);
+    synth_motion(&m, &p, 3, h->nexp, NULL);
     agree_drawn_expose(&s, &a, &m, 0.8f, false);
     memcpy(none, s.rgb, sizeof none);
     agree_drawn_expose(&s, &a, &m, 0, true);
@@ -255,7 +255,7 @@ static void agree_mouth(const struct head *h, const char *name)
         for (int k = 0; k < 10; k++) {
             struct synth_motion m;
 
-            synth_motion(&m, &p, 1.7 * k, h->nexp);
+            synth_motion(&m, &p, 1.7 * k, h->nexp, NULL);
             synth_face_rotation(m.rot, 0.19f * (float)(k - 5), m.pitch, 0);
             m.jaw[0] = 0.06f * (float)(k % 6);
             REQUIRE(!stage_render(&s, &a, &m, &err), "%s", err.text);

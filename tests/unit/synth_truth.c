@@ -130,7 +130,7 @@ static void check_mask(const struct head *h, int index)
         check_that(err.text, 0);
         return;
     }
-    synth_motion(&m, &p, 3.0 * index, h->nexp);
+    synth_motion(&m, &p, 3.0 * index, h->nexp, NULL);
     memcpy(m.body, m.rot, sizeof m.body);
     memcpy(m.body_trans, m.trans, sizeof m.body_trans);
     check_that("rendered", !stage_render(&s, &a, &m, &err));

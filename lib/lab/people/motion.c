@@ -186,7 +186,7 @@ void synth_still(struct synth_motion *m, const struct persona *p)
 }
 
 void synth_motion(struct synth_motion *m, const struct persona *p, double time,
-                  size_t nexp)
+                  size_t nexp, const struct synth_turn *turn)
 {
     float pose[3], size[3] = { 0.62f, 0.34f, 0.27f }, drift[3];
 
@@ -201,6 +201,11 @@ void synth_motion(struct synth_motion *m, const struct persona *p, double time,
     m->yaw = clampf(p->yaw + pose[0], -MOTION_YAW, MOTION_YAW);
     m->pitch = clampf(p->pitch + pose[1], -MOTION_PITCH, MOTION_PITCH);
     m->roll = clampf(p->roll + pose[2], -MOTION_ROLL, MOTION_ROLL);
+    if (turn) {
+        m->yaw = turn->yaw;
+        m->pitch = turn->pitch;
+        m->roll = turn->roll;
+    }
     synth_face_rotation(m->body, 0.35f * p->yaw + 0.22f * m->yaw,
                         0.06f * m->pitch, 0.1f * m->roll);
     /* the shoulders drift a little */

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "lib/base/random.h"
+#include "lib/lab/people/motion.h"
 #include "lib/lab/people/noise.h"
 #include "lib/lab/people/vec.h"
 
@@ -452,7 +453,8 @@ static void act_resolve_conflicts(float *w)
 }
 
 void act_at(struct act *a, const struct act_model *m,
-            const struct act_look *l, double time)
+            const struct act_look *l, double time,
+            const struct synth_turn *turn)
 {
     static const float size[3] = {1, 0.40f, 0.32f};
     float from[ARKIT_COUNT], to[ARKIT_COUNT], pose[3];
@@ -469,6 +471,11 @@ void act_at(struct act *a, const struct act_model *m,
     a->yaw = clampf(l->yaw + pose[0], -1.05f, 1.05f);
     a->pitch = clampf(l->pitch + pose[1], -0.44f, 0.44f);
     a->roll = clampf(l->roll + pose[2], -0.35f, 0.35f);
+    if (turn) {
+        a->yaw = turn->yaw;
+        a->pitch = turn->pitch;
+        a->roll = turn->roll;
+    }
     a->pupil = noise_time(act_track(l, "pupil", 0), time, 4);
     float f = act_moving(act_track(l, "mood", 0), time, 1.3, 0.35f, &i);
     act_draw_expression(from, m, l, i - 1);

@@ -38,8 +38,12 @@ struct act {
     float pupil;                /* -1 small .. 1 wide */
 };
 
-/* The person at `time` seconds. */
+struct synth_turn;
+
+/* The person at `time` seconds; turn (NULL: as they move) the head's pose
+ * instead of theirs. */
 void act_at(struct act *a, const struct act_model *m,
-            const struct act_look *look, double time);
+            const struct act_look *look, double time,
+            const struct synth_turn *turn);
 
 #endif

@@ -185,14 +185,15 @@ static void scene_find_camera(struct synth_motion *m, const float *verts,
 
 /* The head's motion during the exposure, pixels. */
 static void scene_find_move(float move[2], const struct scan_scene *c,
-                            const struct act *now, double time)
+                            const struct act *now, double time,
+                            const struct synth_turn *turn)
 {
     const struct scan_person *p = &c->figure.look;
     struct act before;
     float px = 0.5f * CAMERA_FOCAL * (float)c->size / p->rest[2];
 
     act_at(&before, &c->figure.assets->act, &p->act,
-           time - (double)p->camera.shutter);
+           time - (double)p->camera.shutter, turn);
     move[0] = px * (0.035f * (now->drift[0] - before.drift[0])
                     + 0.45f * (now->yaw - before.yaw));
     move[1] = px * (0.035f * (now->drift[1] - before.drift[1])
@@ -211,7 +212,7 @@ int scan_scene_render(const struct scan_print *out, struct synth_motion *m,
                float lmk[68][2], float (*points)[2],
                struct scan_worker *worker,
                const struct scan_scene *c, uint64_t frame, double time,
-               struct error *err)
+               const struct synth_turn *turn, struct error *err)
 {
     const struct figure *f = &c->figure;
     const struct head *h = c->id.head;
@@ -221,7 +222,7 @@ int scan_scene_render(const struct scan_print *out, struct synth_motion *m,
     float at[68 * 3], move[2];
 
     memset(m, 0, sizeof *m);
-    act_at(&act, &f->assets->act, &f->look.act, time);
+    act_at(&act, &f->assets->act, &f->look.act, time, turn);
     arkit_to_motion(m->exp, (int)h->nexp, m->jaw, m->lid, m->eye, act.weight);
     memcpy(hm.jaw, m->jaw, sizeof hm.jaw);
     memcpy(hm.eye, m->eye, sizeof hm.eye);
@@ -237,7 +238,7 @@ int scan_scene_render(const struct scan_print *out, struct synth_motion *m,
     worker->stage.bend = worker->bend;
     if (scan_stage_render(&worker->stage, f, &act, &v, err))
         return -1;
-    scene_find_move(move, c, &act, time);
+    scene_find_move(move, c, &act, time, turn);
     scan_expose(out, &worker->film, &worker->stage, c->wall, frame, time, move);
     head_landmarks(at, h, worker->verts);
     for (int k = 0; k < 68; k++) {

@@ -36,13 +36,14 @@ int scan_scene_init(struct scan_scene *c, const struct scan_assets *a,
 /* Free what it holds; zeroed then. */
 void scan_scene_release(struct scan_scene *c);
 
-/* The scene at `time` seconds: the print, the true motion, the head's 68
+/* The scene at `time` seconds, the head as it turns or (not NULL) at `turn`:
+ * the print, the true motion, the head's 68
  * landmarks and the labels' REGISTER_POINTS on the scans' own skin in pixels,
  * and the driven vertices (worker->verts). */
 int scan_scene_render(const struct scan_print *out, struct synth_motion *m,
                float lmk[68][2], float (*points)[2],
                struct scan_worker *worker,
                const struct scan_scene *c, uint64_t frame, double time,
-               struct error *err);
+               const struct synth_turn *turn, struct error *err);
 
 #endif

@@ -58,7 +58,7 @@ static int sheet_draw_cell(struct stage *s, int cell, const struct head *head,
         persona_relight(&p, cell - PEOPLE - EXPRESSIONS);
     int rc = actor_init(&a, head, &p, err);
     if (!rc) {
-        synth_motion(&m, &p, 0, head->nexp);
+        synth_motion(&m, &p, 0, head->nexp, NULL);
         if (cell >= PEOPLE) {
             synth_still(&m, &p);
             sheet_pull_face(&m, cell < PEOPLE + EXPRESSIONS ? cell - PEOPLE : 0,

@@ -122,7 +122,7 @@ int synth_statistics(FILE *out, const struct head *head,
                        opt->effects);
         statistics_add_persona(&t, &p);
         for (uint64_t f = 0; f < opt->frames; f++) {
-            synth_motion(&m, &p, (double)f / opt->fps, head->nexp);
+            synth_motion(&m, &p, (double)f / opt->fps, head->nexp, NULL);
             statistics_add_motion(&t, &m, head->nexp);
         }
     }

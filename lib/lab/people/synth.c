@@ -169,6 +169,13 @@ static void synth_picture_crop(struct synth_picture *t)
     t->crop[2] = (float)q.size;
 }
 
+/* Where the head is to turn in a frame of a person; NULL: as it would. */
+static const struct synth_turn *synth_turn(const struct synth *s,
+                                           uint64_t frame)
+{
+    return s->opt.turns ? &s->opt.turn[frame % s->opt.turns] : NULL;
+}
+
 /* The same with assets. */
 static int synth_picture_render_scan(struct synth *s, struct synth_picture *t,
                                      struct scan_worker *worker,
@@ -180,7 +187,8 @@ static int synth_picture_render_scan(struct synth *s, struct synth_picture *t,
     t->scene = &s->scene[t->number / s->opt.frames % s->slots];
     if (scan_scene_render(&out, &t->motion, t->lmk, t->points, worker,
                           &t->scene->scan, frame,
-                          (double)frame / s->opt.fps, err))
+                          (double)frame / s->opt.fps, synth_turn(s, frame),
+                          err))
         return -1;
     synth_picture_crop(t);
     if (t->verts)
@@ -201,10 +209,13 @@ static int synth_picture_render(struct synth *s, struct synth_picture *t,
     double time = (double)frame / s->opt.fps;
     float f = 6 * (float)s->opt.size / 12;
 
-    synth_motion(&t->motion, p, time, s->head->nexp);
+    const struct synth_turn *turn = synth_turn(s, frame);
+
+    synth_motion(&t->motion, p, time, s->head->nexp, turn);
     if (stage_render(stage, &c->actor, &t->motion, err))
         return -1;
-    synth_motion(&before, p, time - (double)p->lens.shutter, s->head->nexp);
+    synth_motion(&before, p, time - (double)p->lens.shutter, s->head->nexp,
+                 turn);
     float dx = t->motion.trans[0] - before.trans[0]
                + 0.45f * (t->motion.yaw - before.yaw);
     float dy = t->motion.trans[1] - before.trans[1]

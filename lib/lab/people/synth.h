@@ -23,6 +23,9 @@ struct synth_options {
     int size;                   /* pixels */
     double fps;                 /* of the people's own time */
     float effects;              /* 0 clean .. 1 everything a camera does */
+    const struct synth_turn *turn;      /* (turns) where the head turns to in
+                                         * frame k, turn[k % turns]; borrowed */
+    size_t turns;               /* 0: as the person moves */
     bool mesh;                  /* also the driven vertices */
     int threads;
     const struct scan_assets *assets;   /* people of the scans; NULL: drawn

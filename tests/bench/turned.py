@@ -1,0 +1,142 @@
+"""How good is the half of a face that its photograph hides: tests/bench/turned.sh.
+
+    turned.py DIR PEOPLE
+
+DIR/npyK: what spid-dump --npy made of person K's stream, its first frame the
+photograph; DIR/run: what examples/reenact.sh made of it.  A pixel of a later
+frame is hidden where the nearest point of the true head mesh faces away from
+the photograph's camera, or lies behind another; of these those count that
+truth labels as face (skin, lips, eyes, brows, nose, beard, lashes).
+"""
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+
+FACE = [1, 2, 3, 4, 12, 13, 14]
+GRID = 256              # side of the depth maps
+GRAZING = 0.15          # cosine under which the photograph hardly shows skin
+CLOSE = 0.03            # head units: two points at one depth
+
+
+def surface(verts, faces):
+    """Points all over the mesh, and their faces' normals."""
+    a, b, c = (verts[faces[:, k]] for k in range(3))
+    normal = np.cross(b - a, c - a)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True) + 1e-12
+    n = 7
+    weight = [((i + .5) / n, (j + .5) / n) for i in range(n) for j in range(n)
+              if i + j < n]
+    point = np.concatenate([a + u * (b - a) + v * (c - a) for u, v in weight])
+    return point, np.tile(normal, (len(weight), 1))
+
+
+def project(point, cam):
+    p = point @ cam[:, :3].T + cam[:, 3]
+    focal = 6 * GRID
+    xy = np.floor(GRID / 2 + focal * p[:, :2] / p[:, 2:]).astype(int)
+    inside = ((xy >= 0) & (xy < GRID)).all(1)
+    return np.where(inside, xy[:, 1] * GRID + xy[:, 0], -1), p
+
+
+def nearest(cell, depth):
+    """Depth of the nearest point of each cell, and which it is (-1: none)."""
+    order = np.argsort(-depth)
+    order = order[cell[order] >= 0]
+    near, which = np.full(GRID * GRID, np.inf), np.full(GRID * GRID, -1)
+    near[cell[order]] = depth[order]
+    which[cell[order]] = order
+    return near, which
+
+
+def hidden_points(verts, faces, cam):
+    """Which surface points this camera does not see."""
+    point, normal = surface(verts, faces)
+    cell, p = project(point, cam)
+    near, _ = nearest(cell, p[:, 2])
+    away = ((normal @ cam[:, :3].T) * p).sum(1) / np.linalg.norm(p, axis=1)
+    behind = (cell < 0) | (p[:, 2] > near[np.maximum(cell, 0)] + CLOSE)
+    return (-away < GRAZING) | behind
+
+
+def pictures(folder, count):
+    raw = subprocess.run(
+        ["ffmpeg", "-v", "error", "-framerate", "1", "-i",
+         f"{folder}/%05d.png", "-f", "rawvideo", "-pix_fmt", "rgb24", "-"],
+        stdout=subprocess.PIPE, check=True).stdout
+    side = int(round((len(raw) / 3 / count) ** .5))
+    return np.frombuffer(raw, np.uint8).reshape(count, side, side, 3) / 255.
+
+
+def window(path):
+    out = subprocess.run(["spid-dump", "--json", "--only", "CONF", path],
+                         stdout=subprocess.PIPE, check=True).stdout
+    conf = json.loads(json.loads(out.splitlines()[0])["arrays"][0]["text"])
+    w = conf["window"]
+    x, y, size = w.values() if isinstance(w, dict) else w
+    side = int(size / 2) * 2        # as reenact.sh cuts it
+    return int(x - side / 2 + .5), int(y - side / 2 + .5), side
+
+
+def cut(mask, x, y, side, n):
+    """mask (GRID,GRID) of the whole picture, at n x n pixels of the window."""
+    at = (np.arange(n) + .5) / n * side
+    col = np.floor((at + x) * GRID / 512).astype(int)
+    row = np.floor((at + y) * GRID / 512).astype(int)
+    ok = ((row >= 0) & (row < GRID))[:, None] & ((col >= 0) & (col < GRID))
+    return ok & mask[row.clip(0, GRID - 1)][:, col.clip(0, GRID - 1)]
+
+
+def decibels(a, b, mask):
+    return -10 * np.log10(((a - b)[mask] ** 2).mean() + 1e-12)
+
+
+def person(folder, k):
+    """Rows of (decibels of the hidden part, of the rest of the face, of both
+    with the photograph unchanged, share of the face that is hidden)."""
+    run, npy = f"{folder}/run", f"{folder}/npy{k}"
+    if not os.path.exists(f"{run}/self/scan{k}.spid"):
+        return []
+    verts, cams = np.load(f"{npy}/MESH.verts.npy"), np.load(f"{npy}/MESH.cam.npy")
+    faces = np.load(f"{npy}/MESH.faces.npy").reshape(-1, 3)
+    label = np.load(f"{npy}/IMAG.label.npy", mmap_mode="r")
+    truth = pictures(f"{run}/truth/scan{k}", len(verts))
+    made = pictures(f"{run}/self/scan{k}", len(verts))
+    where = window(f"{run}/person/scan{k}.whole.spid")
+    lost, rows = hidden_points(verts[0], faces, cams[0]), []
+    for i in range(1, len(verts)):
+        cell, p = project(surface(verts[i], faces)[0], cams[i])
+        _, which = nearest(cell, p[:, 2])
+        skin = np.isin(label[i], FACE)[1::2, 1::2].ravel() & (which >= 0)
+        unseen = skin & lost[which]
+        n = truth.shape[1]
+        a, b = (cut(m.reshape(GRID, GRID), *where, n)
+                for m in (unseen, skin & ~unseen))
+        if a.sum() < 200 or b.sum() < 200:
+            continue
+        rows.append([decibels(made[i], truth[i], a),
+                     decibels(made[i], truth[i], b),
+                     decibels(truth[0], truth[i], a),
+                     decibels(truth[0], truth[i], b), a.sum() / (a | b).sum()])
+    return rows
+
+
+def main():
+    folder, people = sys.argv[1], int(sys.argv[2])
+    every = []
+    print("person   hidden     seen  (frame 0: hidden, seen)  share hidden")
+    for k in range(people):
+        rows = person(folder, k)
+        if not rows:
+            print(f"{k:6d}  no result")
+            continue
+        print(f"{k:6d}  %6.2f   %6.2f   %6.2f   %6.2f   %.2f" % tuple(np.mean(rows, 0)))
+        every.append(np.mean(rows, 0))
+    if every:
+        print("  mean  %6.2f   %6.2f   %6.2f   %6.2f   %.2f dB" % tuple(np.mean(every, 0)))
+
+
+if __name__ == "__main__":
+    main()
