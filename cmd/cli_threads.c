@@ -7,16 +7,10 @@
 #include <unistd.h>
 
 #include "cmd/cli_parts.h"
+#include "lib/base/parallel.h"
+#include "lib/base/processors.h"
 
 static bool threads_given;     /* by -j or OMP_NUM_THREADS */
-
-/* Of this machine, at least 1. */
-static int cli_processors(void)
-{
-    long n = sysconf(_SC_NPROCESSORS_ONLN);
-
-    return n < 1 ? 1 : (int)n;
-}
 
 void cli_use_threads(long wanted)
 {
@@ -27,9 +21,9 @@ void cli_use_threads(long wanted)
     else if (environment)
         cli.threads = omp_get_max_threads();
     else
-        cli.threads = cli_processors();
+        cli.threads = processors_allowed();
     threads_given = wanted || environment;
-    omp_set_num_threads(cli.threads);
+    parallel_set_width(cli.threads);
 }
 
 /* Is fd one end of a pipe? */
@@ -69,7 +63,7 @@ static void cli_wait_asleep(char **argv)
 
 void cli_wait_briefly(char **argv)
 {
-    if (cli_processors() > 1)
+    if (processors_allowed() > 1)
         cli_start_again(argv, "GOMP_SPINCOUNT", THREADS_TURNS);
 }
 
@@ -93,7 +87,7 @@ static void cli_share_threads(bool hard_input)
         !(passes_on || (hard_input && cli_is_pipe(STDIN_FILENO))))
         return;
     cli.threads = (cli.threads + 1) / 2;
-    omp_set_num_threads(cli.threads);
+    parallel_set_width(cli.threads);
 }
 
 int cli_parse_stage(const struct cli_usage *usage, int argc, char **argv,

@@ -1,23 +1,21 @@
 /* What spid-animate and spid-live do with their options, apart from the others:
  * it links the whole of lib/animate. */
-#include <omp.h>
-
 #include "cmd/options.h"
 #include "lib/animate/animation.h"
+#include "lib/base/parallel.h"
 
 void option_animation_load(struct prepare *models,
                            struct animation_options *opt)
 {
     char model[4096], head[4096];
     struct error err = {0};
-    const int workers = cli.threads > 0 ? cli.threads : omp_get_max_threads();
 
     option_precision_settle(&opt->animate.precision);
     if (cli_find_model("model.safetensors", model, sizeof model, &err) ||
         (!opt->head && cli_find_model("head.safetensors", head, sizeof head,
                                       &err)) ||
         animation_load(models, opt, model, opt->head ? opt->head : head,
-                       workers, &err))
+                       parallel_width(), &err))
         die_error(&err);
 }
 

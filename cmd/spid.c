@@ -2,7 +2,6 @@
  * found (spid doctor). */
 #include <dirent.h>
 #include <errno.h>
-#include <omp.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -11,6 +10,8 @@
 #include "cmd/cli.h"
 #include "formats/safetensors.h"
 #include "lib/base/cpu.h"
+#include "lib/base/parallel.h"
+#include "lib/base/processors.h"
 #include "lib/nn/nn.h"
 
 static const struct cli_option options[] = {{0}};
@@ -154,8 +155,8 @@ static int spid_run_doctor(void)
     printf("processor   %s\n", cpu_name());
     printf("kernels     %s%s\n", cpu_level_name(cpu_level()),
            nn_type_native(NN_BF16) ? ", bf16 native" : "");
-    printf("threads     %d of %d processors\n", omp_get_max_threads(),
-           omp_get_num_procs());
+    printf("threads     %d of %d processors\n", parallel_width(),
+           processors_allowed());
     spid_print_memory();
     spid_print_library("oneDNN", "libdnnl.so.");
     spid_print_library("OpenCV", "libopencv_core.so.");

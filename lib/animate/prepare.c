@@ -1,7 +1,6 @@
 /* Phase A in one process: a source picture or stream to a baked avatar. */
 #include "lib/animate/prepare.h"
 
-#include <omp.h>
 #include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
@@ -10,6 +9,7 @@
 #include "formats/image.h"
 #include "formats/module.h"
 #include "lib/base/cpu.h"
+#include "lib/base/parallel.h"
 #include "lib/track/source.h"
 
 /* What prepare_run_head loads, and what became of it. */
@@ -26,6 +26,7 @@ static void *prepare_run_head(void *arg)
     struct prepare_head *l = arg;
     struct prepare *p = l->p;
 
+    parallel_enter();
     l->rc = head_load(&p->head, l->path, l->err) ||
             densify_init(&p->dense, p->head.f, p->head.F, p->head.V, l->err)
                 ? -1 : 0;
@@ -41,7 +42,7 @@ int prepare_open(struct prepare *p, const char *model, const char *head,
 
     if (model_open(&p->model, model, err))
         return -1;
-    const bool two = omp_get_max_threads() > 1 &&
+    const bool two = parallel_width() > 1 &&
                      !pthread_create(&thread, NULL, prepare_run_head, &l);
     module_preload(p->soon, sizeof p->soon / sizeof *p->soon);
     if (!two)
@@ -101,7 +102,7 @@ static int prepare_read_stream(struct prepared *s, struct prepare *p,
 static bool prepare_start_beside(pthread_t *thread,
                                  const struct prepare_beside *beside)
 {
-    return beside && omp_get_max_threads() > 1 &&
+    return beside && parallel_width() > 1 &&
            !pthread_create(thread, NULL, beside->run, beside->ctx);
 }
 
@@ -172,6 +173,7 @@ static void *prepare_run_open_baker(void *arg)
 {
     struct error err;
 
+    parallel_enter();
     prepare_open_baker(arg, &err);
     return NULL;
 }
@@ -225,7 +227,7 @@ static int prepare_from_picture(struct prepared *s, struct prepare *p,
                                 struct error *err)
 {
     pthread_t thread;
-    const bool opening = omp_get_max_threads() > 1 && !p->has_baker &&
+    const bool opening = parallel_width() > 1 && !p->has_baker &&
         !pthread_create(&thread, NULL, prepare_run_open_baker, p);
     int rc = prepare_read_picture(s, p, path, mask, beside, err);
 

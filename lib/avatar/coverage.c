@@ -4,11 +4,11 @@
 #include "lib/avatar/coverage.h"
 
 #include <math.h>
-#include <omp.h>
 #include <stdbool.h>
 #include <string.h>
 
 #include "lib/base/camera.h"
+#include "lib/base/parallel.h"
 
 #define SUB 8   /* sample rows and columns of a cell: one byte holds a row */
 
@@ -158,7 +158,7 @@ static void coverage_set_points(uint8_t *bits, const float *verts,
 void coverage_fraction(float *C, const float *verts, const int32_t *faces,
                        size_t F, const float cam[12], size_t n, void *scratch)
 {
-    const size_t shares = (size_t)omp_get_max_threads();
+    const size_t shares = (size_t)parallel_width();
     uint8_t *bits = scratch;
 
     memset(bits, 0, SUB * n * n);
@@ -300,7 +300,7 @@ void coverage_depth(float *z, float *value, const float *verts,
                     const float *attribute, const int32_t *faces, size_t F,
                     const float cam[12], size_t n)
 {
-    const size_t shares = (size_t)omp_get_max_threads();
+    const size_t shares = (size_t)parallel_width();
 
     for (size_t i = 0; i < n * n; i++)
         z[i] = INFINITY;

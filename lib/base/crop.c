@@ -4,13 +4,13 @@
 
 #include <assert.h>
 #include <math.h>
-#include <omp.h>
 #include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "lib/base/cpu.h"
 #include "lib/base/crop_kernel.h"
+#include "lib/base/parallel.h"
 
 /* ---- which square ----------------------------------------------------- */
 
@@ -557,7 +557,7 @@ int crop_resize_u8(uint8_t *out, size_t n, const uint8_t *rgb, size_t W,
                    size_t H, size_t stride, int channels, struct square q)
 {
     struct resizing r = {.n = n, .C = (size_t)channels};
-    const size_t line = n * r.C, threads = (size_t)omp_get_max_threads();
+    const size_t line = n * r.C, threads = (size_t)parallel_width();
 
     assert(r.C >= 1 && r.C <= 4);
     if (crop_filters_make(&r, W, H, q))

@@ -4,9 +4,9 @@
 #include "lib/nn/attention.h"
 
 #include <math.h>
-#include <omp.h>
 #include <string.h>
 
+#include "lib/base/parallel.h"
 #include "lib/nn/kernels.h"
 
 #define ROWS 48        /* queries at once */
@@ -33,7 +33,7 @@ void attention_plan(struct attention *a, struct nn_plan *p, size_t batch,
     if (nn_plan_backward(p))
         a->work += 2 * T * d + ROWS * T + ROWS * d;
     nn_plan_scratch(p, a->work * sizeof(float) *
-                           (size_t)omp_get_max_threads());
+                           (size_t)parallel_width());
 }
 
 /* Where the calling thread's share of the plan's scratch lies. */
@@ -42,7 +42,7 @@ static struct attention_work attention_work(const struct attention *a)
     size_t T = attention_round_up(a->tokens, 32);
     size_t d = attention_round_up(a->dim, 32);
     float *at = (float *)(void *)a->plan->scratch +
-                (size_t)omp_get_thread_num() * a->work;
+                parallel_slot() * a->work;
     struct attention_work w = { .ld = T };
 
     w.kt = at;

@@ -4,9 +4,9 @@
 
 #include <assert.h>
 #include <math.h>
-#include <omp.h>
 #include <string.h>
 
+#include "lib/base/parallel.h"
 #include "lib/nn/kernels.h"
 
 void depthwise_init(struct depthwise *d, struct params *ps, const char *name,
@@ -52,7 +52,7 @@ void depthwise_plan(struct depthwise *d, struct nn_plan *p, size_t batch,
     size_t piece = ((R - 1) * S + K) * wide + (R + K) * (w + T + 2 * K);
     d->pad_size = (piece + R * wide) * DEPTHWISE_LANES;
     nn_plan_scratch(p, d->pad_size * sizeof(float) *
-                           (size_t)omp_get_max_threads());
+                           (size_t)parallel_width());
     if (!nn_plan_backward(p))
         return;
     d->flipped = nn_plan_floats(p, K * K * C);
@@ -87,7 +87,7 @@ void depthwise_update(struct depthwise *d, const struct batch_norm *bn)
 static float *depthwise_thread_pad(const struct depthwise *d)
 {
     return (float *)(void *)d->plan->scratch +
-           (size_t)omp_get_thread_num() * d->pad_size;
+           parallel_slot() * d->pad_size;
 }
 
 void depthwise_forward(float *out, const float *in, struct depthwise *d)

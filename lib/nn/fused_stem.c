@@ -2,9 +2,9 @@
  * floats widened, packed rows spread, the coarse picture picked out. */
 #include "lib/nn/fused_stem.h"
 
-#include <omp.h>
 #include <string.h>
 
+#include "lib/base/parallel.h"
 #include "lib/nn/act.h"
 #include "lib/nn/kernels.h"
 #include "lib/base/covered.h"
@@ -26,7 +26,7 @@ void fused_stem_plan(struct fused_stem *f, const struct conv *c,
     f->weight = nn_plan_floats(p, c->out * 4 * c->in);
     f->bias = nn_plan_floats(p, c->out);
     f->empty = nn_plan_floats(p, c->out);
-    f->wide = nn_plan_floats(p, f->line * (size_t)omp_get_max_threads());
+    f->wide = nn_plan_floats(p, f->line * (size_t)parallel_width());
 }
 
 void fused_stem_update(struct fused_stem *f)
@@ -133,7 +133,7 @@ static void fused_stem_line(float *out, float *rgb,
     size_t C = f->c->in, O = f->c->out, half = f->w / 2;
     size_t at[2] = { in->start ? in->start[2 * r] : 0,
                      in->start ? in->start[2 * r + 1] : 0 };
-    float *wide = f->wide + (size_t)omp_get_thread_num() * f->line;
+    float *wide = f->wide + parallel_slot() * f->line;
     struct fused_stem_rows rows;
 
     for (size_t x = 0, n; x < half; x += n) {

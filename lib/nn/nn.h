@@ -14,7 +14,7 @@
  *   X_release(&x)                 an all-zero struct is fine, twice is fine
  * Activations are rows of channels (NHWC) at every border.  A network is not
  * for two threads at once, and not for use inside an OpenMP region; it runs
- * on omp_get_max_threads() threads with the same bits for any number. */
+ * on parallel_width() threads with the same bits for any number. */
 #ifndef SPID_NN_NN_H
 #define SPID_NN_NN_H
 

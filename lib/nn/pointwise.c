@@ -2,8 +2,8 @@
  * of rows and, where rows are summed, into a fixed number of parts. */
 #include "lib/nn/pointwise.h"
 
-#include <omp.h>
 
+#include "lib/base/parallel.h"
 #include "lib/nn/conv.h"
 #include "lib/nn/kernels.h"
 #include "lib/nn/pairs_size.h"
@@ -40,7 +40,7 @@ void pointwise_plan(struct pointwise *t, const struct conv *c,
     t->half_size = (PAIRS_ROWS * most * 2 + 63) / 64 * 64;
     t->pairs_size = ((pointwise_panels(out) + wide) * R + PAIRS_ROWS) * 4;
     t->pairs_size = (t->pairs_size + 63) / 64 * 64;
-    nn_plan_scratch(p, t->half_size * (size_t)omp_get_max_threads());
+    nn_plan_scratch(p, t->half_size * (size_t)parallel_width());
     nn_plan_scratch(p, t->pairs_size * NN_PARTS);
 }
 
@@ -62,7 +62,7 @@ static void pointwise_multiply(float *C, const float *A,
     for (size_t r = 0; r < t->rows; r += t->band) {
         size_t m = t->rows - r < t->band ? t->rows - r : t->band;
         char *half = t->plan->scratch +
-                     (size_t)omp_get_thread_num() * t->half_size;
+                     parallel_slot() * t->half_size;
 
         k->pointwise_rows(C + r * N, A + r * K, (uint32_t *)(void *)half,
                           packed, m, N, K);

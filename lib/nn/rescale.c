@@ -3,9 +3,9 @@
 #include "lib/nn/rescale.h"
 
 #include <math.h>
-#include <omp.h>
 #include <string.h>
 
+#include "lib/base/parallel.h"
 #include "lib/nn/kernels.h"
 
 /* Which inputs output o reads: indices may repeat and lie outside. */
@@ -163,7 +163,7 @@ static void rescale_plan_rest(struct rescale *r, struct nn_plan *p,
     size_t wide = r->x.in > r->x.out ? r->x.in : r->x.out;
     r->line = (wide * C + 15) / 16 * 16;
     nn_plan_scratch(p, r->line * sizeof(float) *
-                           (size_t)omp_get_max_threads());
+                           (size_t)parallel_width());
 }
 
 void rescale_plan(struct rescale *r, struct nn_plan *p, enum rescale_mode mode,
@@ -188,7 +188,7 @@ void rescale_plan_factor(struct rescale *r, struct nn_plan *p, size_t batch,
 static float *rescale_thread_line(const struct rescale *r)
 {
     return (float *)(void *)r->plan->scratch +
-           (size_t)omp_get_thread_num() * r->line;
+           parallel_slot() * r->line;
 }
 
 void rescale_forward(float *out, const float *in, struct rescale *r)

@@ -3,9 +3,9 @@
  * back. */
 #include "lib/nn/winograd.h"
 
-#include <omp.h>
 #include <string.h>
 
+#include "lib/base/parallel.h"
 #include "lib/nn/conv.h"
 #include "lib/nn/kernels.h"
 #include "lib/nn/tune.h"
@@ -60,7 +60,7 @@ void winograd_plan(struct winograd *g, const struct conv *c, struct nn_plan *p)
     g->m_size = winograd_odd_lines(g->tiles * g->out);
     g->work = 36 * (g->v_size + g->m_size);
     nn_plan_scratch(p, g->work * sizeof(float) *
-                           (size_t)omp_get_max_threads());
+                           (size_t)parallel_width());
 }
 
 /* u (6,6) = G w G^T, in double. */
@@ -150,7 +150,7 @@ void winograd_forward(float *out, const float *in, struct winograd *g)
 #pragma omp parallel for schedule(static)
     for (size_t t = 0; t < all; t += g->tiles) {
         float *v = (float *)(void *)g->plan->scratch +
-                   (size_t)omp_get_thread_num() * g->work;
+                   parallel_slot() * g->work;
 
         winograd_group(out, in, g, v, t,
                        all - t < g->tiles ? all - t : g->tiles);

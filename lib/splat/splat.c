@@ -5,11 +5,11 @@
 #include "lib/splat/splat.h"
 
 #include <math.h>
-#include <omp.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/parallel.h"
 #include "lib/base/sort.h"
 #include "lib/splat/backward.h"
 #include "lib/splat/frame.h"
@@ -103,7 +103,7 @@ static void splat_settle_options(struct splat *s, struct splat_state *st,
     }
     st->level = opt->level_set ? opt->level : cpu_level();
     st->work_size = splat_kernels(st->level)->work_size();
-    st->threads = opt->threads > 0 ? opt->threads : omp_get_max_threads();
+    st->threads = opt->threads > 0 ? opt->threads : parallel_width();
     if (st->threads > SPLAT_MAX_THREADS)
         st->threads = SPLAT_MAX_THREADS;
     if (opt->channels > 4 || (opt->channels == 4 && opt->depth) ||

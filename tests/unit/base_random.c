@@ -3,12 +3,12 @@
 #include "lib/base/random.h"
 
 #include <math.h>
-#include <omp.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "lib/base/cpu.h"
 #include "lib/base/error.h"
+#include "lib/base/parallel.h"
 #include "tests/check.h"
 
 /* SplitMix64 of Vigna's page, seed 0: its first outputs. */
@@ -82,7 +82,7 @@ static void test_cpu(void)
     expect("level capped", cpu_level(), CPU_BASELINE, 0);
     expect("name is known", strlen(cpu_name()) > 0, 1, 0);
     cpu_flush_denormals();
-    omp_set_num_threads(3);
+    parallel_set_width(3);
     #pragma omp parallel reduction(+ : flushed, threads)
     {
         volatile float x = tiny;

@@ -3,11 +3,11 @@
  * for 1, 2 and 7 threads.  Errors are relative to the largest value: 1e-5 for
  * sums in float, 6e-5 for Winograd, 1e-2 for bfloat16 and 8-bit values. */
 #include <math.h>
-#include <omp.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "lib/base/parallel.h"
 #include "lib/base/random.h"
 #include "lib/nn/depthwise.h"
 #include "lib/nn/image.h"
@@ -296,7 +296,7 @@ static void check_shape(const struct shape *s)
     uint64_t first = 0;
     static const int threads[] = { 1, 2, 7 };
     for (int i = 0; i < 3; i++) {
-        omp_set_num_threads(threads[i]);
+        parallel_set_width(threads[i]);
         uint64_t hash = conv_test_run(out, din, &ps, in, dout, s, oh, ow);
         CHECK(!i || hash == first,
               "%zux%zux%zu -> %zu, kernel %zu: other bits with %d threads",
@@ -396,6 +396,7 @@ static void check_int8(const struct shape *s, bool add)
         param_w(&ps, 1)[o] = 0.5f - (float)(o % 3) / 2;
     for (size_t i = 0; i < r.in_n; i++)
         x[i] += 0.7f;              /* the zero point is not in the middle */
+    parallel_set_width(3);
     nn_plan_init(&p, (struct nn_options){ NN_INFER, NN_INT8 });
     conv_plan(&c, &p, s->B, s->h, s->w);
     if (nn_plan_finish(&p, &err)) {
@@ -405,7 +406,7 @@ static void check_int8(const struct shape *s, bool add)
     conv_update(&c, NULL);
     uint64_t first = 0;
     for (int threads = 1; threads <= 3; threads++) {
-        omp_set_num_threads(threads);
+        parallel_set_width(threads);
         for (size_t i = 0; i < r.out_n; i++)
             y[i] = 0.25f;          /* added to, or overwritten */
         conv_forward(y, x, &c);

@@ -5,12 +5,12 @@
  * and the refiner's inference against its training forward (1e-4: other sums'
  * order, values near 1). */
 #include <math.h>
-#include <omp.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "lib/base/half.h"
+#include "lib/base/parallel.h"
 #include "lib/base/random.h"
 #include "lib/net/narrow_refiner.h"
 #include "lib/nn/fused_stem.h"
@@ -112,7 +112,7 @@ static void run_packed(const struct fused_stem *f, float *in, uint16_t *half,
     };
     fused_stem_forward(out[0], rgb[0], &whole, f);
     for (int k = 0; k < 4; k++) {
-        omp_set_num_threads(1 + k / 2);
+        parallel_set_width(1 + k / 2);
         memset(out[1], 0xff, outs * sizeof(float));
         memset(rgb[1], 0xff, 3 * pixels * sizeof(float));
         fused_stem_forward(out[1], rgb[1], &views[k % 2], f);
@@ -152,7 +152,7 @@ static void stem_run(const struct shape *s)
     params_randomise(&ps, 2);
     for (size_t o = 0; o < s->O; o++)
         param_w(&ps, c.bias)[o] = 0.01f * (float)o;
-    omp_set_num_threads(7);
+    parallel_set_width(7);
     nn_plan_init(&p, (struct nn_options){ NN_INFER, NN_F32 });
     check_same(fused_stem_possible(&c), "whether it is possible", s);
     fused_stem_plan(&f, &c, &p, s->B, s->h, s->w);
@@ -175,7 +175,7 @@ static void stem_run(const struct shape *s)
         { .f16 = half, .stride = row }, { .f32 = part, .stride = wide }
     };
     for (int k = 0; k < 4; k++) {
-        omp_set_num_threads(1 + k / 2);
+        parallel_set_width(1 + k / 2);
         fused_stem_forward(out2, rgb2, &views[k % 2], &f);
         check_same(!memcmp(out, out2, outs * sizeof *out) &&
                        !memcmp(rgb, rgb2, 3 * pixels * sizeof *rgb),

@@ -2,9 +2,9 @@
  * give the photograph back, where confidence ends, and the mixture, at every
  * instruction set. */
 #include <math.h>
-#include <omp.h>
 #include <string.h>
 
+#include "lib/base/parallel.h"
 #include "lib/base/random.h"
 #include "lib/photo/lookup.h"
 #include "lib/photo/lookup_kernel.h"
@@ -582,10 +582,10 @@ static void in_one(const struct texture *t)
     lookup_set_chance();
     memcpy(two, color, sizeof two);
     memcpy(cover, alpha, sizeof cover);
-    omp_set_num_threads(3);
+    parallel_set_width(3);
     lookup_run(t);
     texture_mix(two, 3, cover, photo, PIXELS);
-    omp_set_num_threads(1);
+    parallel_set_width(1);
     texture_apply(color, 3, alpha, t, &straight, place, S);
     check_that("applied at once and by one thread: the same bits",
                !memcmp(two, color, sizeof two) &&

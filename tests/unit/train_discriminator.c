@@ -3,11 +3,11 @@
  * by weights by central differences; windows at the border; the same bits for
  * any number of threads; nothing of an empty face. */
 #include <math.h>
-#include <omp.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "lib/base/parallel.h"
 #include "lib/base/random.h"
 #include "lib/nn/act.h"
 #include "lib/lab/train/discriminator.h"
@@ -307,7 +307,7 @@ static uint64_t everything(struct discriminator *d, const struct box *face,
     uint64_t h = 0, word;
     uint32_t bits;
 
-    omp_set_num_threads(threads);
+    parallel_set_width(threads);
     memset(d->ps.g, 0, d->ps.total * sizeof *d->ps.g);
     memset(db, 0, sizeof db);
     terms[0] = discriminator_fool(db, b, face, 0.7, d);

@@ -5,11 +5,11 @@
 #include "lib/lab/bench/bench.h"
 
 #include <math.h>
-#include <omp.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/parallel.h"
 #include "lib/base/random.h"
 #include "lib/net/gagavatar.h"
 #include "lib/base/camera.h"
@@ -173,13 +173,13 @@ static int gagavatar_bench_unet(double *ms, struct bench *b,
 
 int bench_gagavatar(struct bench *b, struct error *err)
 {
-    const int before = omp_get_max_threads();
+    const int before = parallel_width();
     struct gagavatar_bench g = {0};
     struct bench_times bake;
     double draw = 0, refine = 0;
     int rc = -1;
 
-    omp_set_num_threads(b->threads);
+    parallel_set_width(b->threads);
     if (gagavatar_bench_open(&g, NN_FAST, err) == 0 &&
         bench_time(&bake, b->seconds / 4, 2, gagavatar_bench_bake, &g,
                    err) == 0 &&
@@ -199,6 +199,6 @@ int bench_gagavatar(struct bench *b, struct error *err)
                    "154", 1e3 / (draw + refine), draw, refine);
     }
     gagavatar_bench_close(&g);
-    omp_set_num_threads(before);
+    parallel_set_width(before);
     return rc;
 }

@@ -7,8 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
-#include <omp.h>
 
+#include "lib/base/parallel.h"
 #include "lib/base/random.h"
 #include "lib/base/crop.h"
 #include "lib/net/motion_encoder.h"
@@ -106,7 +106,7 @@ static int bench_net(struct bench *b, struct net_case *c, double *truth,
     struct bench_times t;
     int rc;
 
-    omp_set_num_threads(threads);
+    parallel_set_width(threads);
     if (encoders_open(&c->e, &c->model, c->shape, type, err))
         return -1;
     rc = motion_encoder_plan(&c->e.motion, 1, c->e.motion.plan.opt, err) ||
@@ -138,7 +138,7 @@ static int bench_nets(struct bench *b, bool shape, struct error *err)
     struct net_case c = {.shape = shape, .count = shape ? SHAPE_ENCODER_OUT
                                                         : MOTION_OUT};
     double truth[SHAPE_ENCODER_OUT];
-    const int before = omp_get_max_threads();
+    const int before = parallel_width();
     struct random r;
     int rc = -1;
 
@@ -166,7 +166,7 @@ static int bench_nets(struct bench *b, bool shape, struct error *err)
                "that to double); 0 between threads means the same bits",
                shape ? "shape" : "motion");
 out:
-    omp_set_num_threads(before);
+    parallel_set_width(before);
     model_close(&c.model);
     free(c.in);
     free(c.out);

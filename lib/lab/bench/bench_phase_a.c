@@ -5,12 +5,12 @@
 #include "lib/lab/bench/bench.h"
 
 #include <math.h>
-#include <omp.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 
 #include "lib/net/config.h"
+#include "lib/base/parallel.h"
 #include "lib/base/random.h"
 #include "lib/net/backbone.h"
 #include "lib/net/conv_decoder.h"
@@ -193,12 +193,12 @@ static int phase_a_bench(struct bench *b, struct phase_a *a, double *truth,
 int bench_phase_a(struct bench *b, struct error *err)
 {
     static const enum nn_type types[] = {NN_F32, NN_FAST, NN_BF16};
-    const int before = omp_get_max_threads();
+    const int before = parallel_width();
     struct phase_a a = {0};
     double *truth = NULL;
     int rc = -1;
 
-    omp_set_num_threads(b->threads);
+    parallel_set_width(b->threads);
     avatar_config_paper(&a.config);
     a.cells = a.config.plane * a.config.plane;
     a.sheet = a.config.mouth * a.config.mouth;
@@ -209,7 +209,7 @@ int bench_phase_a(struct bench *b, struct error *err)
         rc = 0;
     for (int i = 0; i < 3 && rc == 0; i++)
         rc = phase_a_bench(b, &a, truth, types[i], err);
-    omp_set_num_threads(before);
+    parallel_set_width(before);
     phase_a_release(&a);
     free(truth);
     return rc;

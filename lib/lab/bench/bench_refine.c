@@ -3,12 +3,12 @@
 #include "lib/lab/bench/bench.h"
 
 #include <math.h>
-#include <omp.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/parallel.h"
 #include "lib/base/random.h"
 #include "lib/net/model.h"
 #include "lib/net/refiner.h"
@@ -111,7 +111,7 @@ static int refine_case_bench(struct refine_case *c, enum nn_type type,
     char key[24];
     int rc = -1;
 
-    omp_set_num_threads(threads);
+    parallel_set_width(threads);
     params_init(&c->ps);
     if (!exact) {
         error_set(err, EX_OSERR, "no memory for the refiner's bench");
@@ -209,7 +209,7 @@ static int refine_case_unet(struct refine_case *c, struct error *err)
 int bench_refine(struct bench *b, struct error *err)
 {
     const size_t first = b->rows;
-    const int before = omp_get_max_threads();
+    const int before = parallel_width();
     struct refine_case c = {.b = b};
     int rc = -1;
 
@@ -223,7 +223,7 @@ int bench_refine(struct bench *b, struct error *err)
                    "bf16)");
         bench_pareto(b, first);
     }
-    omp_set_num_threads(before);
+    parallel_set_width(before);
     model_close(&c.model);
     free(c.feat);
     free(c.rgb);

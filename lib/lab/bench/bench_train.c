@@ -4,13 +4,13 @@
 #include "lib/lab/bench/bench.h"
 
 #include <math.h>
-#include <omp.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 
 #include "lib/net/config.h"
+#include "lib/base/parallel.h"
 #include "lib/base/cpu.h"
 #include "lib/net/motion_encoder.h"
 #include "lib/lab/people/synth.h"
@@ -323,7 +323,7 @@ int bench_train(struct bench *b, struct error *err)
     c->b = b;
     c->out = c->rgb + ALONE * CROP;
     c->dout = c->out + ALONE * MOTION_OUT;
-    omp_set_num_threads(b->threads);
+    parallel_set_width(b->threads);
     if (!head_load(&c->head, b->head, err) && !bench_encoder(c, err) &&
         !bench_system(c, err))
         rc = 0;
