@@ -208,7 +208,7 @@ void avatar_bake(struct avatar *a, const struct avatar_source *src)
                          &a->mouth);
     memset(a->reach, 0, a->all.n * sizeof *a->reach);
     if (a->config.rgb_skip && dynamic.n)
-        dynamic_branch_reach(a->reach, &a->source, &a->dynamic);
+        dynamic_branch_reach(a->reach, dynamic.n, &a->source, &a->dynamic);
     if (a->config.rgb_skip)
         memcpy(a->reach + a->first[BRANCH_MOUTH], a->mouth.reach,
                mouth.n * sizeof *a->reach);

@@ -551,12 +551,13 @@ void dynamic_branch_backward(float *dfeatures, struct branch_set *dout,
                          b->n, b->n, Cf, b->count, false, RESAMPLE_BORDER);
 }
 
-void dynamic_branch_reach(float *reach, const struct source_mesh *mesh,
+void dynamic_branch_reach(float *reach, size_t n,
+                          const struct source_mesh *mesh,
                           const struct dynamic_branch *b)
 {
     const float closed = lip_lining_closed(mesh);
 
-    for (size_t k = 0; k < b->count; k++) {
+    for (size_t k = 0; k < n; k++) {
         const float seam = fmaxf(b->seam[k],
                                  closed * mesh->weights->crease[k]);
 

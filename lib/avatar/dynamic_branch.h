@@ -93,11 +93,12 @@ void dynamic_branch_backward(float *dfeatures, struct branch_set *dout,
                              const struct source_mesh *mesh,
                              struct dynamic_branch *b);
 
-/* reach (D) of gaussian_seen, head units.  It is not 0 where the photograph
- * shows what a movement changes: on lids (negative); where the lips meet, in
- * each other's shadow or beside teeth; and at the corners of closed lips, which
- * are creased and wet. */
-void dynamic_branch_reach(float *reach, const struct source_mesh *mesh,
+/* reach (n) of gaussian_seen, head units, of the first n Gaussians.  It is not
+ * 0 where the photograph shows what a movement changes: on lids (negative);
+ * where the lips meet, in each other's shadow or beside teeth; and at the
+ * corners of closed lips, which are creased and wet. */
+void dynamic_branch_reach(float *reach, size_t n,
+                          const struct source_mesh *mesh,
                           const struct dynamic_branch *b);
 
 /* l (3): the light on the source, from the colours the last forward found on

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "lib/avatar/ablation.h"
 #include "lib/avatar/baked.h"
 #include "lib/base/camera.h"
 #include "lib/base/rotation.h"
@@ -103,6 +104,32 @@ static void stability_make(struct world *w)
     memset(w->matte, 255, sizeof w->matte);
 }
 
+/* Vertices alone, after a full bake of the same source: whether the reach of
+ * the midpoints stays out of the plane's rows, which follow the vertices'. */
+static bool stability_reach_fits(struct world *w, const float t[3])
+{
+    const float none[3] = {0};
+    const struct head_motion rest = {0};
+    const size_t V = w->head.V;
+    float *full = calloc(w->a.dynamic.count, sizeof *full);
+    size_t midpoints = 0, moved = 0, spilt = 0;
+
+    stability_try(w, &rest, none, t, &rest);
+    memcpy(full, w->a.set.reach, w->a.dynamic.count * sizeof *full);
+    w->a.without = WITHOUT_INTERP;
+    stability_try(w, &rest, none, t, &rest);
+    for (size_t k = V; k < w->a.dynamic.count; k++)
+        midpoints += full[k] != 0;
+    for (size_t k = 0; k < V; k++)
+        moved += w->a.set.reach[k] != full[k];
+    for (size_t k = V; k < w->a.first[BRANCH_MOUTH]; k++)
+        spilt += w->a.set.reach[k] != 0;
+    w->a.without = 0;
+    free(full);
+    return w->a.first[BRANCH_STATIC] == V && midpoints > 0 && moved == 0 &&
+           spilt == 0;
+}
+
 int main(void)
 {
     static struct world w;
@@ -130,6 +157,8 @@ int main(void)
     check_that("camera inside the head",
                stability_try(&w, &rest, none, inside, &rest));
     check_that("camera far away", stability_try(&w, &rest, none, far, &rest));
+    check_that("vertices alone: the midpoints' reach is nobody's",
+               stability_reach_fits(&w, front));
     check_that("huge expressions, jaw near pi",
                stability_try(&w, &open, none, front, &wide));
     check_that("source with huge expressions",
