@@ -71,7 +71,7 @@ static int avatar_allocate(struct avatar *a, struct error *err)
         {&d->quat, 4 * N, true}, {&d->opacity, N, true},
         {&d->color, C * N, true}, {&a->frame_dmean, 3 * N, true},
         {&a->densified, 3 * D, false}, {&a->ddensified, 3 * D, true},
-        {(float **)&a->branch, N / 4 + 1, false}
+        {&a->branch, N / 4 + 1, false}
     };
 
     s->channels = d->channels = C;

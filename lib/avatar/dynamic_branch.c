@@ -185,7 +185,7 @@ int dynamic_branch_plan(struct dynamic_branch *b, size_t points,
         {&b->skin, D, false}, {&b->hull, D, false},
         {&b->seam, D, false}, {&b->on_teeth, D, false},
         {&b->tmp, 7 * V > V + D ? 7 * V : V + D, false},
-        {(float **)&b->level, V, false}
+        {&b->level, V, false}
     };
 
     if (slices_allocate(&b->block, slices, sizeof slices / sizeof *slices,

@@ -247,9 +247,11 @@ static int mesh_weights_poses(struct mesh_weights *w, const struct head *h,
     const struct head_motion drop = {.jaw = {DROP}};
     struct identity mean;
 
-    if (!raised || head_fold(&mean, h, NULL, 0, err)) {
+    if (!raised)
+        return error_set(err, EX_OSERR, "out of memory");
+    if (head_fold(&mean, h, NULL, 0, err)) {
         free(raised);
-        return raised ? -1 : error_set(err, EX_OSERR, "out of memory");
+        return -1;
     }
     if (head_has_arkit(h)) {
         for (int e = 0; e < 2; e++)

@@ -33,7 +33,7 @@ int source_mesh_init(struct source_mesh *m, const struct head *h,
     size_t V = h->V, L = h->nlip_inner;
     const struct slice slices[] = {
         {&m->verts, 3 * (V + 1), false}, {&m->normals, 3 * V, false},
-        {(float **)&m->faces, 3 * (h->F + L), false},
+        {&m->faces, 3 * (h->F + L), false},
         {&m->moving_verts, V + 1, false},
         {&m->coverage, n * n, false}, {&m->depth, n * n, false},
         {&m->moving, n * n, false},

@@ -16,9 +16,9 @@ int source_picture_init(struct source_picture *p, size_t size,
     size_t n = size * size;
     const struct slice slices[] = {
         {&p->rgb, 3 * n, false}, {&p->rgba, 4 * n, false},
-        {(float **)&p->padded, n / 4 + 1, false},
-        {(float **)&p->across, n / 4 + 1, false},
-        {(float **)&p->list, 2 * n, false}
+        {&p->padded, n / 4 + 1, false},
+        {&p->across, n / 4 + 1, false},
+        {&p->list, 2 * n, false}
     };
 
     p->size = size;

@@ -3,11 +3,14 @@
 
 #include <stdint.h>
 #include <stdlib.h>
+#include <string.h>
 #include <sysexits.h>
 
 #define ALIGN 64
 
-/* Hand out parts of one block; with block NULL only count. */
+/* Hand out parts of one block; with block NULL only count.  A pointer is
+ * copied, not assigned through a float **, which uint8_t *p is not (C17
+ * 6.5p7); POSIX has one representation for all of them. */
 static size_t slices_lay_out(const struct slice *slices, size_t count,
                              bool training, float *block)
 {
@@ -17,7 +20,7 @@ static size_t slices_lay_out(const struct slice *slices, size_t count,
         if (slices[i].train && !training)
             continue;
         if (block)
-            *slices[i].at = block + total;
+            memcpy(slices[i].at, &(float *){block + total}, sizeof block);
         total += (slices[i].n + 15) / 16 * 16;
     }
     return total;

@@ -9,8 +9,8 @@
 #include "lib/base/error.h"
 
 struct slice {
-    float **at;     /* where the pointer goes */
-    size_t n;       /* floats */
+    void *at;       /* address of the pointer to set, to whatever type */
+    size_t n;       /* floats, or as much memory */
     bool train;     /* only needed for a backward */
 };
 

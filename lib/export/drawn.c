@@ -112,12 +112,13 @@ static int drawn_measure(struct drawn *d, enum drawn_format format,
                          const struct scene *s, struct error *err)
 {
     const size_t n = (size_t)DRAWN_SIZE * DRAWN_SIZE * 3;
-    float *own = malloc(2 * n * sizeof *own), *other = own + n;
+    float *own = malloc(2 * n * sizeof *own);
     double worst, ignored;
     int rc = -1;
 
     if (!own)
         return error_set(err, EX_OSERR, "out of memory");
+    float *other = own + n;
     if (drawn_render(own, &s->g, s, SPLAT_GSPLAT, err) ||
         drawn_render(other, g, s, SPLAT_GSPLAT, err))
         goto out;

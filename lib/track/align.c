@@ -121,8 +121,7 @@ int align_init(struct align *a, const struct identity *id, struct error *err)
     const struct head_motion open = {.jaw = {JAW_ACT, 0, 0}};
     const size_t room = align_room(h->V);
     const size_t work = room > N * N ? room : N * N;
-    float *rest = malloc(9 * h->V * sizeof *rest), *jaw = rest + 3 * h->V;
-    float *normal = rest + 6 * h->V;
+    float *rest = malloc(9 * h->V * sizeof *rest);
 
     memset(a, 0, sizeof *a);
     a->point = calloc(7 * room, sizeof *a->point);
@@ -133,6 +132,7 @@ int align_init(struct align *a, const struct identity *id, struct error *err)
         align_release(a);
         return error_set(err, EX_OSERR, "no memory to align frames");
     }
+    float *jaw = rest + 3 * h->V, *normal = rest + 6 * h->V;
     a->room = room;
     a->normal = a->point + 3 * room;
     a->steady = a->point + 6 * room;

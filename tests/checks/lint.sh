@@ -20,6 +20,8 @@ sources=$(grep -E '\.(c|h|cc|hh)$' <<<"$files")
 report "over 100 columns" < <(xargs grep -nE '^.{101,}$' <<<"$sources" | cut -c 1-70)
 long=$(xargs cat <<<"$sources" | grep -cE '^.{81,}$') all=$(xargs cat <<<"$sources" | wc -l)
 [ $((100 * long)) -lt "$all" ] || bad "over 80 columns" <<<"$long of $all lines (expected under 1 %)"
+# C17 6.5p7: uint8_t *p is no float *, and a compiler may rely on it.
+report "a pointer through another type" < <(xargs grep -nE '\(\w+ \*\*\) ?&' <<<"$sources")
 # longer LINES FILTER: files of more lines.
 longer() { grep -E "$2" <<<"$files" | xargs wc -l | awk -v n="$1" '$1 > n && $2 != "total" { print $2, $1 }'; }
 report "longer than 300 lines" < <(longer 300 '^cmd/.*\.c$')

@@ -179,10 +179,10 @@ int fit_offsets(struct face_fit *f, struct error *err)
     /* what a point seen from the front at the usual distance weighs */
     const double seen = pow((double)camera_focal((float)FIT_SIZE) / 12, 2);
     struct fit_pull *s = malloc((f->people + 1) * sizeof *s);
-    struct fit_pull *sum = s + f->people;
 
     if (!s)
         return error_set(err, EX_OSERR, "out of memory");
+    struct fit_pull *sum = s + f->people;
     memset(sum, 0, sizeof *sum);
 #pragma omp parallel for schedule(dynamic, 1)
     for (size_t k = 0; k < f->people; k++)

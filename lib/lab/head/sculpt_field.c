@@ -97,10 +97,11 @@ static void field_gather(double *x, const float *dirs, size_t K, size_t k,
 int field_store(float *dirs, size_t K, size_t first, size_t k,
                 const struct vec *d, size_t nv, double most)
 {
-    double *x = malloc(6 * nv * sizeof *x), *y = x + 3 * nv, top = 1e-12;
+    double *x = malloc(6 * nv * sizeof *x), top = 1e-12;
 
     if (!x)
         return -1;
+    double *y = x + 3 * nv;
     for (size_t v = 0; v < nv; v++)
         top = fmax(top, norm(d[v]));
     for (size_t v = 0; v < nv; v++) {

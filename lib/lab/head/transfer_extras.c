@@ -66,10 +66,12 @@ static int extras_rotate(struct sculpt *s, size_t first, size_t count,
 int transfer_extras(struct sculpt *s, size_t first, size_t count,
                     const double *mask, struct error *err)
 {
-    double *A = calloc(2 * N * N, sizeof *A), *V = A + N * N;
+    double *A = calloc(2 * N * N, sizeof *A);
     int rc = -1;
 
     if (A) {
+        double *V = A + N * N;
+
         extras_gram(A, s, mask);
         for (size_t k = 0; k < N; k++)
             V[k * N + k] = 1;

@@ -91,9 +91,11 @@ static int body_fit_init(struct fit *t, size_t n)
 {
     float *p = calloc(n * 14, sizeof *p);
 
+    if (!p)
+        return -1;
     *t = (struct fit){p, p + 3 * n, p + 6 * n, p + 9 * n, p + 12 * n,
                       p + 13 * n};
-    return p ? 0 : -1;
+    return 0;
 }
 
 /* The skin's vertices come to lie on the scans, closest first. */

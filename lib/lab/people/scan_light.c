@@ -132,13 +132,16 @@ static void light_blur_level(float *out, int w, int h, const float *in, int iw,
                              int ih, int power)
 {
     float *dir = malloc(4 * (size_t)(iw * ih) * sizeof *dir);
-    float *area = dir + 3 * iw * ih, least = powf(1e-4f, 1 / (float)power);
+    const float least = powf(1e-4f, 1 / (float)power);
 
-    for (int i = 0; dir && i < ih; i++)
+    if (!dir)
+        return;
+    float *area = dir + 3 * iw * ih;
+    for (int i = 0; i < ih; i++)
         area[i] = light_solid_angle(i, iw, ih);
-    for (int i = 0; dir && i < iw * ih; i++)
+    for (int i = 0; i < iw * ih; i++)
         light_direction(dir + 3 * i, i % iw, i / iw, iw, ih);
-    for (int i = 0; dir && i < w * h; i++) {
+    for (int i = 0; i < w * h; i++) {
         float d[3], sum[3] = {0, 0, 0}, all = 0;
         light_direction(d, i % w, i / w, w, h);
         for (int j = 0; j < iw * ih; j++) {

@@ -141,10 +141,16 @@ static int register_step_terms(struct registration *r,
                                bool calm)
 {
     enum { N = REGISTER_TERMS };
-    double *a = calloc(N * N + N, sizeof *a), *b = a + N * N;
+    double *a = calloc(N * N + N, sizeof *a);
     float *row = malloc(2 * N * sizeof *row);
 
-    for (int i = 0; a && row && i < REGISTER_POINTS; i++) {
+    if (!a || !row) {
+        free(a);
+        free(row);
+        return -1;
+    }
+    double *b = a + N * N;
+    for (int i = 0; i < REGISTER_POINTS; i++) {
         float o[3], q[3], t[3], w = m->weight[i] * 0.25f;
         const float *p = f->neutral + 3 * m->vertex[i];
         register_project(o, r, p);
@@ -167,18 +173,15 @@ static int register_step_terms(struct registration *r,
             }
         }
     }
-    if (a && row) {
-        for (size_t u = 0; u < N; u++)
-            a[u * N + u] += u < SCAN_IDENTITIES ? 1 : calm ? 30 : 4;
-        cholesky_solve(b, a, N);
-        for (size_t u = 0; u < N; u++)
-            r->term[u] = clampf((float)b[u], u < SCAN_IDENTITIES ? -4 : -0.3f,
-                                u < SCAN_IDENTITIES ? 4 : 1.2f);
-    }
+    for (size_t u = 0; u < N; u++)
+        a[u * N + u] += u < SCAN_IDENTITIES ? 1 : calm ? 30 : 4;
+    cholesky_solve(b, a, N);
+    for (size_t u = 0; u < N; u++)
+        r->term[u] = clampf((float)b[u], u < SCAN_IDENTITIES ? -4 : -0.3f,
+                            u < SCAN_IDENTITIES ? 4 : 1.2f);
     free(row);
-    int rc = a && row ? 0 : -1;
     free(a);
-    return rc;
+    return 0;
 }
 
 int register_fit(struct registration *r, const struct register_map *m,

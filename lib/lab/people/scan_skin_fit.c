@@ -86,11 +86,11 @@ static void skin_box(float *v, float *tmp, int r)
 /* What is finer than about a centimetre in the luminance. */
 static int skin_take_grain(int8_t *grain, const struct skin_sample *o)
 {
-    float *v = malloc(3 * N * N * sizeof *v), *w = v + N * N;
-    float *tmp = w + N * N;
+    float *v = malloc(3 * N * N * sizeof *v);
 
     if (!v)
         return -1;
+    float *w = v + N * N, *tmp = w + N * N;
     for (int i = 0; i < N * N; i++) {
         const float *l = o->log + 3 * i;
         w[i] = o->weight[i];
@@ -138,12 +138,12 @@ int skin_fit_add(struct skin_fit *t, size_t i, const struct skin_model *s,
                  const char *path, const float *point, struct error *err)
 {
     float *room = calloc(7 * N * N, sizeof *room);
+
+    if (!room)
+        return skin_fit_memory(err);
     struct skin_sample o = {room, room + 3 * N * N, room + 6 * N * N,
                             {0, 0, 0}, 0};
-    int rc = room ? 0 : skin_fit_memory(err);
-
-    if (!rc)
-        rc = skin_sample_take(&o, s, &t->chart, f, m, path, point, err);
+    int rc = skin_sample_take(&o, s, &t->chart, f, m, path, point, err);
     if (!rc) {
         skin_take_slow(t, i, &o);
         brow_fit_add(&t->brows, i, o.log, s->brow);
@@ -335,7 +335,7 @@ static void skin_eigen(double *g, double *v, size_t n)
 float *skin_find_parts(const float *x, size_t n, size_t d, size_t every,
                        int parts, int threads, struct error *err)
 {
-    double *g = malloc(2 * n * n * sizeof *g), *v = g + n * n;
+    double *g = malloc(2 * n * n * sizeof *g);
     float *part = calloc((size_t)parts * d, sizeof *part);
 
     if (!g || !part) {
@@ -344,6 +344,7 @@ float *skin_find_parts(const float *x, size_t n, size_t d, size_t every,
         skin_fit_memory(err);
         return NULL;
     }
+    double *v = g + n * n;
 #pragma omp parallel for schedule(dynamic, 4) num_threads(threads)
     for (size_t i = 0; i < n; i++)
         for (size_t j = 0; j <= i; j++) {

@@ -60,7 +60,7 @@ static int avatar_system_allocate(struct avatar_system *s, struct error *err)
         {&s->dverts, 3 * V, false}, {&s->source, 3 * V, false},
         {&s->rest, 3 * V, false},
         {&s->tmp, loss_pyramid_scratch(s->image, s->image), false},
-        {(float **)&s->bytes, S * S, false}     /* 4 bytes a pixel */
+        {&s->bytes, S * S, false}     /* 4 bytes a pixel */
     };
 
     if (slices_allocate(&s->block, slices, sizeof slices / sizeof *slices,
