@@ -2,12 +2,12 @@
 #include "formats/recordjson.h"
 
 #include <cjson/cJSON.h>
-#include <errno.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/file.h"
 #include "lib/base/half.h"
 #include "lib/stream/schema.h"
 #include "lib/stream/stats.h"
@@ -387,45 +387,6 @@ out:
                              (unsigned long long)rec.frame, type) : 0;
 }
 
-/* The whole file as a string. */
-static char *recordjson_read_text(const char *path, size_t max_bytes,
-                                  struct error *err)
-{
-    FILE *f = strcmp(path, "-") ? fopen(path, "rb") : stdin;
-    size_t used = 0, room = 65536, n;
-    char *text = NULL, *more;
-
-    if (!f) {
-        error_set(err, EX_NOINPUT, "cannot open: %s", strerror(errno));
-        return NULL;
-    }
-    do {
-        room *= 2;
-        more = room > max_bytes ? NULL : realloc(text, room + 1);
-        if (!more) {
-            error_set(err, EX_DATAERR, "more than %zu bytes (see "
-                      "--max-bytes)", room / 2);
-            goto fail;
-        }
-        text = more;
-        n = fread(text + used, 1, room - used, f);
-        used += n;
-    } while (used == room);
-    text[used] = '\0';
-    if (ferror(f) || strlen(text) != used) {
-        error_set(err, EX_DATAERR, "not a text file");
-        goto fail;
-    }
-    if (f != stdin)
-        fclose(f);
-    return text;
-fail:
-    free(text);
-    if (f != stdin)
-        fclose(f);
-    return NULL;
-}
-
 /* For messages. */
 static int recordjson_line_of(const char *text, const char *at)
 {
@@ -468,9 +429,11 @@ int recordjson_read(const char *path, double fps, size_t max_bytes,
                     record_sink sink, void *context, struct error *err)
 {
     struct json_reader r = { .fps = fps };
-    char *text = recordjson_read_text(path, max_bytes, err);
-    int rc = text ? recordjson_read_values(&r, text, sink, context, err) : -1;
+    char *text = file_read_text(path, max_bytes, err);
 
+    if (!text)
+        return -1;
+    int rc = recordjson_read_values(&r, text, sink, context, err);
     free(text);
     return rc ? error_prefix(err, "%s", path) : 0;
 }

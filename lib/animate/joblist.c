@@ -1,48 +1,14 @@
 /* Reading a list of clips, checked as a whole before the first is made. */
 #include "lib/animate/joblist.h"
 
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/file.h"
 #include "lib/base/list.h"
 
 #define LIST_MAX ((size_t)64 << 20)
-
-/* The whole file, NUL-terminated. */
-static char *joblist_text(const char *path, struct error *err)
-{
-    FILE *f = strcmp(path, "-") ? fopen(path, "r") : stdin;
-    char *text = NULL;
-    size_t n = 0, room = 0;
-
-    if (!f) {
-        error_set(err, EX_NOINPUT, "%s: cannot be opened", path);
-        return NULL;
-    }
-    for (;;) {
-        if (n + 1 >= room) {
-            char *p = room < LIST_MAX ? realloc(text, room += 65536) : NULL;
-
-            if (!p) {
-                error_set(err, EX_DATAERR, "%s: too long for a list", path);
-                free(text);
-                text = NULL;
-                break;
-            }
-            text = p;
-        }
-        size_t got = fread(text + n, 1, room - n - 1, f);
-        n += got;
-        text[n] = 0;
-        if (got == 0)
-            break;
-    }
-    if (f != stdin)
-        fclose(f);
-    return text;
-}
 
 /* Cut one line into its three fields. */
 static int joblist_cut(struct job *j, char *line)
@@ -89,7 +55,7 @@ int joblist_read(struct joblist *l, const char *path, struct error *err)
     char *rest;
 
     memset(l, 0, sizeof *l);
-    l->text = rest = joblist_text(path, err);
+    l->text = rest = file_read_text(path, LIST_MAX, err);
     if (!rest)
         return -1;
     for (char *line; (line = strsep(&rest, "\n"));) {

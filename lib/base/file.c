@@ -31,25 +31,60 @@ int file_rename(const char *part, const char *path)
     return rename(part, path);
 }
 
+/* All of f, ended by a 0, in room that grows with what there is; *n bytes. */
+static char *file_read_all(FILE *f, size_t *n, size_t most, struct error *err)
+{
+    size_t room = 0;
+    char *text = NULL;
+
+    for (*n = 0;;) {
+        if (*n == room) {
+            char *more = realloc(text, (room = 2 * room + 4096) + 1);
+
+            if (!more) {
+                error_set(err, EX_OSERR, "no memory for %zu bytes", room);
+                break;
+            }
+            text = more;
+        }
+        const size_t got = fread(text + *n, 1, room - *n, f);
+        *n += got;
+        if (*n > most) {
+            error_set(err, EX_DATAERR, "more than %zu bytes", most);
+            break;
+        }
+        if (ferror(f)) {
+            error_set(err, EX_IOERR, "cannot be read: %s", strerror(errno));
+            break;
+        }
+        if (got == 0) {
+            text[*n] = 0;
+            return text;
+        }
+    }
+    free(text);
+    return NULL;
+}
+
 char *file_read_text(const char *path, size_t most, struct error *err)
 {
-    FILE *f = fopen(path, "rb");
-    char *text = f ? malloc(most + 2) : NULL;
+    FILE *f = strcmp(path, "-") ? fopen(path, "rb") : stdin;
+    size_t n = 0;
 
     if (!f) {
         error_set(err, EX_NOINPUT, "%s: %s", path, strerror(errno));
         return NULL;
     }
-    size_t n = text ? fread(text, 1, most + 1, f) : 0;
-    if (!text || ferror(f) || n > most) {
-        error_set(err, EX_NOINPUT, "%s: cannot be read (expected a file of at "
-                  "most %zu bytes)", path, most);
+    char *text = file_read_all(f, &n, most, err);
+    if (text && strlen(text) != n) {
+        error_set(err, EX_DATAERR, "not a text file");
         free(text);
         text = NULL;
-    } else {
-        text[n] = 0;
     }
-    fclose(f);
+    if (!text)
+        error_prefix(err, "%s", path);
+    if (f != stdin)
+        fclose(f);
     return text;
 }
 

@@ -24,6 +24,14 @@ J
     cmp odd.spid again.spid
 }
 
+@test "a JSON file of --max-bytes is read, a larger one refused" {
+    local bytes
+    bytes=$(wc -c <odd.json)
+    status 0 spid-pack --max-bytes "$bytes" odd.json -o least.spid
+    status 65 spid-pack --max-bytes $((bytes - 1)) odd.json -o least.spid
+    has "more than $((bytes - 1)) bytes"
+}
+
 @test "safetensors makes the same bytes" {
     spid-dump --safetensors a.safetensors odd.spid
     [ ! -e a.safetensors.part ]

@@ -94,6 +94,8 @@ prepare() { animate_files; }
     printf 'one\ttwo\n' >short
     status 65 spid-animate -m model --list short
     has "line 1"
+    status 74 spid-animate -m model --list .    # a read that fails
+    has "cannot be read"
 }
 
 @test "the recipes make every pair once" {

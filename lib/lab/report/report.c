@@ -11,6 +11,7 @@
 #include <sysexits.h>
 
 #include "formats/image.h"
+#include "lib/base/file.h"
 #include "lib/lab/report/card.h"
 #include "lib/lab/report/clips.h"
 #include "lib/lab/report/curves.h"
@@ -278,22 +279,6 @@ static void report_write_numbers(FILE *f, const cJSON *j, const char *prefix)
     }
 }
 
-/* A file of at most a megabyte as text; "" when it cannot be opened. */
-static char *report_read_small(const char *path)
-{
-    enum { MOST = 1 << 20 };
-    FILE *in = fopen(path, "r");
-    char *text = malloc(MOST + 1);
-
-    if (in && text)
-        text[fread(text, 1, MOST, in)] = 0;
-    if (in)
-        fclose(in);
-    else if (text)
-        *text = 0;
-    return text;
-}
-
 /* The table of spid-eval's JSON. */
 static int report_write_metrics(FILE *f, const char *dir, struct error *err)
 {
@@ -304,8 +289,10 @@ static int report_write_metrics(FILE *f, const char *dir, struct error *err)
         report_write_missing(f, "metrics.json");
         return 0;
     }
-    char *text = report_read_small(path);
-    cJSON *j = text ? cJSON_Parse(text) : NULL;
+    char *text = file_read_text(path, 1 << 20, err);
+    if (!text)
+        return -1;
+    cJSON *j = cJSON_Parse(text);
     free(text);
     if (!j)
         return error_set(err, EX_DATAERR, "%s: not JSON", path);
