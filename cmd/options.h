@@ -57,7 +57,7 @@ struct prepare;
 /* Rows of what spid animate and spid live both do; o: a struct
  * animation_options. */
 #define OPTIONS_ANIMATION(o)                                                  \
-    OPTION_FLAG("star", 's', &(o).animate.star,                               \
+    OPTION_FLAG("star", 's', &(o).animate.pipeline.star,                               \
                 "SpiD*: draw three channels, no refiner"),                    \
     OPTION_STRING("mask", 0, &(o).mask, "FILE",                               \
                   "matte of the source: white where the person is"),          \
@@ -68,9 +68,9 @@ struct prepare;
                  "frames a second of what has no times (default 25)"),        \
     OPTION_FLAG("bt601", 0, &(o).source.bt601,                                \
                 "Y4M is BT.601 (default BT.709)"),                            \
-    OPTION_FLAG("roi", 0, &(o).animate.roi,                                   \
+    OPTION_FLAG("roi", 0, &(o).animate.pipeline.roi,                                   \
                 "refine only the part with the head"),                        \
-    OPTION_PRECISION_REFINE(&(o).animate.precision, "networks"),              \
+    OPTION_PRECISION_REFINE(&(o).animate.pipeline.precision, "networks"),              \
     OPTION_HEAD(&(o).head)
 
 /* Their parsers: dest is an enum nn_type, a struct track_options. */

@@ -10,7 +10,7 @@
 #include "lib/animate/joblist.h"
 
 static struct animation_options opt = {
-    .animate.precision = OPTION_PRECISION_DEFAULT, .closed_mm = -1
+    .animate.pipeline.precision = OPTION_PRECISION_DEFAULT, .closed_mm = -1
 };
 static struct prepare models = {.prune = -1};
 static const char *list_path;
@@ -64,7 +64,7 @@ static const struct cli_option options[] = {
     OPTION_FLAG("absolute", 0, &absolute,
                 "the driver's own pose and expression"),
     OPTION_NEUTRAL(&opt.neutral),
-    OPTION_FLAG("f32", 0, &opt.animate.f32,
+    OPTION_FLAG("f32", 0, &opt.animate.pipeline.f32,
                 "features in float before the refiner, not in half "
                 "precision"),
     {0}

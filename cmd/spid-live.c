@@ -8,7 +8,7 @@
 #include "lib/animate/animation.h"
 
 static struct animation_options opt = {
-    .animate.precision = OPTION_PRECISION_DEFAULT, .closed_mm = -1,
+    .animate.pipeline.precision = OPTION_PRECISION_DEFAULT, .closed_mm = -1,
     .framing.background_given = true, .live = true
 };
 static struct prepare models = {.prune = -1};

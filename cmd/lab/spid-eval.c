@@ -211,11 +211,11 @@ static int eval_model(struct table *t, const struct head *h)
     if (option_model_open(&model, &err) ||
         reenactor_init(&s, &model, h, &err))
         die_error(&err);
-    model_close(&model);
     s.truth = opt.truth;
     rc = people_evaluate(t, &sheet, &s, &po, &err);
     progress_end();
     reenactor_release(&s);
+    model_close(&model);
     if (rc)
         return eval_print_error(&err);
     if (opt.sheet && contact_sheet_save(&sheet, opt.sheet, &err))

@@ -10,7 +10,7 @@ int animation_load(struct prepare *models, struct animation_options *opt,
                    const char *model, const char *head, int workers,
                    struct error *err)
 {
-    struct animate_options *a = &opt->animate;
+    struct pipeline_options *a = &opt->animate.pipeline;
 
     /* 8 bits are the refiner's alone */
     models->precision = a->precision == NN_INT8 ? NN_FAST : a->precision;
@@ -22,7 +22,7 @@ int animation_load(struct prepare *models, struct animation_options *opt,
     a->model = &models->model;
     a->rules = models->model.config.system == SYSTEM_GAGAVATAR
                    ? SPLAT_DGR : SPLAT_GSPLAT;
-    a->workers = workers;
+    opt->animate.workers = workers;
     a->closed = opt->closed_mm < 0 ? BAKED_CLOSED
         : (float)(opt->closed_mm * 1e-3 * (double)models->head.scale);
     return 0;
@@ -105,7 +105,6 @@ int animation_open_source(struct animation *a, const char *path,
                        clip ? &look : NULL, err))
         return -1;
     a->animate = a->opt->animate;
-    a->animate.texture = s->texture.levels ? &s->texture : NULL;
     if (framing_init(&a->framing, &a->animate, &a->opt->framing, s, err))
         return error_prefix(err, "%s", path);
     if (a->framing.background.rgb)
@@ -213,8 +212,9 @@ int animation_run(struct animation *a,
                   void *ctx, struct error *err)
 {
     struct framesink *sink = a->sink;
-    int rc = animate_init(&a->workers, &a->animate, &a->source.id,
-                          &a->source.baked, &a->models->dense, err);
+    const struct pipeline_avatar avatar = prepared_avatar(&a->source,
+                                                          a->models);
+    int rc = animate_init(&a->workers, &a->animate, &avatar, err);
 
     if (rc == 0)
         rc = animate_run(&a->workers, &a->driver,

@@ -7,7 +7,7 @@
 
 /* SpiD* draws pictures as large as they are; the refiner works at the model's
  * size at most, and what it gives is enlarged. */
-static void framing_choose_size(struct animate_options *opt,
+static void framing_choose_size(struct pipeline_options *opt,
                                 const struct framing_options *want,
                                 const struct prepared *s)
 {
@@ -88,22 +88,23 @@ int framing_init(struct framing *f, struct animate_options *opt,
         return error_set(err, EX_DATAERR, "an identity holds no whole "
                          "photograph (expected a picture as SOURCE with "
                          "--%s)", want->cut ? "cut" : "into-source");
-    framing_choose_size(opt, want, s);
+    framing_choose_size(&opt->pipeline, want, s);
     opt->inset = NULL;
     opt->part = NULL;
+    const size_t picture = opt->pipeline.picture;
     if (want->into_source) {
-        if (inset_init(&f->inset, &s->picture, &s->person, opt->picture, err))
+        if (inset_init(&f->inset, &s->picture, &s->person, picture, err))
             return -1;
         opt->inset = &f->inset;
         return 0;
     }
-    if (want->cut && framing_cut(f, s, opt->picture, err))
+    if (want->cut && framing_cut(f, s, picture, err))
         return -1;
     if (want->cut)
         opt->part = &f->part;
     if ((want->source_background ||
          (!want->background_given && s->picture.rgb)) &&
-        framing_background(f, want, s, opt->picture, err))
+        framing_background(f, want, s, picture, err))
         return -1;
     return 0;
 }

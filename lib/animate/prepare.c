@@ -276,6 +276,14 @@ int prepare_source(struct prepared *s, struct prepare *p, const char *path,
     return rc;
 }
 
+struct pipeline_avatar prepared_avatar(const struct prepared *s,
+                                       const struct prepare *p)
+{
+    return (struct pipeline_avatar){
+        &s->id, &s->baked, &p->dense, s->texture.levels ? &s->texture : NULL
+    };
+}
+
 void prepared_release(struct prepared *s)
 {
     texture_release(&s->texture);

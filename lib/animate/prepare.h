@@ -5,6 +5,7 @@
 #include <stdbool.h>
 
 #include "formats/image.h"
+#include "lib/animate/pipeline.h"
 #include "lib/avatar/baked.h"
 #include "lib/base/densify.h"
 #include "lib/avatar/baker.h"
@@ -74,6 +75,9 @@ int prepare_source(struct prepared *s, struct prepare *p, const char *path,
 /* From s->person, whose parts were set and all else is 0: folded, baked and,
  * unless no_photo, textured.  On an error s is released. */
 int prepare_person(struct prepared *s, struct prepare *p, struct error *err);
+/* What a pipeline draws of it; borrowed from both. */
+struct pipeline_avatar prepared_avatar(const struct prepared *s,
+                                       const struct prepare *p);
 /* Free what it holds; zeroed then. */
 void prepared_release(struct prepared *s);
 

@@ -22,8 +22,8 @@ static void report_stage_times(double t[REPORT_STAGES],
                                const struct animate_times *a)
 {
     const double in_order[REPORT_STAGES] = {
-        a->decode, a->crop, a->network, a->heads, a->flame, a->branches,
-        a->splat, a->refine, a->encode
+        a->decode, a->crop, a->network, a->heads, a->draw.flame,
+        a->draw.branches, a->draw.splat, a->draw.refine, a->encode
     };
 
     memcpy(t, in_order, sizeof in_order);

@@ -25,7 +25,7 @@
 #define EVERY 3             /* of the clip's frames, one is compared */
 #define FRAME_VALUES ((size_t)PERSON_SIZE * PERSON_SIZE * 3)
 
-struct pipeline {
+struct pipe_rows {
     struct bench_person person;
     size_t left;                /* frames left of a run */
     size_t all;                 /* Gaussians before any was left out */
@@ -37,7 +37,7 @@ struct pipeline {
 static int pipeline_read_memory(void *context, struct frame *f,
                                 struct error *err)
 {
-    struct pipeline *l = context;
+    struct pipe_rows *l = context;
     struct bench_person *s = &l->person;
 
     (void)err;
@@ -74,7 +74,7 @@ enum pictures { PICTURES_PASS, PICTURES_KEEP, PICTURES_COMPARE };
 
 /* One renderer set-up: SpiD* or SpiD, with what it draws. */
 struct pipe {
-    struct pipeline *l;
+    struct pipe_rows *l;
     struct encoders nets;
     struct identity mean;
     struct track track;
@@ -120,8 +120,8 @@ static void pipeline_frame_done(void *ctx, const struct animate_frame *f)
 {
     struct pipe *p = ctx;
     const double t[STAGES] = {f->t.crop, f->t.network + f->t.heads,
-                              f->t.flame, f->t.branches, f->t.splat,
-                              f->t.refine, f->t.decode, f->t.encode};
+                              f->t.draw.flame, f->t.draw.branches, f->t.draw.splat,
+                              f->t.draw.refine, f->t.decode, f->t.encode};
 
     for (int i = 0; i < STAGES; i++)
         p->sum[i] += 1e3 * t[i];
@@ -209,10 +209,10 @@ static int pipeline_make_video(struct pipe *p, struct error *err)
 /* Every worker's renderer again, without cut-offs. */
 static int pipeline_make_exact(struct animate *a, struct error *err)
 {
-    const struct gaussians g = baked_set(a->baked);
+    const struct gaussians g = baked_set(a->worker->pipeline.avatar.baked);
 
     for (int i = 0; i < a->opt.workers; i++) {
-        struct splat *s = &a->worker[i].splat;
+        struct splat *s = &a->worker[i].pipeline.splat;
         struct splat_options opt = s->opt;
 
         opt.alpha_cut = 0x1p-24f;
@@ -227,7 +227,7 @@ static int pipeline_make_exact(struct animate *a, struct error *err)
 }
 
 /* Encoder, tracker and workers as a variant wants them. */
-static int pipeline_open(struct pipe *p, struct pipeline *l,
+static int pipeline_open(struct pipe *p, struct pipe_rows *l,
                          const struct variant *v, struct error *err)
 {
     struct bench_person *s = &l->person;
@@ -240,10 +240,15 @@ static int pipeline_open(struct pipe *p, struct pipeline *l,
         .no_align = v->no_align
     };
     const struct animate_options opt = {
-        .size = PERSON_SIZE, .model = &s->model, .star = v->star,
-        .f32 = v->f32 || v->exact, .roi = v->roi, .workers = s->b->threads,
-        .closed = BAKED_CLOSED, .precision = v->type,
-        .texture = v->no_photo ? NULL : &s->texture
+        .pipeline = {
+            .size = PERSON_SIZE, .model = &s->model, .star = v->star,
+            .f32 = v->f32 || v->exact, .roi = v->roi,
+            .closed = BAKED_CLOSED, .precision = v->type
+        },
+        .workers = s->b->threads
+    };
+    const struct pipeline_avatar avatar = {
+        &s->id, &s->baked, &s->dense, v->no_photo ? NULL : &s->texture
     };
     const struct framesink_options sink = {.path = "/dev/null",
                                            .format = FRAMESINK_PAM};
@@ -257,7 +262,7 @@ static int pipeline_open(struct pipe *p, struct pipeline *l,
         head_fold(&p->mean, &s->head, NULL, 0, err) ||
         track_init(&p->track, &p->mean, &p->nets.motion, &track, err) ||
         (v->video && pipeline_make_video(p, err)) ||
-        animate_init(&p->animate, &opt, &s->id, &s->baked, &s->dense, err))
+        animate_init(&p->animate, &opt, &avatar, err))
         return -1;
     return v->exact ? pipeline_make_exact(&p->animate, err) : 0;
 }
@@ -327,7 +332,7 @@ static void pipeline_report(struct bench *b, const struct pipe *p,
 }
 
 /* A row: time it, then run once more for the error. */
-static int pipeline_variant(struct pipeline *l, const struct variant *v,
+static int pipeline_variant(struct pipe_rows *l, const struct variant *v,
                             struct error *err)
 {
     struct bench *b = l->person.b;
@@ -361,7 +366,7 @@ static int pipeline_variant(struct pipeline *l, const struct variant *v,
 }
 
 /* Fewer and fewer Gaussians. */
-static int pipeline_reduced(struct pipeline *l, struct error *err)
+static int pipeline_reduced(struct pipe_rows *l, struct error *err)
 {
     static const double eps[] = {0.1, 1, 10};
     struct bench_person *s = &l->person;
@@ -397,7 +402,7 @@ static int pipeline_make_texture(struct bench_person *s, struct error *err)
 }
 
 /* Every variant, then fewer Gaussians. */
-static int pipeline_all(struct pipeline *l, struct error *err)
+static int pipeline_all(struct pipe_rows *l, struct error *err)
 {
     static const struct variant variants[] = {
         {"f32, no cut-offs", true, .exact = true, .type = NN_F32},
@@ -443,7 +448,7 @@ static int pipeline_all(struct pipeline *l, struct error *err)
 int bench_pipeline(struct bench *b, struct error *err)
 {
     const size_t first = b->rows;
-    struct pipeline *l = calloc(1, sizeof *l);
+    struct pipe_rows *l = calloc(1, sizeof *l);
     int rc = l ? bench_person_open(&l->person, b, err)
                : error_set(err, EX_OSERR, "no memory");
 

@@ -13,6 +13,7 @@
 #include "lib/base/box.h"
 #include "lib/base/crop.h"
 #include "lib/head/lbs.h"
+#include "lib/head/person.h"
 
 #define DATA_SHAPE 300
 #define DATA_EXP 100
@@ -151,6 +152,15 @@ void data_net_translation(double tnet[3], const struct data_frame *f,
  * picture, whose side is a multiple of n (box means) or equal to it. */
 int data_portrait(float *rgb, float *mask, size_t n,
                   const struct data_frame *f, struct error *err);
+
+/* The frame (whole, S = f->size pixels) as a source photograph: rgb (S,S,3),
+ * matte (S,S) and back (S,S,3), what lies behind the person, as spid-shape
+ * finds them in a photograph.  Where the stream has the person alone, back is
+ * what makes the picture of both; else the picture itself, so that its colours
+ * are the person's.  EX_DATAERR when the frame is not whole or not of `size`
+ * pixels, EX_OSERR.  p has no other parts and is to be released. */
+int data_source(struct person *p, const struct data_frame *f, size_t size,
+                struct error *err);
 
 /* What hides the person says nothing about them: there, and two pixels about,
  * target (n,n,channels) becomes what was drawn, so that no loss and no figure

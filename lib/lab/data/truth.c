@@ -1,10 +1,12 @@
-/* What the data know of a frame: its motion and camera, and where face and
- * open mouth lie in a picture of another size. */
+/* What the data know of a frame: its motion and camera, where face and open
+ * mouth lie in a picture of another size, and what lies behind the person. */
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
+#include <sysexits.h>
 
-#include "lib/lab/data/data.h"
 #include "lib/base/camera.h"
+#include "lib/lab/data/data.h"
 
 #define MOUTH_OPEN 0.025     /* lips count as open: gap over the face crop */
 
@@ -82,4 +84,37 @@ struct box data_mouth(const struct data_frame *f, size_t image)
         }
     }
     return truth_clip(lo, hi, image);
+}
+
+/* ---- as a source photograph --------------------------------------------- */
+
+int data_source(struct person *p, const struct data_frame *f, size_t size,
+                struct error *err)
+{
+    const size_t n = f->size * f->size;
+
+    if (f->size != size || f->width != size || f->height != size)
+        return error_set(err, EX_DATAERR, "pictures of %zux%zu (expected "
+                         "%zux%zu, the model's size)", f->width, f->height,
+                         size, size);
+    *p = (struct person){.size = size, .rgb = malloc(3 * n),
+                         .matte = malloc(n), .back = malloc(3 * n)};
+    if (!p->rgb || !p->matte || !p->back) {
+        person_release(p);
+        return error_set(err, EX_OSERR, "no memory for the source picture");
+    }
+    for (size_t i = 0; i < n; i++) {
+        const int m = p->matte[i] = f->rgba[4 * i + 3];
+
+        memcpy(p->rgb + 3 * i, f->rgba + 4 * i, 3);
+        memcpy(p->back + 3 * i, f->rgba + 4 * i, 3);
+        for (size_t c = 0; f->alone && m < 255 && c < 3; c++) {
+            const int back = 255 * (f->rgba[4 * i + c] - f->alone[3 * i + c]) /
+                             (255 - m);
+
+            p->back[3 * i + c] = (uint8_t)(back < 0 ? 0
+                                           : back > 255 ? 255 : back);
+        }
+    }
+    return 0;
 }

@@ -22,7 +22,6 @@ struct people {
     size_t S;
     float *truth, *source;      /* (S,S,3) over black */
     float *a, *b;               /* (3,S,S) planar */
-    float *rgb, *alpha;         /* of one branch */
     float *verts, *rest;        /* (V,3) driven; in the rest pose */
     double *curve[4];           /* jaw found, true; lid found, true */
     size_t n, room, person;
@@ -137,7 +136,7 @@ static void people_motion(struct people *e, const struct driven *st,
     static const char *const angle[3] = {"yaw_deg", "pitch_deg", "roll_deg"};
     double mean = 0;
 
-    metric_euler_degrees(found, st->R);
+    metric_euler_degrees(found, st->motion.R);
     metric_euler_degrees(true_, f->motion.rot);
     for (int k = 0; k < 3; k++) {
         double d = fabs(remainder(found[k] - true_[k], 360));
@@ -146,7 +145,7 @@ static void people_motion(struct people *e, const struct driven *st,
     }
     people_add(e, "SpiD", "pose_deg", -1, mean);
     people_add(e, "SpiD", "geodesic_deg", -1,
-               metric_rotation_degrees(st->R, f->motion.rot));
+               metric_rotation_degrees(st->motion.R, f->motion.rot));
     head_landmarks(x, h, st->verts);
     camera_project(&uv[0][0], NULL, st->cam, (float)f->size, x, 68);
     metric_points(&p, (const float(*)[2])f->lmk, (const float(*)[2])uv);
@@ -158,9 +157,9 @@ static void people_motion(struct people *e, const struct driven *st,
     people_add(e, "SpiD", "landmark_pct_2d", -1,
                100 * p.akd / metric_eye_distance((const float(*)[2])f->lmk));
     if (e->n < e->room) {
-        e->curve[0][e->n] = metric_jaw_open(st->motion.jaw);
+        e->curve[0][e->n] = metric_jaw_open(st->motion.pose.jaw);
         e->curve[1][e->n] = metric_jaw_open(f->motion.jaw);
-        e->curve[2][e->n] = 0.5 * (st->motion.lid[0] + st->motion.lid[1]);
+        e->curve[2][e->n] = 0.5 * (st->motion.pose.lid[0] + st->motion.pose.lid[1]);
         e->curve[3][e->n++] = 0.5 * (f->motion.lid[0] + f->motion.lid[1]);
     }
 }
@@ -210,7 +209,7 @@ static int people_visit_frames(struct people *e, const struct data_person *p,
             return -1;
         if (i % stride)
             continue;
-        if (reenactor_draw(e->s, st.verts, st.cam, err) ||
+        if (reenactor_draw(e->s, &st.motion, err) ||
             data_portrait(e->truth, NULL, e->S, f, err))
             return -1;
         /* what hides the person counts for neither */
@@ -238,10 +237,12 @@ static int people_sheet_row(struct people *e, const struct driven *st,
     contact_sheet_picture(e->sheet, row, 3, s->rgb, NULL);
     contact_sheet_difference(e->sheet, row, 4, s->rgb, e->truth);
     for (int b = 0; b < BRANCH_COUNT; b++) {
-        if (reenactor_draw_branch(s, e->rgb, e->alpha, (enum avatar_branch)b,
-                                  st->verts, st->cam, err))
+        const float *rgb;
+
+        if (reenactor_draw_branch(&rgb, s, (enum avatar_branch)b, &st->motion,
+                                  err))
             return -1;
-        contact_sheet_picture(e->sheet, row, 5 + (size_t)b, e->rgb, NULL);
+        contact_sheet_picture(e->sheet, row, 5 + (size_t)b, rgb, NULL);
     }
     return 0;
 }
@@ -359,7 +360,7 @@ static int people_visit_cross(struct people *e, const struct driven *st,
     people_add(e, "cross", "colour_to_driver", 1,
                people_colour_distance(result, driver));
     people_add(e, "cross", "pose_deg", -1,
-               metric_rotation_degrees(st->R, f->motion.rot));
+               metric_rotation_degrees(st->motion.R, f->motion.rot));
     return 0;
 }
 
@@ -401,7 +402,7 @@ static int people_allocate(struct people *e, struct error *err)
     size_t n = e->S * e->S, V = e->s->head->V;
 
     e->room = e->opt->people * (e->opt->frames ? e->opt->frames : 1000);
-    e->truth = malloc((5 * 3 * n + n + 6 * V) * sizeof *e->truth);
+    e->truth = malloc((4 * 3 * n + 6 * V) * sizeof *e->truth);
     e->curve[0] = malloc((4 * e->room + 1) * sizeof *e->curve[0]);
     if (!e->truth || !e->curve[0]) {
         free(e->truth);
@@ -411,9 +412,7 @@ static int people_allocate(struct people *e, struct error *err)
     e->source = e->truth + 3 * n;
     e->a = e->source + 3 * n;
     e->b = e->a + 3 * n;
-    e->rgb = e->b + 3 * n;
-    e->alpha = e->rgb + 3 * n;
-    e->verts = e->alpha + n;
+    e->verts = e->b + 3 * n;
     e->rest = e->verts + 3 * V;
     for (int k = 1; k < 4; k++)
         e->curve[k] = e->curve[0] + (size_t)k * e->room;
@@ -456,7 +455,7 @@ int people_evaluate(struct table *t, struct contact_sheet *sheet,
     struct people e = {.t = t,
                        .s = s,
                        .opt = opt,
-                       .S = s->config.size,
+                       .S = s->model->config.size,
                        .sheet = opt->sheet_rows ? sheet : NULL};
     struct data_reader *in = data_open(&opt->stream, 1, 0, err);
     int rc = -1;

@@ -86,7 +86,7 @@ int reenact_open(struct reenact *r, const char *model, const char *head,
 
 void reenact_release(struct reenact *r)
 {
-    animate_release(&r->animate);
+    pipeline_release(&r->pipeline);
     prepared_release(&r->person);
     prepare_release(&r->models);
     free(r->act);
@@ -115,13 +115,12 @@ int reenact_person(struct reenact *r, const struct portrait *portrait,
                    struct error *err)
 {
     struct person *p = &r->person.person;
-    struct animate_options opt = {
+    const struct pipeline_options opt = {
         .size = r->size, .picture = r->size, .model = &r->models.model,
-        .workers = 1, .rules = SPLAT_GSPLAT, .precision = NN_FAST,
-        .closed = BAKED_CLOSED
+        .rules = SPLAT_GSPLAT, .precision = NN_FAST, .closed = BAKED_CLOSED
     };
 
-    animate_release(&r->animate);
+    pipeline_release(&r->pipeline);
     prepared_release(&r->person);
     r->back = portrait->back;
     if (reenact_picture(r, portrait, err))
@@ -137,9 +136,10 @@ int reenact_person(struct reenact *r, const struct portrait *portrait,
     memcpy(p->shape, beta, n * sizeof *beta);
     if (prepare_person(&r->person, &r->models, err))
         return -1;
-    opt.texture = r->person.texture.levels ? &r->person.texture : NULL;
-    return animate_init(&r->animate, &opt, &r->person.id, &r->person.baked,
-                        &r->models.dense, err);
+    const struct pipeline_avatar avatar = prepared_avatar(&r->person,
+                                                          &r->models);
+
+    return pipeline_init(&r->pipeline, &opt, &avatar, err);
 }
 
 /* ---- a picture ---------------------------------------------------------- */
@@ -238,16 +238,14 @@ static void reenact_motion(struct motion *m, struct reenact *r)
 
 int reenact_draw(struct reenact *r, struct motion *m, struct error *err)
 {
-    struct animate_worker *w = r->animate.worker;
-    struct animate_times times = {0};
     struct background back = {.rgb = r->back, .width = r->size,
                               .height = r->size};
-    struct animate_picture p;
+    struct pipeline_picture p;
 
     reenact_motion(m, r);
-    if (animate_draw(w, &times, m, err))
+    if (pipeline_draw(&r->pipeline, NULL, m, err))
         return -1;
-    p = animate_picture(w);
+    p = pipeline_picture(&r->pipeline);
     const struct framesink_frame f = {
         .width = r->size, .height = r->size, .channels = 3,
         .color = p.color, .alpha = p.alpha

@@ -7,7 +7,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "lib/animate/animate.h"
+#include "formats/framesink.h"
+#include "lib/animate/pipeline.h"
 #include "lib/animate/prepare.h"
 #include "lib/base/error.h"
 #include "lib/base/random.h"
@@ -21,7 +22,7 @@ struct reenact {
     struct random random;
     size_t size;                /* of the pictures */
     struct prepared person;     /* who acts, and who draws him */
-    struct animate animate;
+    struct pipeline pipeline;
     uint8_t *back;              /* of his portrait, borrowed */
     uint8_t *rgb;               /* (size,size,3) the picture last drawn */
 };

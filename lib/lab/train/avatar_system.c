@@ -39,9 +39,8 @@ int avatar_system_init(struct avatar_system *s, struct params *ps,
 static int avatar_system_allocate(struct avatar_system *s, struct error *err)
 {
     size_t n = s->image * s->image, C = s->channels, V = s->head->V;
-    size_t S = s->config.size, N = s->avatar.dynamic.count +
-                                   s->avatar.plane.count +
-                                   s->avatar.mouth.count;
+    size_t N = s->avatar.dynamic.count + s->avatar.plane.count +
+               s->avatar.mouth.count;
     size_t P = TEXTURE_PHOTO, step = TEXTURE_FIELD_STEP;
     const struct slice slices[] = {
         {&s->feat, n * C, false}, {&s->dfeat, n * C, false},
@@ -60,13 +59,11 @@ static int avatar_system_allocate(struct avatar_system *s, struct error *err)
         {&s->dverts, 3 * V, false}, {&s->source, 3 * V, false},
         {&s->rest, 3 * V, false},
         {&s->tmp, loss_pyramid_scratch(s->image, s->image), false},
-        {&s->bytes, S * S, false}     /* 4 bytes a pixel */
     };
 
     if (slices_allocate(&s->block, slices, sizeof slices / sizeof *slices,
                         true, err))
         return -1;
-    s->matte = s->bytes + 3 * S * S;
     memset(s->shown, 0, P * n * sizeof *s->shown);
     return 0;
 }
@@ -142,43 +139,24 @@ void avatar_system_release(struct avatar_system *s)
     memset(s, 0, sizeof *s);
 }
 
-/* The source as Phase A has it: the person's colours without the background,
- * and the matte. */
-static void avatar_system_source(struct avatar_system *s,
-                                 const struct data_frame *f)
+/* Phase A on a source photograph, and the texture of all frames to come. */
+static int avatar_system_read(struct avatar_system *s, const struct person *p,
+                              const float *cam, struct error *err)
 {
-    size_t n = s->config.size * s->config.size;
-
-    for (size_t i = 0; i < n; i++) {
-        unsigned m = s->matte[i] = f->rgba[4 * i + 3];
-
-        memcpy(s->bytes + 3 * i, f->rgba + 4 * i, 3);
-        for (size_t c = 0; f->alone && m > 0 && m < 255 && c < 3; c++) {
-            unsigned own = 255u * f->alone[3 * i + c] / m;
-
-            s->bytes[3 * i + c] = (uint8_t)(own < 255 ? own : 255);
-        }
-    }
-}
-
-/* The person cut out of s->bytes, the texture of all frames to come. */
-static int avatar_system_texture(struct avatar_system *s, struct error *err)
-{
-    size_t S = s->config.size, n = S * S;
-    uint8_t *own = calloc(6 * n, 1);
-    int rc = -1;
+    const size_t n = p->size * p->size;
+    uint8_t *own = malloc(3 * n);
 
     if (!own)
-        return error_set(err, EX_OSERR, "out of memory (texture of %zu "
-                         "pixels)", S);
-    for (size_t i = 0; i < n; i++)
-        for (size_t c = 0; c < 3; c++)
-            own[3 * i + c] = (uint8_t)((s->bytes[3 * i + c] * s->matte[i] +
-                                        127) / 255);
-    texture_release(&s->texture);
-    rc = texture_init(&s->texture, own, s->matte, own + 3 * n, S, err);
+        return error_set(err, EX_OSERR, "no memory for the source picture");
+    texture_straight(own, p->rgb, p->matte, p->back, n);
+    avatar_bake(&s->avatar, &(struct avatar_source){
+        .rgb = own, .matte = p->matte, .verts = s->source, .cam = cam,
+        .rest = s->rest
+    });
     free(own);
-    return rc;
+    texture_release(&s->texture);
+    return s->photo ? texture_init(&s->texture, p->rgb, p->matte, p->back,
+                                   p->size, err) : 0;
 }
 
 /* Phase A of a training frame: its own picture is the source. */
@@ -186,26 +164,20 @@ int avatar_system_bake(struct avatar_system *s, const struct data_frame *f,
                        const struct identity *id, const struct head_motion *m,
                        const float *cam, struct error *err)
 {
-    size_t S = s->config.size;
-    float truth_cam[12];
+    struct person person = {0};
     struct head_motion truth;
-    struct avatar_source src = {.rgb = s->bytes, .matte = s->matte,
-                                .verts = s->source, .rest = s->rest};
+    float truth_cam[12];
+    int rc;
 
-    if (f->size != S || f->width != S || f->height != S)
-        return error_set(err, EX_DATAERR, "pictures of %zux%zu (expected "
-                         "%zux%zu, the model's size)", f->size, f->size, S,
-                         S);
-    avatar_system_source(s, f);
+    if (data_source(&person, f, s->config.size, err))
+        return -1;
     data_truth(&truth, truth_cam, f);
-    src.cam = m ? cam : truth_cam;
+    memcpy(s->source_cam, m ? cam : truth_cam, sizeof s->source_cam);
     head_pose(s->source, id, m ? m : &truth);
     identity_rest(s->rest, id);
-    avatar_bake(&s->avatar, &src);
-    memcpy(s->source_cam, src.cam, sizeof s->source_cam);
-    if (s->photo && avatar_system_texture(s, err))
-        return -1;
-    return splat_load(&s->splat, &s->avatar.set, err);
+    rc = avatar_system_read(s, &person, s->source_cam, err);
+    person_release(&person);
+    return rc ? -1 : splat_load(&s->splat, &s->avatar.set, err);
 }
 
 /* What is said of the photograph; said: by the refiner, else nothing. */

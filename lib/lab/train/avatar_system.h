@@ -62,7 +62,6 @@ struct avatar_system {
     float *tmp;                     /* of loss_pyramid */
     float source_cam[12];           /* T_s */
     float dcam[12];                 /* gradient for the frame's [R|t] */
-    uint8_t *bytes, *matte;         /* (S,S,3), (S,S): the source */
     float *block;                   /* what the arrays are part of */
 };
 

@@ -1,0 +1,93 @@
+/* Phase B of one frame: drive -> draw -> compose -> refine, from a motion to
+ * the finished picture of a baked avatar.  Whoever draws avatars calls this:
+ * spid animate and live (lib/animate/animate.h), the pictures of photographs
+ * that act (lib/lab/fit), evaluation (lib/lab/eval).  The piped programs draw
+ * from records, by the same functions of the stages. */
+#ifndef SPID_ANIMATE_PIPELINE_H
+#define SPID_ANIMATE_PIPELINE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "lib/animate/refine.h"
+#include "lib/avatar/baked.h"
+#include "lib/base/error.h"
+#include "lib/head/lbs.h"
+#include "lib/head/motion.h"
+#include "lib/photo/texture.h"
+#include "lib/photo/zoom.h"
+#include "lib/splat/types.h"
+
+struct pipeline_options {
+    size_t size;                /* of what is drawn and refined, pixels */
+    size_t picture;             /* of the picture, at least size: colours are
+                                 * enlarged to it, the photograph looked up
+                                 * in it; 0: as size */
+    const struct model *model;  /* open, for the refiner; NULL with star */
+    bool star;                  /* SpiD*: three channels, no refiner */
+    enum splat_rules rules;     /* the renderer's */
+    unsigned branches;          /* bit b: branch b is drawn; 0: all */
+    bool roi;                   /* refine only where the head is */
+    bool f32;                   /* features drawn and kept in float, as by
+                                 * spid-splat --f32, not in half precision */
+    enum nn_type precision;     /* of the refiner */
+    int threads;                /* of the renderer; 0: all */
+    float closed;               /* as in baked_drive */
+};
+
+/* Who is drawn; all borrowed until another is set. */
+struct pipeline_avatar {
+    const struct identity *id;          /* with its head */
+    const struct baked *baked;
+    const struct densify *dense;
+    const struct texture *texture;      /* the photograph; NULL: baked colours
+                                         * alone */
+};
+
+struct pipeline {
+    struct pipeline_options opt;
+    struct pipeline_avatar avatar;
+    struct splat splat;
+    struct refine refine;
+    struct head_mouth mouth;    /* of the last frame */
+    float cam[12];              /* likewise */
+    float *verts;               /* (V,3) */
+    struct baked_move move;
+    float *image;               /* (S,S,3) drawn, or refined */
+    float *features;            /* (S,S,C) in float, */
+    uint16_t *features_half;    /* or in half precision; neither for SpiD* */
+    float *alpha;               /* (S,S) */
+    float *place;               /* (S,S,3) blended places, with a texture */
+    struct zoom zoom;           /* to the picture's size, when larger, and */
+    struct texture_field field; /* ... what the refiner says of it */
+    float *photo;               /* (S,S,5) what it shows, for the refiner */
+};
+
+/* Processor seconds of a frame's stages. */
+struct pipeline_times {
+    double flame, branches, splat, refine;
+};
+
+/* Memory, renderer and, unless star, the model's refiner, for that avatar.
+ * EX_OSERR; EX_CONFIG when the model has no refiner.  On an error *p is to be
+ * released all the same. */
+int pipeline_init(struct pipeline *p, const struct pipeline_options *opt,
+                  const struct pipeline_avatar *avatar, struct error *err);
+/* Free what it holds; zeroed then. */
+void pipeline_release(struct pipeline *p);
+
+/* A frame of the avatar with motion m.  t is written unless NULL. */
+int pipeline_draw(struct pipeline *p, struct pipeline_times *t,
+                  const struct motion *m, struct error *err);
+
+/* The finished picture: side P in pixels, color (P,P,3) premultiplied and
+ * alpha (P,P). */
+struct pipeline_picture {
+    size_t side;
+    const float *color, *alpha;
+};
+/* That of the last frame, valid until the next one. */
+struct pipeline_picture pipeline_picture(const struct pipeline *p);
+
+#endif
