@@ -53,20 +53,33 @@ static int pickle_op_tuple(struct pickle_machine *m, int kind, size_t n)
     return pickle_push(m, v);
 }
 
+/* The list that items of that kind go into: of a container of the kind, or of
+ * an object. */
+static struct pickle_list *pickle_open(struct pickle_machine *m,
+                                       struct pickle_value *to, int kind)
+{
+    if (to && to->kind == PICKLE_OBJECT)
+        to = pickle_object_items(m, to, kind == PICKLE_SET ? PICKLE_LIST
+                                                           : kind);
+    else if (!to || (int)to->kind != kind)
+        pickle_fail(m, "to a %s", to ? pickle_kind_name(to) : "mark"),
+            to = NULL;
+    return to ? &to->u.list : NULL;
+}
+
 /* Everything above the mark into the container below it. */
 static int pickle_op_add_marked(struct pickle_machine *m, int kind, size_t n)
 {
     size_t from = pickle_marked(m);
-    struct pickle_value *v = from > 1 ? m->stack[from - 2] : NULL;
+    struct pickle_list *to;
 
     (void)n;
     if (!from)
         return -1;
-    if (!v || (int)v->kind != kind)
-        return pickle_fail(m, "to a %s", v ? pickle_kind_name(v) : "mark");
-    if (kind == PICKLE_DICT && (m->top - from) % 2)
+    to = pickle_open(m, from > 1 ? m->stack[from - 2] : NULL, kind);
+    if (to && kind == PICKLE_DICT && (m->top - from) % 2)
         return pickle_fail(m, "a key without a value");
-    return pickle_move(m, &v->u.list, from);
+    return to ? pickle_move(m, to, from) : -1;
 }
 
 /* The topmost n values (1, or 2: key and value) into the container below. */
@@ -74,15 +87,12 @@ static int pickle_op_add(struct pickle_machine *m, int kind, size_t n)
 {
     struct pickle_value *v = pickle_pop(m);
     struct pickle_value *key = v && n == 2 ? pickle_pop(m) : v;
-    struct pickle_value *to = key ? pickle_top(m) : NULL;
+    struct pickle_value *below = key ? pickle_top(m) : NULL;
+    struct pickle_list *to = below ? pickle_open(m, below, kind) : NULL;
 
-    if (!to)
+    if (!to || (n == 2 && pickle_append(m, to, key)))
         return -1;
-    if ((int)to->kind != kind)
-        return pickle_fail(m, "to a %s", pickle_kind_name(to));
-    if (n == 2 && pickle_append(m, &to->u.list, key))
-        return -1;
-    return pickle_append(m, &to->u.list, v);
+    return pickle_append(m, to, v);
 }
 
 /* ---- opcodes: the stack and the memo ------------------------------------ */
@@ -155,42 +165,27 @@ static int pickle_op_memoize(struct pickle_machine *m, int kind, size_t n)
 
 /* ---- opcodes: objects --------------------------------------------------- */
 
-/* A name for a message: printable, not too long. */
-static const char *pickle_printable(char out[64], struct pickle_text s)
+/* Why an object is made of what is at hand. */
+#define PICKLE_NO_DATA "is not allowed (expected arrays and plain data)"
+
+/* A class or function.  Nothing is imported: one that is not known is its
+ * name alone. */
+static struct pickle_value *pickle_make_name(struct pickle_machine *m,
+                                             struct pickle_text module,
+                                             struct pickle_text name)
 {
-    size_t k = 0;
+    struct pickle_value *v = pickle_make(m, PICKLE_NAME);
+    char full[PICKLE_FULL_NAME];
 
-    for (; k < s.n && k < 60; k++)
-        out[k] = s.p[k] > 32 && s.p[k] < 127 ? s.p[k] : '?';
-    out[k] = 0;
-    return out;
-}
-
-/* Only what is listed may be named: nothing is ever imported or run. */
-static int pickle_refuse_name(struct pickle_machine *m,
-                              struct pickle_text module,
-                              struct pickle_text name)
-{
-    char a[64], b[64];
-
-    return pickle_fail(m, "%s.%s is not allowed (expected arrays and plain "
-                       "data)", pickle_printable(a, module),
-                       pickle_printable(b, name));
-}
-
-/* A class or function by its number in the list. */
-static int pickle_push_name(struct pickle_machine *m, struct pickle_text module,
-                            struct pickle_text name)
-{
-    struct pickle_value *v;
-    int known = pickle_lookup(module, name);
-
-    if (known == NAME_NONE)
-        return pickle_refuse_name(m, module, name);
-    v = pickle_make(m, PICKLE_NAME);
-    if (v)
-        v->u.name = known;
-    return pickle_push(m, v);
+    if (!v || !(v->u.name = pickle_alloc(m, sizeof *v->u.name)))
+        return NULL;
+    *v->u.name = (struct pickle_name){module, name,
+                                      pickle_lookup(module, name)};
+    if (v->u.name->known == NAME_NONE) {
+        pickle_full_name(full, v->u.name);
+        pickle_refuse(m, "%s " PICKLE_NO_DATA, full);
+    }
+    return v;
 }
 
 /* GLOBAL: module and name, a line each. */
@@ -201,7 +196,7 @@ static int pickle_op_global(struct pickle_machine *m, int kind, size_t n)
     (void)kind, (void)n;
     if (pickle_line(m, &module) || pickle_line(m, &name))
         return -1;
-    return pickle_push_name(m, module, name);
+    return pickle_push(m, pickle_make_name(m, module, name));
 }
 
 /* STACK_GLOBAL: module and name from the stack. */
@@ -216,27 +211,84 @@ static int pickle_op_stack_global(struct pickle_machine *m, int kind, size_t n)
     if (name->kind != PICKLE_TEXT || module->kind != PICKLE_TEXT)
         return pickle_fail(m, "of a %s and a %s (expected text)",
                            pickle_kind_name(module), pickle_kind_name(name));
-    return pickle_push_name(m, module->u.s, name->u.s);
+    return pickle_push(m, pickle_make_name(m, module->u.s, name->u.s));
 }
 
-/* Names a class and calls it in one: none of ours is made like this. */
+/* An object made of values, whose class is among them or is NULL. */
+static int pickle_push_object(struct pickle_machine *m,
+                              const struct pickle_value *class,
+                              const struct pickle_list *values)
+{
+    bool named = class && class->kind == PICKLE_NAME;
+
+    pickle_refuse(m, PICKLE_NO_DATA);
+    return pickle_push(m, pickle_make_object(m, named ? class->u.name : NULL,
+                                             values));
+}
+
+/* INST: module and name, a line each, of everything above the mark. */
 static int pickle_op_inst(struct pickle_machine *m, int kind, size_t n)
 {
     struct pickle_text module, name;
+    struct pickle_value *class;
+    struct pickle_list values = {0};
+    size_t from;
 
     (void)kind, (void)n;
     if (pickle_line(m, &module) || pickle_line(m, &name))
         return -1;
-    return pickle_refuse_name(m, module, name);
+    class = pickle_make_name(m, module, name);
+    from = class ? pickle_marked(m) : 0;
+    if (!from || pickle_move(m, &values, from))
+        return -1;
+    return pickle_push_object(m, class, &values);
+}
+
+/* OBJ: the class and more, down to the mark. */
+static int pickle_op_obj(struct pickle_machine *m, int kind, size_t n)
+{
+    struct pickle_list values = {0};
+    size_t from = pickle_marked(m);
+
+    (void)kind, (void)n;
+    if (!from || pickle_move(m, &values, from))
+        return -1;
+    return pickle_push_object(m, values.n ? values.item[0] : NULL, &values);
+}
+
+/* NEWOBJ_EX: a class, a tuple and a dict. */
+static int pickle_op_newobj_ex(struct pickle_machine *m, int kind, size_t n)
+{
+    struct pickle_value *item[3];
+
+    (void)kind, (void)n;
+    for (int i = 2; i >= 0; i--)
+        if (!(item[i] = pickle_pop(m)))
+            return -1;
+    return pickle_push_object(m, item[0], &(struct pickle_list){item, 3, 3});
+}
+
+/* PERSID: a line, EXT: n bytes, which say nothing outside of the program that
+ * wrote them. */
+static int pickle_op_private(struct pickle_machine *m, int kind, size_t n)
+{
+    struct pickle_text line;
+    uint64_t code;
+
+    (void)kind;
+    if (n ? pickle_number(m, n, &code) : pickle_line(m, &line))
+        return -1;
+    return pickle_push_object(m, NULL, NULL);
 }
 
 static int pickle_op_refused(struct pickle_machine *m, int kind, size_t n)
 {
     (void)kind, (void)n;
-    return pickle_fail(m, "is not allowed (expected arrays and plain data)");
+    return pickle_fail(m, PICKLE_NO_DATA);
 }
 
-/* A name and its arguments: called (REDUCE), or made new (NEWOBJ: n = 0). */
+/* A name and its arguments: called (REDUCE), or made new (NEWOBJ: n = 0).  An
+ * object, called, is one more. */
 static int pickle_op_call(struct pickle_machine *m, int kind, size_t n)
 {
     struct pickle_value *args = pickle_pop(m);
@@ -245,10 +297,15 @@ static int pickle_op_call(struct pickle_machine *m, int kind, size_t n)
     (void)kind;
     if (!name)
         return -1;
-    if (name->kind != PICKLE_NAME || args->kind != PICKLE_TUPLE)
+    if ((name->kind != PICKLE_NAME && name->kind != PICKLE_OBJECT)
+        || args->kind != PICKLE_TUPLE)
         return pickle_fail(m, "of a %s and a %s (expected a name and a "
                            "tuple)", pickle_kind_name(name),
                            pickle_kind_name(args));
+    if (name->kind == PICKLE_OBJECT || name->u.name->known == NAME_NONE)
+        return pickle_push(m, pickle_make_object(
+            m, name->kind == PICKLE_OBJECT ? &name->u.object->of
+                                           : name->u.name, &args->u.list));
     if (n)
         return pickle_push(m, pickle_call(m, name->u.name, args));
     if (args->u.list.n)
@@ -339,7 +396,7 @@ static const struct {
     ['L'] = {"LONG", pickle_op_int_line, 0, 0},
     ['M'] = {"BININT2", pickle_op_int, 0, 2},
     ['N'] = {"NONE", pickle_op_constant, PICKLE_NONE, 0},
-    ['P'] = {"PERSID", pickle_op_refused, 0, 0},
+    ['P'] = {"PERSID", pickle_op_private, 0, 0},
     ['Q'] = {"BINPERSID", pickle_op_binpersid, 0, 0},
     ['R'] = {"REDUCE", pickle_op_call, 0, 1},
     ['S'] = {"STRING", pickle_op_string_line, PICKLE_BYTES, 0},
@@ -362,7 +419,7 @@ static const struct {
     ['b'] = {"BUILD", pickle_op_build, 0, 0},
     ['c'] = {"GLOBAL", pickle_op_global, 0, 0},
     ['i'] = {"INST", pickle_op_inst, 0, 0},
-    ['o'] = {"OBJ", pickle_op_refused, 0, 0},
+    ['o'] = {"OBJ", pickle_op_obj, 0, 0},
     ['g'] = {"GET", pickle_op_get, 0, 0},
     ['h'] = {"BINGET", pickle_op_get, 0, 1},
     ['j'] = {"LONG_BINGET", pickle_op_get, 0, 4},
@@ -371,9 +428,9 @@ static const struct {
     ['r'] = {"LONG_BINPUT", pickle_op_put, 0, 4},
     [0x80] = {"PROTO", pickle_op_proto, 0, 1},
     [0x81] = {"NEWOBJ", pickle_op_call, 0, 0},
-    [0x82] = {"EXT1", pickle_op_refused, 0, 0},
-    [0x83] = {"EXT2", pickle_op_refused, 0, 0},
-    [0x84] = {"EXT4", pickle_op_refused, 0, 0},
+    [0x82] = {"EXT1", pickle_op_private, 0, 1},
+    [0x83] = {"EXT2", pickle_op_private, 0, 2},
+    [0x84] = {"EXT4", pickle_op_private, 0, 4},
     [0x85] = {"TUPLE1", pickle_op_tuple, PICKLE_TUPLE, 1},
     [0x86] = {"TUPLE2", pickle_op_tuple, PICKLE_TUPLE, 2},
     [0x87] = {"TUPLE3", pickle_op_tuple, PICKLE_TUPLE, 3},
@@ -387,7 +444,7 @@ static const struct {
     [0x8f] = {"EMPTY_SET", pickle_op_empty, PICKLE_SET, 0},
     [0x90] = {"ADDITEMS", pickle_op_add_marked, PICKLE_SET, 0},
     [0x91] = {"FROZENSET", pickle_op_marked, PICKLE_SET, 0},
-    [0x92] = {"NEWOBJ_EX", pickle_op_refused, 0, 0},
+    [0x92] = {"NEWOBJ_EX", pickle_op_newobj_ex, 0, 0},
     [0x93] = {"STACK_GLOBAL", pickle_op_stack_global, 0, 0},
     [0x94] = {"MEMOIZE", pickle_op_memoize, 0, 0},
     [0x95] = {"FRAME", pickle_op_frame, 0, 8},
@@ -463,4 +520,14 @@ const struct pickle_value *pickle_root(const struct pickle *p)
 const struct pickle_list *pickle_storages(const struct pickle *p)
 {
     return &p->storages;
+}
+
+const char *pickle_refused(const struct pickle *p)
+{
+    return p->refused.text[0] ? p->refused.text : NULL;
+}
+
+size_t pickle_memory(const struct pickle *p)
+{
+    return p->arena.used;
 }

@@ -1,9 +1,8 @@
 /* Python pickles (protocols 0 to 5) as plain data.  Nothing is executed: the
- * machine knows how to fill in a fixed list of things - numpy arrays, dtypes
- * and scalars, PyTorch tensors and storages, scipy's compressed sparse
- * matrices, chumpy's arrays, ordered dictionaries, TorchScript's modules as
- * dictionaries of what they hold - and refuses every other name at the byte
- * where it stands.  A pickle is hostile until it ends: sizes,
+ * machine knows how numpy's arrays, dtypes and scalars, PyTorch's tensors and
+ * storages and ordered dictionaries are filled in.  Anything else that a name
+ * is called or made into becomes an object, which is its name and what was
+ * put into it, and does nothing.  A pickle is hostile until it ends: sizes,
  * counts, memory and the memo are limited, and every array has been checked
  * against the bytes that are there. */
 #ifndef SPID_FORMATS_PICKLE_H
@@ -22,6 +21,7 @@ extern "C" {
 
 #define PICKLE_MAX_MEMORY ((size_t)64 << 20) /* of objects, bytes */
 #define PICKLE_MAX_ITEMS ((size_t)1 << 20)   /* stack, memo */
+#define PICKLE_FULL_NAME 130
 #define PICKLE_MAX_KEYS 64                   /* of an object's state */
 
 enum pickle_kind {
@@ -34,10 +34,10 @@ enum pickle_kind {
     PICKLE_TEXT,                             /* u.s, UTF-8 */
     PICKLE_LIST, PICKLE_TUPLE, PICKLE_SET,   /* u.list */
     PICKLE_DICT,                             /* u.list: key, value, key, .. */
-    PICKLE_NAME,                             /* a name that may be called */
-    PICKLE_DTYPE, PICKLE_SPARSE, PICKLE_STORAGE,
+    PICKLE_NAME,                             /* u.name: class or function */
+    PICKLE_DTYPE, PICKLE_STORAGE,
     PICKLE_ARRAY,                            /* u.array: numpy's, PyTorch's */
-    PICKLE_CHUMPY                            /* u.inner: its array */
+    PICKLE_OBJECT                            /* u.object: of any class */
 };
 
 struct pickle_value;
@@ -78,28 +78,35 @@ struct pickle_array {
     const struct pickle_value *objects;   /* dtype O: a list */
 };
 
-/* scipy: csc or csr, the arrays as they are. */
-struct pickle_sparse {
-    bool rows;              /* csr */
-    size_t dim[2];
-    const struct pickle_array *data, *indices, *starts;  /* NULL until set */
+/* A class or function that was named; one without a name is what opcodes made
+ * that name none. */
+struct pickle_name {
+    struct pickle_text module, name;
+    int known;              /* to the machine; 0: it is not */
+};
+
+/* What a name was called or made into. */
+struct pickle_object {
+    struct pickle_name of;
+    struct pickle_value *items;     /* list or dict of what was put in, or */
+    struct pickle_value *state;     /* its attributes, a dict; NULL: none */
+    bool own;                       /* items are no other value's too */
+    bool inside;                    /* free for whoever walks the values */
 };
 
 struct pickle_value {
     enum pickle_kind kind;
     size_t at;              /* byte of the opcode that made it */
-    bool script;            /* a dict: a TorchScript module, its state */
     union {
         int64_t i;
         double f;
         struct pickle_text s;
         struct pickle_list list;
-        int name;
+        struct pickle_name *name;
         struct pickle_dtype *dtype;
         struct pickle_array *array;
-        struct pickle_sparse *sparse;
         struct pickle_storage *storage;
-        struct pickle_value *inner;
+        struct pickle_object *object;
     } u;
 };
 
@@ -113,16 +120,26 @@ struct pickle *pickle_read(const void *data, size_t size, size_t *used,
 const struct pickle_value *pickle_root(const struct pickle *p);
 /* PyTorch: all storages that tensors may lie in, in the order of mention. */
 const struct pickle_list *pickle_storages(const struct pickle *p);
+/* The first thing that made an object, "byte N: OPCODE: NAME is not allowed
+ * (..)": why a pickle holds no data that should.  NULL: none did. */
+const char *pickle_refused(const struct pickle *p);
+/* Bytes of memory that the values take. */
+size_t pickle_memory(const struct pickle *p);
 void pickle_free(struct pickle *p);          /* NULL is allowed */
 
 /* Value of a string key, or NULL; of a dictionary of at most
  * PICKLE_MAX_KEYS keys. */
 struct pickle_value *pickle_get(const struct pickle_value *dict,
                                 const char *key);
+/* Whether a text is this word; this word, or it and a dot and more. */
+bool pickle_text_is(struct pickle_text s, const char *word);
+bool pickle_text_begins(struct pickle_text s, const char *word);
 /* Whether a string is this one. */
 bool pickle_is(const struct pickle_value *text, const char *word);
 /* "list", "text", ..: what a value is called in messages. */
 const char *pickle_kind_name(const struct pickle_value *v);
+/* "argparse.Namespace", printable. */
+void pickle_full_name(char out[PICKLE_FULL_NAME], const struct pickle_name *n);
 
 #ifdef __cplusplus
 }

@@ -1,6 +1,6 @@
-/* The fixed list of things that a pickle may make, and how each is made from
- * its arguments and its state; PyTorch's are in pickle_torch.c.  None of them
- * runs anything. */
+/* The things whose meaning is known, and how each is made from its arguments
+ * and its state; PyTorch's are in pickle_torch.c.  Every other is an object.
+ * None of them runs anything. */
 #include <string.h>
 
 #include "formats/pickle_machine.h"
@@ -15,6 +15,10 @@ static const struct {
     {"builtins", "set", NAME_SET},
     {"__builtin__", "frozenset", NAME_SET},
     {"builtins", "frozenset", NAME_SET},
+    {"__builtin__", "bytes", NAME_BYTES},
+    {"builtins", "bytes", NAME_BYTES},
+    {"__builtin__", "bytearray", NAME_BYTES},
+    {"builtins", "bytearray", NAME_BYTES},
     {"_codecs", "encode", NAME_ENCODE},
     {"copy_reg", "_reconstructor", NAME_RECONSTRUCTOR},
     {"copyreg", "_reconstructor", NAME_RECONSTRUCTOR},
@@ -30,18 +34,14 @@ static const struct {
     {"torch._utils", "_rebuild_tensor", NAME_TENSOR},
     {"torch._utils", "_rebuild_tensor_v2", NAME_TENSOR},
     {"torch._utils", "_rebuild_parameter", NAME_PARAMETER},
+    {"torch._utils", "_rebuild_parameter_with_state", NAME_PARAMETER},
+    {"torch._tensor", "_rebuild_from_type_v2", NAME_SUBCLASS},
     {"torch", "Size", NAME_SIZE},
     {"torch.storage", "_load_from_bytes", NAME_LOAD},
     {"torch.jit._pickle", "build_intlist", NAME_LIST},
     {"torch.jit._pickle", "build_doublelist", NAME_LIST},
     {"torch.jit._pickle", "build_boollist", NAME_LIST},
     {"torch.jit._pickle", "build_tensorlist", NAME_LIST},
-    {"scipy.sparse.csc", "csc_matrix", NAME_CSC},
-    {"scipy.sparse._csc", "csc_matrix", NAME_CSC},
-    {"scipy.sparse.csr", "csr_matrix", NAME_CSR},
-    {"scipy.sparse._csr", "csr_matrix", NAME_CSR},
-    {"chumpy.ch", "Ch", NAME_CHUMPY},
-    {"chumpy", "Ch", NAME_CHUMPY},
     {"torch", "FloatStorage", NAME_STORAGE + ST_F32},
     {"torch", "DoubleStorage", NAME_STORAGE + ST_F64},
     {"torch", "HalfStorage", NAME_STORAGE + ST_F16},
@@ -53,19 +53,6 @@ static const struct {
     {"torch", "ByteStorage", NAME_STORAGE + ST_U8},
     {"torch", "BoolStorage", NAME_STORAGE + ST_BOOL},
 };
-
-static bool pickle_text_is(struct pickle_text s, const char *word)
-{
-    return s.n == strlen(word) && !memcmp(s.p, word, s.n);
-}
-
-/* Whether s is word, or word and a dot and more. */
-static bool pickle_text_begins(struct pickle_text s, const char *word)
-{
-    size_t n = strlen(word);
-
-    return s.n >= n && !memcmp(s.p, word, n) && (s.n == n || s.p[n] == '.');
-}
 
 int pickle_lookup(struct pickle_text module, struct pickle_text name)
 {
@@ -221,20 +208,34 @@ static struct pickle_value *pickle_call_encode(struct pickle_machine *m,
     return v;
 }
 
-/* copyreg._reconstructor(class, object, None): an object without state. */
+/* bytes() and bytearray(bytes): the bytes. */
+static struct pickle_value *pickle_call_bytes(struct pickle_machine *m,
+                                              const struct pickle_name *name,
+                                              const struct pickle_value *args)
+{
+    struct pickle_value *given = pickle_item(args, 0);
+
+    if (!given)
+        return pickle_make(m, PICKLE_BYTES);
+    return pickle_is_kind(given, PICKLE_BYTES)
+               ? given : pickle_make_object(m, name, NULL);
+}
+
+/* copyreg._reconstructor(class, base, of the base): an object without state.
+ */
 static struct pickle_value *pickle_call_reconstructor(
     struct pickle_machine *m, const struct pickle_value *args)
 {
     const struct pickle_value *cls = pickle_item(args, 0);
     const struct pickle_value *base = pickle_item(args, 1);
 
-    if (!pickle_is_kind(cls, PICKLE_NAME) || !pickle_is_kind(base, PICKLE_NAME)
-        || base->u.name != NAME_OBJECT
-        || !pickle_is_kind(pickle_item(args, 2), PICKLE_NONE))
-        return pickle_fail(m, "_reconstructor of other than a class, object "
-                              "and None"),
+    if (!pickle_is_kind(cls, PICKLE_NAME) || !pickle_is_kind(base, PICKLE_NAME))
+        return pickle_fail(m, "_reconstructor of other than a class and its "
+                              "base"),
                NULL;
-    return pickle_new(m, cls->u.name);
+    return cls->u.name->known == NAME_NONE
+               ? pickle_make_object(m, cls->u.name, &args->u.list)
+               : pickle_new(m, cls->u.name);
 }
 
 /* TorchScript's lists of one type: the list. */
@@ -410,95 +411,76 @@ static struct pickle_value *pickle_call_frombuffer(
     return v;
 }
 
-/* ---- scipy and chumpy --------------------------------------------------- */
+/* ---- objects ------------------------------------------------------------ */
 
-/* An array of the state, through chumpy's wrapping; NULL when absent. */
-static const struct pickle_array *pickle_state_array(
-    const struct pickle_value *state, const char *key)
+struct pickle_value *pickle_make_object(struct pickle_machine *m,
+                                        const struct pickle_name *name,
+                                        const struct pickle_list *args)
 {
-    const struct pickle_value *v = pickle_get(state, key);
+    struct pickle_value *v = pickle_make(m, PICKLE_OBJECT);
+    struct pickle_object *o = v ? pickle_alloc(m, sizeof *o) : NULL;
 
-    if (pickle_is_kind(v, PICKLE_CHUMPY))
-        v = v->u.inner;
-    return pickle_is_kind(v, PICKLE_ARRAY) ? v->u.array : NULL;
+    if (!o)
+        return NULL;
+    v->u.object = o;
+    if (name)
+        o->of = *name;
+    /* Counter({..}), UserList([..]): what it is made of is what it holds. */
+    for (size_t i = 0; args && i < args->n && !o->items; i++)
+        if (args->item[i]->kind == PICKLE_DICT
+            || args->item[i]->kind == PICKLE_LIST)
+            o->items = args->item[i];
+    return v;
 }
 
-/* scipy's compressed matrices: three arrays and a shape. */
-static int pickle_build_sparse(struct pickle_machine *m,
-                               struct pickle_value *object,
-                               const struct pickle_value *state)
+struct pickle_value *pickle_object_items(struct pickle_machine *m,
+                                         struct pickle_value *object,
+                                         enum pickle_kind kind)
 {
-    struct pickle_sparse *s = object->u.sparse;
-    size_t dim[ARRAY_VIEW_DIMS];
-    int n;
+    struct pickle_object *o = object->u.object;
 
-    n = pickle_take_sizes(m, dim, pickle_get(state, "_shape"),
-                          "_shape of a sparse matrix");
-    if (n < 0)
-        return -1;
-    s->data = pickle_state_array(state, "data");
-    s->indices = pickle_state_array(state, "indices");
-    s->starts = pickle_state_array(state, "indptr");
-    if (n != 2 || !s->data || !s->indices || !s->starts)
-        return pickle_fail(m, "sparse matrix of %d dimensions, or without "
-                           "data, indices and indptr", n);
-    s->dim[0] = dim[0];
-    s->dim[1] = dim[1];
-    return 0;
+    if (!o->own || o->items->kind != kind) {
+        o->items = pickle_make(m, kind);
+        o->own = o->items != NULL;
+    }
+    return o->items;
 }
 
-/* chumpy's Ch: the array that it wraps as x. */
-static int pickle_build_chumpy(struct pickle_machine *m,
-                               struct pickle_value *object,
-                               const struct pickle_value *state)
+/* The attributes of an object: a dict, or the first in a tuple of such, as
+ * classes with slots have it; other states say nothing. */
+static int pickle_build_object(struct pickle_value *object,
+                               struct pickle_value *state)
 {
-    struct pickle_value *x = pickle_get(state, "x");
-
-    if (pickle_is_kind(x, PICKLE_CHUMPY))
-        x = x->u.inner;
-    if (!pickle_is_kind(x, PICKLE_ARRAY))
-        return pickle_fail(m, "chumpy array whose x is %s (expected an "
-                           "array)", x ? pickle_kind_name(x) : "missing");
-    object->u.inner = x;
+    for (size_t i = 0; state->kind == PICKLE_TUPLE && i < state->u.list.n; i++)
+        if (state->u.list.item[i]->kind == PICKLE_DICT)
+            state = state->u.list.item[i];
+    if (state->kind == PICKLE_DICT)
+        object->u.object->state = state;
     return 0;
 }
 
 /* ---- what the opcodes call ---------------------------------------------- */
 
-struct pickle_value *pickle_new(struct pickle_machine *m, int name)
+struct pickle_value *pickle_new(struct pickle_machine *m,
+                                const struct pickle_name *name)
 {
-    struct pickle_value *v;
-
-    switch (name) {
-    case NAME_ORDERED_DICT:
+    if (name->known == NAME_ORDERED_DICT)
         return pickle_make(m, PICKLE_DICT);
-    case NAME_SCRIPT:
-        v = pickle_make(m, PICKLE_DICT);
-        if (v)
-            v->script = true;
-        return v;
-    case NAME_CHUMPY:
-        return pickle_make(m, PICKLE_CHUMPY);
-    case NAME_CSC:
-    case NAME_CSR:
-        v = pickle_make(m, PICKLE_SPARSE);
-        if (!v || !(v->u.sparse = pickle_alloc(m, sizeof *v->u.sparse)))
-            return NULL;
-        v->u.sparse->rows = name == NAME_CSR;
-        return v;
-    default:
-        pickle_fail(m, "%s is not a class to make things of",
-                    pickle_name_text(name));
-        return NULL;
-    }
+    if (name->known == NAME_SCRIPT)
+        return pickle_make_object(m, name, NULL);
+    pickle_fail(m, "%s is not a class to make things of",
+                pickle_name_text(name->known));
+    return NULL;
 }
 
-struct pickle_value *pickle_call(struct pickle_machine *m, int name,
+struct pickle_value *pickle_call(struct pickle_machine *m,
+                                 const struct pickle_name *name,
                                  const struct pickle_value *args)
 {
-    switch (name) {
+    switch (name->known) {
     case NAME_ORDERED_DICT: return pickle_call_dict(m, args);
     case NAME_SET: return pickle_call_set(m, args);
+    case NAME_BYTES: return pickle_call_bytes(m, name, args);
     case NAME_ENCODE: return pickle_call_encode(m, args);
     case NAME_LIST: return pickle_call_list(m, args);
     case NAME_RECONSTRUCTOR: return pickle_call_reconstructor(m, args);
@@ -509,27 +491,25 @@ struct pickle_value *pickle_call(struct pickle_machine *m, int name,
     case NAME_TENSOR: return pickle_torch_tensor(m, args);
     case NAME_LOAD: return pickle_torch_load(m, args);
     case NAME_PARAMETER: return pickle_torch_parameter(m, args);
+    case NAME_SUBCLASS: return pickle_torch_subclass(m, args);
     case NAME_SIZE: return pickle_torch_size(m, args);
     default:
-        pickle_fail(m, "%s is not a function to call", pickle_name_text(name));
+        pickle_fail(m, "%s is not a function to call",
+                    pickle_name_text(name->known));
         return NULL;
     }
 }
 
 int pickle_build(struct pickle_machine *m, struct pickle_value *object,
-                 const struct pickle_value *state)
+                 struct pickle_value *state)
 {
     switch (object->kind) {
     case PICKLE_ARRAY: return pickle_build_array(m, object, state);
     case PICKLE_DTYPE: return pickle_build_dtype(m, object, state);
-    case PICKLE_SPARSE: return pickle_build_sparse(m, object, state);
-    case PICKLE_CHUMPY: return pickle_build_chumpy(m, object, state);
-    case PICKLE_DICT:                   /* attributes: not data, unless */
-        if (state->kind == PICKLE_DICT) {
-            if (object->script)
-                object->u.list = state->u.list;
+    case PICKLE_OBJECT: return pickle_build_object(object, state);
+    case PICKLE_DICT:                   /* attributes: not data */
+        if (state->kind == PICKLE_DICT)
             return 0;
-        }
         /* fall through */
     default:
         return pickle_fail(m, "of a %s", pickle_kind_name(object));

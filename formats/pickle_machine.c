@@ -30,6 +30,20 @@ int pickle_fail(struct pickle_machine *m, const char *format, ...)
                      text);
 }
 
+void pickle_refuse(struct pickle_machine *m, const char *format, ...)
+{
+    char text[400];
+    va_list args;
+
+    if (m->p->refused.text[0])
+        return;
+    va_start(args, format);
+    vsnprintf(text, sizeof text, format, args);
+    va_end(args);
+    error_set(&m->p->refused, EX_DATAERR, "byte %zu: %s: %s", m->op_at, m->op,
+              text);
+}
+
 /* Room for small values of a pickle, zeroed. */
 static struct pickle_block *pickle_block_make(struct pickle_machine *m,
                                               size_t size)
@@ -172,6 +186,11 @@ int pickle_line(struct pickle_machine *m, struct pickle_text *line)
     line->p = (const char *)p;
     line->n = (size_t)(end - p);
     m->at += line->n + 1;
+    /* A text mode that wrote CR and LF did so from the first line on. */
+    if (!m->lines++)
+        m->crlf = line->n && line->p[line->n - 1] == '\r';
+    if (m->crlf && line->n && line->p[line->n - 1] == '\r')
+        line->n--;
     return 0;
 }
 
@@ -301,11 +320,22 @@ int pickle_memo_get(struct pickle_machine *m, uint64_t i)
 
 /* ---- looking at values -------------------------------------------------- */
 
+bool pickle_text_is(struct pickle_text s, const char *word)
+{
+    return s.n == strlen(word) && !memcmp(s.p, word, s.n);
+}
+
+bool pickle_text_begins(struct pickle_text s, const char *word)
+{
+    size_t n = strlen(word);
+
+    return s.n >= n && !memcmp(s.p, word, n) && (s.n == n || s.p[n] == '.');
+}
+
 bool pickle_is(const struct pickle_value *text, const char *word)
 {
     return (text->kind == PICKLE_BYTES || text->kind == PICKLE_TEXT) &&
-           text->u.s.n == strlen(word) &&
-           !memcmp(text->u.s.p, word, text->u.s.n);
+           pickle_text_is(text->u.s, word);
 }
 
 struct pickle_value *pickle_get(const struct pickle_value *dict,
@@ -330,9 +360,30 @@ const char *pickle_kind_name(const struct pickle_value *v)
         [PICKLE_LIST] = "list", [PICKLE_TUPLE] = "tuple",
         [PICKLE_SET] = "set", [PICKLE_DICT] = "dict",
         [PICKLE_NAME] = "name", [PICKLE_DTYPE] = "dtype",
-        [PICKLE_SPARSE] = "sparse matrix", [PICKLE_STORAGE] = "storage",
-        [PICKLE_ARRAY] = "array", [PICKLE_CHUMPY] = "chumpy array",
+        [PICKLE_STORAGE] = "storage", [PICKLE_ARRAY] = "array",
+        [PICKLE_OBJECT] = "object",
     };
 
     return names[v->kind];
+}
+
+/* At most 60 bytes of a name, printable, at out. */
+static size_t pickle_printable(char *out, struct pickle_text s)
+{
+    size_t k = 0;
+
+    for (; k < s.n && k < 60; k++)
+        out[k] = s.p[k] > 32 && s.p[k] < 127 ? s.p[k] : '?';
+    out[k] = 0;
+    return k;
+}
+
+void pickle_full_name(char out[PICKLE_FULL_NAME], const struct pickle_name *n)
+{
+    char module[64], name[64];
+
+    pickle_printable(module, n->module);
+    pickle_printable(name, n->name);
+    snprintf(out, PICKLE_FULL_NAME, "%s%s%s", module, *module ? "." : "",
+             name);
 }

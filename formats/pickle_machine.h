@@ -11,14 +11,13 @@ extern "C" {
 
 #define PICKLE_LINE 4096        /* longest line that holds a number */
 
-/* Everything a pickle may name. */
-enum pickle_name {
+/* The names whose meaning is known; all others make objects. */
+enum pickle_known {
     NAME_NONE,
-    NAME_OBJECT, NAME_SET, NAME_ENCODE, NAME_RECONSTRUCTOR,
+    NAME_OBJECT, NAME_SET, NAME_BYTES, NAME_ENCODE, NAME_RECONSTRUCTOR,
     NAME_ORDERED_DICT, NAME_SCRIPT, NAME_LIST,
     NAME_NDARRAY, NAME_DTYPE, NAME_RECONSTRUCT, NAME_SCALAR, NAME_FROMBUFFER,
-    NAME_TENSOR, NAME_PARAMETER, NAME_SIZE, NAME_LOAD,
-    NAME_CSC, NAME_CSR, NAME_CHUMPY,
+    NAME_TENSOR, NAME_PARAMETER, NAME_SUBCLASS, NAME_SIZE, NAME_LOAD,
     NAME_STORAGE            /* + enum st_dtype */
 };
 
@@ -33,6 +32,7 @@ struct pickle {
     struct pickle_arena arena;
     struct pickle_value *root;
     struct pickle_list storages;    /* every one that was named */
+    struct error refused;           /* pickle_refused; no text: nothing */
 };
 
 struct pickle_machine {
@@ -50,6 +50,8 @@ struct pickle_machine {
     size_t strings;         /* and of those that were written anew */
     bool stopped;
     bool inner;             /* a pickle in a string of another */
+    bool crlf;              /* its lines end in CR and LF */
+    size_t lines;           /* read so far */
     struct error *err;
 };
 
@@ -102,16 +104,30 @@ int pickle_memo_get(struct pickle_machine *m, uint64_t i);
 struct pickle *pickle_read_inner(const void *data, size_t size, size_t *used,
                                  struct error *err);
 
-/* The name that module and name stand for, NAME_NONE when it is refused. */
+/* What module and name stand for, NAME_NONE when that is not known. */
 int pickle_lookup(struct pickle_text module, struct pickle_text name);
 /* What calling `name` with a tuple of arguments gives. */
-struct pickle_value *pickle_call(struct pickle_machine *m, int name,
+struct pickle_value *pickle_call(struct pickle_machine *m,
+                                 const struct pickle_name *name,
                                  const struct pickle_value *args);
 /* An object of class `name`, made without arguments. */
-struct pickle_value *pickle_new(struct pickle_machine *m, int name);
+struct pickle_value *pickle_new(struct pickle_machine *m,
+                                const struct pickle_name *name);
+/* An object that name, which may be NULL, and the values in args are all there
+ * is to know of; args may be NULL. */
+struct pickle_value *pickle_make_object(struct pickle_machine *m,
+                                        const struct pickle_name *name,
+                                        const struct pickle_list *args);
+/* Remember why an object had to be made, if it is the first. */
+void pickle_refuse(struct pickle_machine *m, const char *format, ...)
+    __attribute__((format(printf, 2, 3)));
+/* Room for items of that kind in an object; NULL: out of memory. */
+struct pickle_value *pickle_object_items(struct pickle_machine *m,
+                                         struct pickle_value *object,
+                                         enum pickle_kind kind);
 /* Fill in an object from its state. */
 int pickle_build(struct pickle_machine *m, struct pickle_value *object,
-                 const struct pickle_value *state);
+                 struct pickle_value *state);
 /* A storage from its persistent id, the tuple
  * ('storage', type, key, place, elements[, view of another]). */
 struct pickle_value *pickle_persistent(struct pickle_machine *m,
@@ -143,6 +159,10 @@ struct pickle_value *pickle_torch_tensor(struct pickle_machine *m,
  * number, the version and the machine are left unread. */
 struct pickle_value *pickle_torch_load(struct pickle_machine *m,
                                        const struct pickle_value *args);
+/* (function, class, arguments, state): a tensor of another class, as the
+ * function makes it. */
+struct pickle_value *pickle_torch_subclass(struct pickle_machine *m,
+                                           const struct pickle_value *args);
 /* (tensor, ..): the tensor. */
 struct pickle_value *pickle_torch_parameter(struct pickle_machine *m,
                                             const struct pickle_value *args);

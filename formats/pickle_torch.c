@@ -11,6 +11,10 @@ struct pickle_value *pickle_persistent(struct pickle_machine *m,
     struct pickle_value *v;
     struct pickle_storage *s;
 
+    /* the older form: a class, and the text it was defined in */
+    if (pickle_is_kind(id, PICKLE_TUPLE) && id->u.list.n > 1
+        && pickle_is(pickle_item(id, 0), "module"))
+        return pickle_item(id, 1);
     if (!pickle_is_kind(id, PICKLE_TUPLE) || id->u.list.n < 5
         || id->u.list.n > 6 || !pickle_is(pickle_item(id, 0), "storage"))
         return pickle_fail(m, "persistent id is a %s (expected a storage)",
@@ -18,8 +22,11 @@ struct pickle_value *pickle_persistent(struct pickle_machine *m,
                NULL;
     type = pickle_item(id, 1);
     key = pickle_item(id, 2);
-    if (!pickle_is_kind(type, PICKLE_NAME) || type->u.name < NAME_STORAGE ||
-        (key->kind != PICKLE_TEXT && key->kind != PICKLE_BYTES))
+    if (pickle_is_kind(type, PICKLE_NAME) && type->u.name->known == NAME_NONE)
+        return pickle_make_object(m, type->u.name, NULL);
+    if (!pickle_is_kind(type, PICKLE_NAME)
+        || type->u.name->known < NAME_STORAGE
+        || (key->kind != PICKLE_TEXT && key->kind != PICKLE_BYTES))
         return pickle_fail(m, "storage of type %s with a %s as key",
                            pickle_kind_name(type), pickle_kind_name(key)),
                NULL;
@@ -28,7 +35,7 @@ struct pickle_value *pickle_persistent(struct pickle_machine *m,
     if (!s
         || pickle_take_size(m, &s->count, pickle_item(id, 4), "storage's size"))
         return NULL;
-    s->dtype = (enum st_dtype)(type->u.name - NAME_STORAGE);
+    s->dtype = (enum st_dtype)(type->u.name->known - NAME_STORAGE);
     s->key = key->u.s;
     v->u.storage = s;
     if (pickle_append(m, &m->p->storages, v))
@@ -57,6 +64,8 @@ struct pickle_value *pickle_torch_tensor(struct pickle_machine *m,
 
     if (!v)
         return NULL;
+    if (pickle_is_kind(storage, PICKLE_OBJECT))     /* of no type of ours */
+        return pickle_make_object(m, &storage->u.object->of, NULL);
     if (!pickle_is_kind(storage, PICKLE_STORAGE))
         return pickle_fail(m, "tensor of a %s (expected a storage)",
                            storage ? pickle_kind_name(storage) : "nothing"),
@@ -129,12 +138,27 @@ struct pickle_value *pickle_torch_load(struct pickle_machine *m,
     return v;
 }
 
+struct pickle_value *pickle_torch_subclass(struct pickle_machine *m,
+                                           const struct pickle_value *args)
+{
+    const struct pickle_value *function = pickle_item(args, 0);
+    const struct pickle_value *given = pickle_item(args, 2);
+
+    if (pickle_is_kind(function, PICKLE_NAME)
+        && function->u.name->known == NAME_TENSOR
+        && pickle_is_kind(given, PICKLE_TUPLE))
+        return pickle_torch_tensor(m, given);
+    return pickle_make_object(m, NULL, NULL);
+}
+
 /* (tensor, ..) */
 struct pickle_value *pickle_torch_parameter(struct pickle_machine *m,
                                             const struct pickle_value *args)
 {
     struct pickle_value *tensor = pickle_item(args, 0);
 
+    if (pickle_is_kind(tensor, PICKLE_OBJECT))
+        return tensor;
     if (!pickle_is_kind(tensor, PICKLE_ARRAY) || !tensor->u.array->storage)
         return pickle_fail(m, "parameter of a %s (expected a tensor)",
                            tensor ? pickle_kind_name(tensor) : "nothing"),

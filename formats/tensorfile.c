@@ -84,14 +84,15 @@ int tensorfile_add(struct tensorfile *f, const char *name,
     return 0;
 }
 
-void tensorfile_add_other(struct tensorfile *f, const char *name,
-                          const char *kind)
+void tensorfile_add_other(struct tensorfile *f, enum tensorfile_sort sort,
+                          const char *name, const char *kind)
 {
-    if (f->others < TENSORFILE_NOTED) {
-        f->other[f->others].name = strdup(name);
-        f->other[f->others].kind = kind;
+    size_t i = f->other[sort].n++;
+
+    if (i < TENSORFILE_NOTED) {
+        f->other[sort].name[i] = strdup(name);
+        f->other[sort].kind[i] = strdup(kind);
     }
-    f->others++;
 }
 
 static int tensorfile_by_name(const void *a, const void *b, void *context)
@@ -130,16 +131,45 @@ static bool tensorfile_npy_view(struct array_view *v,
            array_view_pack(v, h->fortran);
 }
 
+struct pickle *tensorfile_unpickle(struct tensorfile *f, const char *where,
+                                   const void *data, size_t bytes,
+                                   size_t *used, struct error *err)
+{
+    struct pickle **list = realloc(f->pickle,
+                                   (f->npickle + 1) * sizeof *list);
+    struct pickle *p;
+    size_t memory = 0;
+
+    if (!list) {
+        error_set(err, EX_OSERR, "out of memory");
+        return NULL;
+    }
+    f->pickle = list;
+    p = pickle_read(data, bytes, used, err);
+    if (!p)
+        return NULL;
+    f->pickle[f->npickle++] = p;
+    if (pickle_refused(p) && !f->refused.text[0])
+        error_set(&f->refused, EX_DATAERR, "%s%s%s", where,
+                  *where ? ": " : "", pickle_refused(p));
+    for (size_t i = 0; i < f->npickle; i++)
+        memory += pickle_memory(f->pickle[i]);
+    if (memory <= PICKLE_MAX_MEMORY)
+        return p;
+    error_set(err, EX_DATAERR, "its pickles make more than %zu MB of objects",
+              PICKLE_MAX_MEMORY >> 20);
+    return NULL;
+}
+
 /* An array of objects is a pickle behind the header. */
 static int tensorfile_open_objects(struct tensorfile *f, const char *name,
-                                   const void *data, size_t bytes,
-                                   struct error *err)
+                                   const char *where, const void *data,
+                                   size_t bytes, struct error *err)
 {
-    pickle_free(f->pickle[1]);
-    f->pickle[1] = pickle_read(data, bytes, NULL, err);
-    return f->pickle[1] ? tensorfile_flatten(f, name,
-                                             pickle_root(f->pickle[1]), err)
-                        : -1;
+    const struct pickle *p = tensorfile_unpickle(f, where, data, bytes, NULL,
+                                                 err);
+
+    return p ? tensorfile_flatten(f, name, p, err) : -1;
 }
 
 /* "dir/l_eyelid.npy" -> "l_eyelid": what an array without a name is called. */
@@ -167,7 +197,7 @@ static int tensorfile_open_npy(struct tensorfile *f, struct error *err)
     if (npy_header_read(&h, f->map, f->bytes, f->bytes, err))
         return -1;
     if (h.kind == 'O')
-        return tensorfile_open_objects(f, "", f->map + h.bytes,
+        return tensorfile_open_objects(f, "", "", f->map + h.bytes,
                                        f->bytes - h.bytes, err);
     p.data = f->map + h.bytes;
     if (!tensorfile_npy_view(&p.view, &h))
@@ -194,19 +224,18 @@ static int tensorfile_open_npz_entry(struct tensorfile *f, size_t i,
         goto out;
     p.skip = h.bytes;
     if (h.kind == 'O') {
-        unsigned char *all = f->pickle[1] || bytes > TENSORFILE_SMALL
+        unsigned char *all = bytes > TENSORFILE_SMALL
                                  ? NULL : tensorfile_own(f, bytes, err);
 
         if (!all)
-            error_set(err, EX_DATAERR, "a second array of objects, or a "
-                      "large one");
+            error_set(err, EX_DATAERR, "a large array of objects");
         else if (!ziparchive_read(all, f->zip, i, err))
-            rc = tensorfile_open_objects(f, base, all + h.bytes,
+            rc = tensorfile_open_objects(f, base, name, all + h.bytes,
                                          bytes - h.bytes, err);
     } else if (tensorfile_npy_view(&p.view, &h)) {
         rc = tensorfile_add(f, base, &p, err);
     } else {
-        tensorfile_add_other(f, base, "array");
+        tensorfile_add_other(f, TENSORFILE_PLAIN, base, "array");
         rc = 0;
     }
 out:
@@ -320,27 +349,29 @@ static int tensorfile_open_pickle(struct tensorfile *f, struct error *err)
     /* The number that the older form of PyTorch begins with. */
     static const unsigned char magic[10] = {0x6c, 0xfc, 0x9c, 0x46, 0xf9,
                                             0x20, 0x6a, 0xa8, 0x50, 0x19};
+    size_t used;
+    const struct pickle *p = tensorfile_unpickle(f, "", f->map, f->bytes,
+                                                 &used, err);
     const struct pickle_value *root;
     char name[TENSORFILE_NAME];
-    size_t used;
 
     f->format = "pickle";
-    f->pickle[0] = pickle_read(f->map, f->bytes, &used, err);
-    if (!f->pickle[0] && f->map[0] == 0x80)
-        return -1;
-    if (!f->pickle[0])
-        return error_prefix(err, "neither safetensors, zip, npy nor a sound "
-                            "pickle");
-    root = pickle_root(f->pickle[0]);
+    if (!p)
+        return f->map[0] == 0x80 ? -1
+            : error_prefix(err, "neither safetensors, zip, npy nor a sound "
+                           "pickle");
+    root = pickle_root(p);
     if (root->kind == PICKLE_LONG && root->u.s.n == sizeof magic &&
         !memcmp(root->u.s.p, magic, sizeof magic))
         return tensorfile_torch_legacy(f, used, err);
-    if (pickle_storages(f->pickle[0])->n)
+    if (pickle_storages(p)->n)
         return error_set(err, EX_DATAERR, "a pickle with PyTorch storages "
                          "alone (expected the file that holds them too)");
-    const char *stem = root->kind == PICKLE_ARRAY
-                     ? tensorfile_array_stem(name, f->path) : "";
-    return tensorfile_flatten(f, stem, root, err);
+    bool one = tensorfile_array(root)
+               || (root->kind == PICKLE_OBJECT
+                   && tensorfile_is_sparse(root->u.object));
+    return tensorfile_flatten(f, one ? tensorfile_array_stem(name, f->path)
+                                     : "", p, err);
 }
 
 /* The first bytes say what a file is. */
@@ -360,6 +391,16 @@ static int tensorfile_open_contents(struct tensorfile *f, struct error *err)
     return tensorfile_open_pickle(f, err);
 }
 
+/* Objects beside tensors are passed over; with no tensor at all, the first of
+ * them says why. */
+static int tensorfile_check_refused(struct tensorfile *f, struct error *err)
+{
+    if (f->count || !f->refused.text[0])
+        return 0;
+    *err = f->refused;
+    return -1;
+}
+
 struct tensorfile *tensorfile_open(const char *path, struct error *err)
 {
     struct tensorfile *f = calloc(1, sizeof *f);
@@ -371,7 +412,7 @@ struct tensorfile *tensorfile_open(const char *path, struct error *err)
     }
     f->cached = SIZE_MAX;
     if (tensorfile_map_file(f, err) || tensorfile_open_contents(f, err) ||
-        tensorfile_sort_names(f, err)) {
+        tensorfile_sort_names(f, err) || tensorfile_check_refused(f, err)) {
         if (!f->named)
             error_prefix(err, "%s", path);
         tensorfile_close(f);
@@ -389,14 +430,17 @@ void tensorfile_close(struct tensorfile *f)
         munmap((void *)(uintptr_t)f->map, f->bytes);
     for (size_t i = 0; i < f->count; i++)
         free((void *)(uintptr_t)f->tensor[i].name);
-    for (size_t i = 0; i < f->others && i < TENSORFILE_NOTED; i++)
-        free(f->other[i].name);
+    for (size_t i = 0; i < TENSORFILE_SORTS * TENSORFILE_NOTED; i++) {
+        free(f->other[i / TENSORFILE_NOTED].name[i % TENSORFILE_NOTED]);
+        free(f->other[i / TENSORFILE_NOTED].kind[i % TENSORFILE_NOTED]);
+    }
     for (size_t i = 0; i < f->nowned; i++)
         free(f->owned[i]);
     ziparchive_close(f->zip);
     st_close(f->st);
-    pickle_free(f->pickle[0]);
-    pickle_free(f->pickle[1]);
+    for (size_t i = 0; i < f->npickle; i++)
+        pickle_free(f->pickle[i]);
+    free(f->pickle);
     free(f->legacy);
     free(f->tensor);
     free(f->place);
@@ -454,16 +498,19 @@ size_t tensorfile_find(const struct tensorfile *f, const char *name)
     return SIZE_MAX;
 }
 
-size_t tensorfile_others(const struct tensorfile *f)
+size_t tensorfile_others(const struct tensorfile *f, enum tensorfile_sort sort)
 {
-    return f->others;
+    return f->other[sort].n;
 }
 
-const char *tensorfile_other(const struct tensorfile *f, size_t i,
+const char *tensorfile_other(const struct tensorfile *f,
+                             enum tensorfile_sort sort, size_t i,
                              const char **kind)
 {
-    *kind = f->other[i].kind;
-    return f->other[i].name ? f->other[i].name : "?";
+    const char *name = f->other[sort].name[i];
+
+    *kind = f->other[sort].kind[i] ? f->other[sort].kind[i] : "?";
+    return name && *name ? name : "(unnamed)";
 }
 
 /* ---- elements ----------------------------------------------------------- */

@@ -1,9 +1,9 @@
 /* Files of named tensors as other programs write them: PyTorch checkpoints
  * (zip and the older plain form), numpy's .npy and .npz, pickles of arrays,
  * safetensors.  What a file is, its first bytes say.  Nested dictionaries and
- * lists become dotted names ("model.layer1.0.weight"); what is no tensor is
- * left out and counted.  Files are hostile input: see pickle.h, ziparchive.h
- * and the limits below. */
+ * lists become dotted names ("model.layer1.0.weight"), objects of any class
+ * likewise by what they hold; what is no tensor is left out and counted.  Files
+ * are hostile input: see pickle.h, ziparchive.h and the limits below. */
 #ifndef SPID_FORMATS_TENSORFILE_H
 #define SPID_FORMATS_TENSORFILE_H
 
@@ -55,13 +55,17 @@ size_t tensorfile_find(const struct tensorfile *f, const char *name);
 const void *tensorfile_data(struct tensorfile *f, size_t i,
                             struct error *err);
 
-/* Values that are no tensors: how many, and the name and kind ("text") of the
- * i-th of the first TENSORFILE_NOTED. */
-#define TENSORFILE_NOTED 64
-/* How many values are no tensors. */
-size_t tensorfile_others(const struct tensorfile *f);
-/* The name of the i-th of them, and its kind. */
-const char *tensorfile_other(const struct tensorfile *f, size_t i,
+/* Values that are no tensors: numbers and text of Python's, and objects that
+ * hold none and whose class means nothing here. */
+enum tensorfile_sort { TENSORFILE_PLAIN, TENSORFILE_OBJECT, TENSORFILE_SORTS };
+#define TENSORFILE_NOTED 64     /* of a sort that are kept by name */
+/* How many there are. */
+size_t tensorfile_others(const struct tensorfile *f,
+                         enum tensorfile_sort sort);
+/* The name of the i-th, i < TENSORFILE_NOTED, and its kind ("text") or
+ * class. */
+const char *tensorfile_other(const struct tensorfile *f,
+                             enum tensorfile_sort sort, size_t i,
                              const char **kind);
 
 #ifdef __cplusplus

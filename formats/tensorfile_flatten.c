@@ -60,11 +60,14 @@ static bool flatten_path_append(struct path *path, const struct pickle_value *v)
     return true;
 }
 
-/* Go down by a key; false: it cannot be in a name. */
-static bool flatten_path_down(struct path *path, const struct pickle_value *key)
+/* Go down by a key, or by none; false: it cannot be in a name. */
+static bool flatten_path_down(struct path *path, const struct pickle_value *key,
+                              bool bare)
 {
     if (path->n + 24 > sizeof path->text)
         return false;
+    if (bare)
+        return true;
     if (path->n)
         path->text[path->n++] = '.';
     if (key->kind == PICKLE_INT) {
@@ -81,9 +84,18 @@ static int flatten_value(struct tensorfile *f, struct path *path,
                          const struct pickle_value *v, int depth,
                          struct error *err);
 
-/* Each item under its key or number, one step further down the path. */
+/* What PyTorch's modules keep their tensors under: no part of the names, as in
+ * their state dictionaries. */
+static bool flatten_is_bare(const struct pickle_value *key)
+{
+    return pickle_is(key, "_parameters") || pickle_is(key, "_buffers")
+           || pickle_is(key, "_modules");
+}
+
+/* Each item under its key or number, one step further down the path; `module`:
+ * they are what an object holds. */
 static int flatten_items(struct tensorfile *f, struct path *path,
-                         const struct pickle_value *v, int depth,
+                         const struct pickle_value *v, bool module, int depth,
                          struct error *err)
 {
     const struct pickle_list *l = &v->u.list;
@@ -94,10 +106,12 @@ static int flatten_items(struct tensorfile *f, struct path *path,
         struct pickle_value index = {.kind = PICKLE_INT,
                                      .u.i = (int64_t)i};
 
-        if (flatten_path_down(path, step == 2 ? l->item[i] : &index))
+        if (flatten_path_down(path, step == 2 ? l->item[i] : &index,
+                              module && flatten_is_bare(l->item[i])))
             rc = flatten_value(f, path, l->item[i + step - 1], depth + 1, err);
         else
-            tensorfile_add_other(f, path->text, "value under an odd key");
+            tensorfile_add_other(f, TENSORFILE_PLAIN, path->text,
+                                 "value under an odd key");
         path->n = before;
         path->text[before] = 0;
     }
@@ -111,7 +125,7 @@ static int flatten_objects(struct tensorfile *f, struct path *path,
 {
     return v->u.list.n == 1
                ? flatten_value(f, path, v->u.list.item[0], depth + 1, err)
-               : flatten_items(f, path, v, depth + 1, err);
+               : flatten_items(f, path, v, false, depth + 1, err);
 }
 
 /* An array of numbers, wherever they lie. */
@@ -124,7 +138,7 @@ static int flatten_array(struct tensorfile *f, struct path *path,
     if (!a->filled)
         return error_set(err, EX_DATAERR, "the array is never filled in");
     if (!a->known) {
-        tensorfile_add_other(f, path->text, "array");
+        tensorfile_add_other(f, TENSORFILE_PLAIN, path->text, "array");
         return 0;
     }
     if (a->storage && a->storage->data) {
@@ -143,13 +157,101 @@ static int flatten_array(struct tensorfile *f, struct path *path,
     return tensorfile_add(f, path->text, &p, err);
 }
 
+/* An object that is passed over. */
+static void flatten_note_object(struct tensorfile *f, const struct path *path,
+                                const struct pickle_name *of)
+{
+    char class[PICKLE_FULL_NAME];
+
+    pickle_full_name(class, of);
+    tensorfile_add_other(f, TENSORFILE_OBJECT, path->text,
+                         *class ? class : "value without a class");
+}
+
+/* chumpy's class Ch wraps an array, x of its attributes. */
+static bool flatten_is_chumpy(const struct pickle_value *v)
+{
+    return v && v->kind == PICKLE_OBJECT
+           && pickle_text_is(v->u.object->of.name, "Ch")
+           && pickle_text_begins(v->u.object->of.module, "chumpy");
+}
+
+const struct pickle_array *tensorfile_array(const struct pickle_value *v)
+{
+    for (int i = 0; flatten_is_chumpy(v) && i < 4; i++)
+        v = v->u.object->state ? pickle_get(v->u.object->state, "x") : NULL;
+    return v && v->kind == PICKLE_ARRAY ? v->u.array : NULL;
+}
+
+/* The array in chumpy's wrapping. */
+static int flatten_chumpy(struct tensorfile *f, struct path *path,
+                          const struct pickle_value *v, struct error *err)
+{
+    const struct pickle_array *a = tensorfile_array(v);
+
+    if (!v->u.object->state)
+        return error_set(err, EX_DATAERR, "byte %zu: '%s' is a chumpy array "
+                         "without one", v->at, path->text);
+    if (!a || a->objects)
+        return error_set(err, EX_DATAERR, "byte %zu: '%s' is a chumpy array "
+                         "whose x is %s", v->at, path->text,
+                         a ? "one of objects" : "missing");
+    return flatten_array(f, path, a, err) ?
+               error_prefix(err, "byte %zu: tensor '%s'", v->at, path->text)
+               : 0;
+}
+
+/* One of scipy's matrices in full; of an unknown form it is passed over. */
+static int flatten_sparse(struct tensorfile *f, struct path *path,
+                          const struct pickle_value *v, struct error *err)
+{
+    struct tensor_place p = {.entry = SIZE_MAX};
+    int rc = tensorfile_dense(&p, f, v->u.object, err);
+
+    if (rc == 1)
+        flatten_note_object(f, path, &v->u.object->of);
+    if (!rc)
+        rc = tensorfile_add(f, path->text, &p, err);
+    return rc < 0 ? error_prefix(err, "byte %zu: tensor '%s'", v->at,
+                                 path->text) : 0;
+}
+
+/* An object: the tensors in what was put into it, or else in its attributes.
+ * One without any is passed over as a whole; so is one that leads back to
+ * itself. */
+static int flatten_object(struct tensorfile *f, struct path *path,
+                          const struct pickle_value *v, int depth,
+                          struct error *err)
+{
+    struct pickle_object *o = v->u.object;
+    const struct pickle_value *held = o->items ? o->items : o->state;
+    size_t tensors = f->count;
+    int rc = 0;
+
+    if (flatten_is_chumpy(v))
+        return flatten_chumpy(f, path, v, err);
+    if (tensorfile_is_sparse(o))
+        return flatten_sparse(f, path, v, err);
+    if (o->inside)
+        return 0;
+    o->inside = true;
+    f->objects++;
+    if (held)
+        rc = flatten_items(f, path, held, held->kind == PICKLE_DICT, depth + 1,
+                           err);
+    f->objects--;
+    o->inside = false;
+    if (!rc && f->count == tensors && !f->objects)
+        flatten_note_object(f, path, &o->of);
+    return rc;
+}
+
 /* Any value; nesting and the number of values are bounded, since shared ones
  * can make a small pickle endless. */
 static int flatten_value(struct tensorfile *f, struct path *path,
                          const struct pickle_value *v, int depth,
                          struct error *err)
 {
-    struct tensor_place p = {.entry = SIZE_MAX};
     int rc;
 
     if (depth > TENSORFILE_DEPTH)
@@ -163,23 +265,20 @@ static int flatten_value(struct tensorfile *f, struct path *path,
     case PICKLE_DICT:
     case PICKLE_LIST:
     case PICKLE_TUPLE:
-        return flatten_items(f, path, v, depth, err);
-    case PICKLE_CHUMPY:
-        if (!v->u.inner)
-            return error_set(err, EX_DATAERR, "byte %zu: '%s' is a chumpy "
-                             "array without one", v->at, path->text);
-        return flatten_value(f, path, v->u.inner, depth + 1, err);
+        return flatten_items(f, path, v, false, depth, err);
+    case PICKLE_NAME:
+        flatten_note_object(f, path, v->u.name);
+        return 0;
+    case PICKLE_OBJECT:
+        return flatten_object(f, path, v, depth, err);
     case PICKLE_ARRAY:
         if (v->u.array->objects)        /* their errors say where they are */
             return flatten_objects(f, path, v->u.array->objects, depth, err);
         rc = flatten_array(f, path, v->u.array, err);
         break;
-    case PICKLE_SPARSE:
-        rc = tensorfile_dense(&p, f, v->u.sparse, err) ||
-             tensorfile_add(f, path->text, &p, err) ? -1 : 0;
-        break;
     default:
-        tensorfile_add_other(f, path->text, pickle_kind_name(v));
+        tensorfile_add_other(f, TENSORFILE_PLAIN, path->text,
+                             pickle_kind_name(v));
         return 0;
     }
     if (rc)
@@ -188,7 +287,7 @@ static int flatten_value(struct tensorfile *f, struct path *path,
 }
 
 int tensorfile_flatten(struct tensorfile *f, const char *name,
-                       const struct pickle_value *v, struct error *err)
+                       const struct pickle *p, struct error *err)
 {
     struct path path = {.n = 0};
 
@@ -196,120 +295,5 @@ int tensorfile_flatten(struct tensorfile *f, const char *name,
     if (path.n >= sizeof path.text)
         return error_set(err, EX_DATAERR, "name of more than %d bytes",
                          TENSORFILE_NAME);
-    return flatten_value(f, &path, v, 0, err);
-}
-
-/* ---- sparse matrices ---------------------------------------------------- */
-
-/* An array of one dimension as it is packed; malloc'd. */
-static void *flatten_packed_row(const struct pickle_array *a, size_t *count,
-                                const char *what, struct error *err)
-{
-    void *out;
-
-    if (!a || !a->data || a->view.ndim != 1) {
-        error_set(err, EX_DATAERR, "%s of a sparse matrix is no array of "
-                  "numbers", what);
-        return NULL;
-    }
-    *count = a->view.count;
-    out = malloc(*count * st_dtype_size(a->view.dtype) + 1);
-    if (!out) {
-        error_set(err, EX_OSERR, "out of memory");
-        return NULL;
-    }
-    array_view_copy(out, &a->view, a->data);
-    return out;
-}
-
-/* Add the entries of the rows (csr) or columns (csc) to out (dim[0],dim[1]).
- * -1 when an index is outside. */
-static int flatten_sparse(double *out, const struct pickle_sparse *s,
-                          const void *data, const void *indices,
-                          const void *starts, size_t entries)
-{
-    size_t lines = s->dim[s->rows ? 0 : 1], across = s->dim[s->rows ? 1 : 0];
-    size_t from = 0;
-
-    for (size_t i = 0; i < lines; i++) {
-        double end = array_view_number(s->starts->view.dtype, starts, i + 1);
-
-        if (!(end >= (double)from && end <= (double)entries))
-            return -1;
-        for (; from < (size_t)end; from++) {
-            double at = array_view_number(s->indices->view.dtype, indices,
-                                          from);
-
-            if (!(at >= 0 && at < (double)across))
-                return -1;
-            out[s->rows ? i * s->dim[1] + (size_t)at
-                        : (size_t)at * s->dim[1] + i] +=
-                array_view_number(s->data->view.dtype, data, from);
-        }
-    }
-    return 0;
-}
-
-/* The place of an owned matrix of doubles, all 0. */
-static double *flatten_full_matrix(struct tensor_place *p, struct tensorfile *f,
-                                   const struct pickle_sparse *s,
-                                   size_t entries, struct error *err)
-{
-    const size_t most = TENSORFILE_SMALL / sizeof(double) / 8;
-    double *out;
-
-    *p = (struct tensor_place){.entry = SIZE_MAX};
-    p->view.dtype = ST_F64;
-    p->view.ndim = 2;
-    p->view.dim[0] = s->dim[0];
-    p->view.dim[1] = s->dim[1];
-    if (!array_view_pack(&p->view, false) ||
-        p->view.count > (entries > most / 64 ? most : 65536 + 64 * entries)) {
-        error_set(err, EX_DATAERR, "sparse matrix of %zu by %zu with %zu "
-                  "entries (expected a smaller or fuller one)", s->dim[0],
-                  s->dim[1], entries);
-        return NULL;
-    }
-    out = tensorfile_own(f, p->view.count * sizeof *out, err);
-    if (out)
-        memset(out, 0, p->view.count * sizeof *out);
-    p->data = out;
-    return out;
-}
-
-int tensorfile_dense(struct tensor_place *p, struct tensorfile *f,
-                     const struct pickle_sparse *s, struct error *err)
-{
-    size_t entries = 0, places = 0, starts = 0;
-    void *data = flatten_packed_row(s->data, &entries, "data", err);
-    void *indices = data ? flatten_packed_row(s->indices, &places, "indices",
-                                              err)
-                         : NULL;
-    void *start = indices
-                      ? flatten_packed_row(s->starts, &starts, "indptr", err)
-                      : NULL;
-    double *out = NULL;
-    int rc = -1;
-
-    if (!start)
-        goto out;
-    if (entries != places || starts != s->dim[s->rows ? 0 : 1] + 1 ||
-        (s->dim[1] && entries / s->dim[1] > s->dim[0])) {
-        error_set(err, EX_DATAERR, "sparse matrix of %zu by %zu has %zu "
-                  "numbers, %zu indices and %zu starts", s->dim[0],
-                  s->dim[1], entries, places, starts);
-        goto out;
-    }
-    out = flatten_full_matrix(p, f, s, entries, err);
-    if (!out)
-        goto out;
-    rc = flatten_sparse(out, s, data, indices, start, entries);
-    if (rc)
-        error_set(err, EX_DATAERR, "sparse matrix of %zu by %zu has an index "
-                  "outside", s->dim[0], s->dim[1]);
-out:
-    free(data);
-    free(indices);
-    free(start);
-    return rc;
+    return flatten_value(f, &path, pickle_root(p), 0, err);
 }

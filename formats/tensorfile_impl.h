@@ -35,7 +35,9 @@ struct tensorfile {
     size_t bytes;
     struct ziparchive *zip;
     struct safetensors *st;
-    struct pickle *pickle[2];       /* torch's, or an object array's */
+    struct pickle **pickle;         /* torch's, or object arrays' */
+    size_t npickle;
+    struct error refused;           /* the first thing that made an object */
     bool swap;                      /* storages in the other byte order */
     char prefix[256];               /* of a torch archive: "archive/" */
     struct legacy_storage *legacy;  /* by key */
@@ -46,15 +48,15 @@ struct tensorfile {
     size_t *by_name;                /* once all are known */
     size_t count, room;
     struct {
-        char *name;
-        const char *kind;
-    } other[TENSORFILE_NOTED];
-    size_t others;
+        char *name[TENSORFILE_NOTED], *kind[TENSORFILE_NOTED];
+        size_t n;
+    } other[TENSORFILE_SORTS];
     void **owned;                   /* blocks that tensors lie in */
     size_t nowned;
 
     size_t source, total;           /* bytes: unpacked file, all tensors */
     size_t visited;                 /* values, shared ones again */
+    int objects;                    /* that the walk is inside of */
     void *cache;                    /* the last entry that was unpacked */
     size_t cached;                  /* its index; SIZE_MAX: none */
     size_t unpacked;                /* bytes, so far */
@@ -67,17 +69,27 @@ struct tensorfile {
 int tensorfile_add(struct tensorfile *f, const char *name,
                    const struct tensor_place *p, struct error *err);
 /* One more value that is no tensor. */
-void tensorfile_add_other(struct tensorfile *f, const char *name,
-                          const char *kind);
+void tensorfile_add_other(struct tensorfile *f, enum tensorfile_sort sort,
+                          const char *name, const char *kind);
 /* A block that lives as long as f. */
 void *tensorfile_own(struct tensorfile *f, size_t bytes, struct error *err);
 
-/* Every tensor below a value, under dotted names that begin with `name`. */
+/* Read a pickle that lives as long as f; its length in *used (may be NULL).
+ * NULL on failure; `where` it lies, f remembers with what it refused. */
+struct pickle *tensorfile_unpickle(struct tensorfile *f, const char *where,
+                                   const void *data, size_t bytes,
+                                   size_t *used, struct error *err);
+/* Every tensor in a pickle of f's, under dotted names that begin with `name`.
+ */
 int tensorfile_flatten(struct tensorfile *f, const char *name,
-                       const struct pickle_value *v, struct error *err);
-/* Compressed rows or columns as a full matrix. */
+                       const struct pickle *p, struct error *err);
+/* Whether an object is one of scipy's sparse matrices. */
+bool tensorfile_is_sparse(const struct pickle_object *o);
+/* Such a matrix in full.  1: it has a form of which nothing is known. */
 int tensorfile_dense(struct tensor_place *p, struct tensorfile *f,
-                     const struct pickle_sparse *s, struct error *err);
+                     const struct pickle_object *o, struct error *err);
+/* An array behind chumpy's wrapping too; NULL: v is none, or is NULL. */
+const struct pickle_array *tensorfile_array(const struct pickle_value *v);
 /* Where a storage of PyTorch lies. */
 int tensorfile_storage(struct tensor_place *p, struct tensorfile *f,
                        const struct pickle_storage *s, struct error *err);

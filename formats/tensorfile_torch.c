@@ -33,6 +33,7 @@ int tensorfile_torch_zip(struct tensorfile *f, size_t i, struct error *err)
     const char *name = ziparchive_name(f->zip, i);
     size_t bytes = ziparchive_size(f->zip, i);
     size_t n = strlen(name) - strlen("data.pkl");
+    const struct pickle *p;
     void *text;
 
     f->format = "PyTorch zip";
@@ -46,11 +47,9 @@ int tensorfile_torch_zip(struct tensorfile *f, size_t i, struct error *err)
         !(text = tensorfile_own(f, bytes, err)) ||
         ziparchive_read(text, f->zip, i, err))
         return -1;
-    f->pickle[0] = pickle_read(text, bytes, NULL, err);
-    if (!f->pickle[0] ||
-        tensorfile_flatten(f, "", pickle_root(f->pickle[0]), err))
-        return error_prefix(err, "%s", name);
-    return 0;
+    p = tensorfile_unpickle(f, name, text, bytes, NULL, err);
+    return p && !tensorfile_flatten(f, "", p, err)
+               ? 0 : error_prefix(err, "%s", name);
 }
 
 /* Keys are numbers or words: what else could lead to another entry. */
@@ -144,9 +143,10 @@ int tensorfile_storage(struct tensor_place *p, struct tensorfile *f,
 }
 
 /* The storages that the pickle names, each once, in the order of keys. */
-static int torch_legacy_table(struct tensorfile *f, struct error *err)
+static int torch_legacy_table(struct tensorfile *f, const struct pickle *tree,
+                              struct error *err)
 {
-    const struct pickle_list *named = pickle_storages(f->pickle[0]);
+    const struct pickle_list *named = pickle_storages(tree);
     size_t n = 0;
 
     f->legacy = calloc(named->n + 1, sizeof *f->legacy);
@@ -204,12 +204,16 @@ static struct pickle *torch_next_pickle(struct tensorfile *f, size_t *at,
                                         struct error *err)
 {
     size_t used;
-    struct pickle *p = pickle_read(f->map + *at, f->bytes - *at, &used, err);
+    char where[60];
+    struct pickle *p;
+
+    snprintf(where, sizeof where, "pickle at byte %zu", *at);
+    p = tensorfile_unpickle(f, where, f->map + *at, f->bytes - *at, &used, err);
 
     if (p)
         *at += used;
     else
-        error_prefix(err, "pickle at byte %zu", *at);
+        error_prefix(err, "%s", where);
     return p;
 }
 
@@ -218,29 +222,23 @@ static struct pickle *torch_next_pickle(struct tensorfile *f, size_t *at,
 int tensorfile_torch_legacy(struct tensorfile *f, size_t at,
                             struct error *err)
 {
-    struct pickle *skipped[2] = {NULL, NULL}, *keys = NULL;
-    int rc = -1;
+    const struct pickle *part[4];       /* from the version to the keys */
+    const struct pickle_value *version;
 
     f->format = "PyTorch, older form";
-    pickle_free(f->pickle[0]);
-    f->pickle[0] = NULL;
-    for (int i = 0; i < 2; i++)
-        if (!(skipped[i] = torch_next_pickle(f, &at, err)))
-            goto out;
-    const struct pickle_value *version = pickle_root(skipped[0]);
-    if (version->kind != PICKLE_INT || version->u.i != 1001) {
-        error_set(err, EX_DATAERR, "PyTorch's version is not 1001");
-        goto out;
+    for (int i = 0; i < 4; i++) {
+        if (!(part[i] = torch_next_pickle(f, &at, err)))
+            return -1;
+        version = pickle_root(part[0]);
+        if (version->kind != PICKLE_INT || version->u.i != 1001)
+            return error_set(err, EX_DATAERR, "PyTorch's version is not 1001");
     }
-    if (!(f->pickle[0] = torch_next_pickle(f, &at, err)) ||
-        !(keys = torch_next_pickle(f, &at, err)) ||
-        torch_legacy_table(f, err) ||
-        torch_legacy_data(f, pickle_root(keys), at, err))
-        goto out;
-    rc = tensorfile_flatten(f, "", pickle_root(f->pickle[0]), err);
-out:
-    pickle_free(skipped[0]);
-    pickle_free(skipped[1]);
-    pickle_free(keys);
-    return rc;
+    if (torch_legacy_table(f, part[2], err))
+        return -1;
+    if (torch_legacy_data(f, pickle_root(part[3]), at, err)) {
+        if (f->refused.text[0])     /* a storage of a type that is not ours */
+            *err = f->refused;
+        return -1;
+    }
+    return tensorfile_flatten(f, "", part[2], err);
 }

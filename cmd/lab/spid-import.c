@@ -57,7 +57,7 @@ static const struct cli_usage usage = {
 /* One line per tensor: name, type, shape; then what is none. */
 static void import_print_list(const struct tensorfile *f)
 {
-    size_t others = tensorfile_others(f);
+    static const char *const label[] = {"", ", left out"};
     const char *what;
 
     for (size_t i = 0; i < tensorfile_count(f); i++) {
@@ -68,14 +68,34 @@ static void import_print_list(const struct tensorfile *f)
             printf("%s%zu", k ? ", " : "", t->dim[k]);
         printf("]\n");
     }
-    for (size_t i = 0; i < others && i < TENSORFILE_NOTED; i++) {
-        const char *name = tensorfile_other(f, i, &what);
+    for (int sort = 0; sort < TENSORFILE_SORTS; sort++) {
+        size_t n = tensorfile_others(f, sort);
 
-        printf("# %s: %s\n", *name ? name : "(unnamed)", what);
+        for (size_t i = 0; i < n && i < TENSORFILE_NOTED; i++) {
+            const char *name = tensorfile_other(f, sort, i, &what);
+
+            printf("# %s: %s%s\n", name, what, label[sort]);
+        }
+        if (n > TENSORFILE_NOTED)
+            printf("# and %zu more that are no tensors\n",
+                   n - TENSORFILE_NOTED);
     }
-    if (others > TENSORFILE_NOTED)
-        printf("# and %zu more that are no tensors\n",
-               others - TENSORFILE_NOTED);
+}
+
+/* A line for each object that was passed over. */
+static void import_print_objects(const struct tensorfile *f)
+{
+    size_t n = tensorfile_others(f, TENSORFILE_OBJECT);
+    const char *what;
+
+    for (size_t i = 0; i < n && i < LINES; i++) {
+        const char *name = tensorfile_other(f, TENSORFILE_OBJECT, i, &what);
+
+        warn("%s: left out: %s (%s: no array)", tensorfile_path(f), name,
+             what);
+    }
+    if (n > LINES)
+        warn("%s: left out: %zu more objects", tensorfile_path(f), n - LINES);
 }
 
 /* What of one sort the conversion noted. */
@@ -132,6 +152,7 @@ int main(int argc, char **argv)
             die(EX_IOERR, "<stdout>: cannot write");
     } else {
         begun = stats_begin();
+        import_print_objects(f);
         import_convert_file(&c, f, &err);
         if (convert_save(&c, cli.output, &err))
             die_error(&err);

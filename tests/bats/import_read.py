@@ -35,21 +35,23 @@ def check(path, want):
     return meta
 
 
-def classes():
-    """scipy's and chumpy's classes as pickles know them, by name and state,
-    whether these packages are there or not."""
+def make(module, name):
+    """A class as pickles know it, by name and state, whether its package is
+    there or not."""
     import sys
     import types
 
-    def make(module, name):
-        parts = module.split(".")
-        for i in range(len(parts)):
-            at = ".".join(parts[:i + 1])
-            sys.modules.setdefault(at, types.ModuleType(at))
-        cls = type(name, (object,), {"__module__": module})
-        setattr(sys.modules[module], name, cls)
-        return cls
+    parts = module.split(".")
+    for i in range(len(parts)):
+        at = ".".join(parts[:i + 1])
+        sys.modules.setdefault(at, types.ModuleType(at))
+    cls = type(name, (object,), {"__module__": module})
+    setattr(sys.modules[module], name, cls)
+    return cls
 
+
+def classes():
+    """scipy's and chumpy's classes."""
     ch = make("chumpy.ch", "Ch")
     csc = make("scipy.sparse.csc", "csc_matrix")
     csr = make("scipy.sparse.csr", "csr_matrix")

@@ -87,6 +87,51 @@ static void test_tensor(void)
     pickle_free(p);
 }
 
+/* What is not known makes an object that does nothing; which was the first is
+ * said with opcode and byte. */
+static void pickle_object(const char *bytes, size_t size, const char *text)
+{
+    struct error err = {0};
+    struct pickle *p = pickle_read(bytes, size, NULL, &err);
+    const char *refused = p ? pickle_refused(p) : NULL;
+
+    CHECK(refused && strstr(refused, text), "\"%s\" (expected \"%s\")",
+          refused ? refused : err.text, text);
+    pickle_free(p);
+}
+
+#define OBJECT(bytes, text) pickle_object(bytes, sizeof bytes - 1, text)
+
+static void test_objects(void)
+{
+    static const char bytes[] =
+        "\x80\2cargparse\nNamespace\n)\x81}U\2lrK\1sb.";
+    struct error err = {0};
+    size_t used;
+    struct pickle *p = READ(bytes);
+    char name[PICKLE_FULL_NAME];
+
+    REQUIRE(p, "%s", err.text);
+    const struct pickle_object *o = pickle_root(p)->u.object;
+
+    TRUE(pickle_root(p)->kind == PICKLE_OBJECT && !o->items);
+    TRUE(o->state && pickle_get(o->state, "lr")->u.i == 1);
+    pickle_full_name(name, &o->of);
+    TRUE(!strcmp(name, "argparse.Namespace"));
+    pickle_free(p);
+    OBJECT("cos\nsystem\n(S'true'\ntR.",
+           "byte 0: GLOBAL: os.system is not allowed");
+    OBJECT("\x80\4\x8c\2os\x8c\6system\x93.",
+           "byte 14: STACK_GLOBAL: os.system is not allowed");
+    OBJECT("\x80\2cbuiltins\neval\nU\5" "1 + 1\x85R.",
+           "byte 2: GLOBAL: builtins.eval is not allowed");
+    OBJECT("(S'x'\nios\nsystem\n.", "byte 6: INST: os.system");
+    OBJECT("\x80\2c\x01\xff\n \n.", "byte 2: GLOBAL: ??.? is not allowed");
+    OBJECT("\x80\2ctorch\nQInt8Storage\n.", "torch.QInt8Storage");
+    OBJECT("\x80\2c__main__\nD\n)}\x92K\1K\2s.", "__main__.D is not");
+    OBJECT("\x80\2\x82\1.", "byte 2: EXT1: is not allowed");
+}
+
 /* The refusal names the opcode and the byte, and nothing is returned. */
 static void pickle_refuse(const char *bytes, size_t size, const char *text)
 {
@@ -102,18 +147,10 @@ static void pickle_refuse(const char *bytes, size_t size, const char *text)
 
 static void test_refusals(void)
 {
-    REFUSE("cos\nsystem\n(S'true'\ntR.",
-           "byte 0: GLOBAL: os.system is not allowed");
-    REFUSE("\x80\4NN\x8c\2os\x8c\6system\x93.",
-           "byte 16: STACK_GLOBAL: os.system is not allowed");
-    REFUSE("\x80\2cbuiltins\neval\nU\5" "1 + 1\x85R.",
-           "byte 2: GLOBAL: builtins.eval is not allowed");
-    REFUSE("(S'x'\nios\nsystem\n.", "byte 6: INST: os.system");
-    REFUSE("\x80\2c\x01\xff\n \n.", "byte 2: GLOBAL: ??.? is not allowed");
+    REFUSE("\x80\5\x97.", "byte 2: NEXT_BUFFER: is not allowed");
     REFUSE("\x80\2cnumpy\ndtype\nb.", "the stack is empty");
     REFUSE("", "byte 0: end of data: the pickle has no STOP");
     REFUSE("\x80\2U\5abc.", "byte 2: SHORT_BINSTRING: 5 bytes where 4");
-    REFUSE("\x80\2ctorch\nQInt8Storage\n.", "torch.QInt8Storage");
     REFUSE("\x80\2U\7storageN\x86Q.", "persistent id is a tuple");
 }
 
@@ -158,6 +195,7 @@ int main(void)
     test_values();
     test_array();
     test_tensor();
+    test_objects();
     test_refusals();
     test_views();
     return check_status();
