@@ -6,6 +6,7 @@
 
 #include "cmd/cli.h"
 #include "cmd/options.h"
+#include "cmd/take.h"
 #include "lib/animate/animation.h"
 #include "lib/animate/joblist.h"
 
@@ -157,6 +158,8 @@ static int animate_run_clip(const struct job *job, struct error *err)
     if (rc == 0 && !cli.quiet)
         animate_report_print(stderr, &a.report, &a.source,
                              cli.stats != NULL, opt.live);
+    if (a.take)
+        take_warn(a.take, job->driver);
     if (a.frames && framesource_damaged(a.frames))
         warn("%s: %zu pictures are damaged or cut short: what is missing is "
              "grey", job->driver, framesource_damaged(a.frames));

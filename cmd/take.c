@@ -5,7 +5,6 @@
 
 #include "cmd/cli.h"
 #include "cmd/options.h"
-#include "formats/livelink.h"
 #include "lib/head/person.h"
 #include "lib/track/take.h"
 #include "lib/track/conf.h"
@@ -76,8 +75,7 @@ static int take_copy(struct stream_writer *out, struct livelink *in,
     return rc;
 }
 
-/* What is in the file beside the take. */
-static void take_warn(const struct livelink *in, const char *name)
+void take_warn(const struct livelink *in, const char *name)
 {
     size_t count;
     const char *unknown = livelink_unknown(in, &count);
@@ -85,6 +83,9 @@ static void take_warn(const struct livelink *in, const char *name)
     if (unknown)
         warn("%s: %zu column%s not used: %s%s", name, count,
              count == 1 ? "" : "s", unknown, count > 4 ? ", ..." : "");
+    if (livelink_repeated(in))
+        warn("%s: %zu rows left out: their timecodes were there already", name,
+             livelink_repeated(in));
 }
 
 int take_pack(struct stream_writer *out, const char *path, double rate,
@@ -104,11 +105,11 @@ int take_pack(struct stream_writer *out, const char *path, double rate,
         (!identity || take_relative(&relative, identity, head.nexp,
                                     err) == 0) &&
         (in = livelink_open(path, rate, err))) {
-        take_warn(in, path);
         conf.fps_num = (int)(livelink_rate(in) + 0.5);
         rc = conf_write(out, &conf, err) ||
              take_copy(out, in, path, head.nexp,
                        identity ? &relative : NULL, err) ? -1 : 0;
+        take_warn(in, path);
     }
     livelink_close(in);
     head_release(&head);

@@ -2,12 +2,16 @@
 #ifndef SPID_CMD_TAKE_H
 #define SPID_CMD_TAKE_H
 
+#include "formats/livelink.h"
 #include "lib/base/error.h"
 #include "lib/head/head.h"
 #include "lib/stream/stream.h"
 
 /* 0, or -1 when h has not ARKit's expressions, which a take is made of. */
 int take_check_head(const struct head *h, struct error *err);
+
+/* Say what of a take that was read is not used: columns, rows. */
+void take_warn(const struct livelink *in, const char *name);
 
 /* Write the take in FILE ("-": standard input) to out: CONF, then MOTN of
  * every frame.  rate as in livelink_open; head_path as in option_head_load.

@@ -14,6 +14,7 @@
 #include <unistd.h>
 
 #include "formats/image.h"
+#include "formats/livelink.h"
 #include "formats/png.h"
 #include "formats/pnm.h"
 #include "formats/video.h"
@@ -292,6 +293,12 @@ static int framesource_open_file(struct framesource *s, const char *path,
                          strerror(errno));
     if (fstat(fileno(fp), &st) == 0 && S_ISFIFO(st.st_mode))
         return framesource_open_pipe(s, fp, path, err);
+    if (livelink_probe(path)) {
+        fclose(fp);
+        return error_set(err, EX_DATAERR, "%s: a take of Live Link Face, not "
+                         "pictures (expected as the driver of spid-animate, "
+                         "or for spid-pack --arkit)", path);
+    }
     n = fread(b, 1, sizeof b, fp);
     if (n == 0) {
         fclose(fp);

@@ -33,9 +33,12 @@ struct livelink {
     FILE *file;
     char *name;                 /* for messages */
     double rate;
+    char separator;             /* of fields */
     char line[LINE_MAX_BYTES];
     size_t number;              /* of that line, from 1 */
     int column[MAX_COLUMNS], columns;
+    int share[LIVELINK_CHANNELS];       /* columns that mean a channel */
+    size_t repeated;
     char unknown[200];
     size_t unknowns;
     struct livelink_row next;   /* read already, due at next.frame */
@@ -81,12 +84,12 @@ static int livelink_line(struct livelink *l, struct error *err)
 
 /* The field at *at, without blanks and quotation marks about it; *at moves on,
  * NULL after the last one. */
-static char *livelink_field(char **at)
+static char *livelink_field(const struct livelink *l, char **at)
 {
-    char *s = *at, *end = strchr(s, ',');
+    char *s = *at, *end = strchr(s, l->separator);
 
     if (*s == '"' && strchr(s + 1, '"'))
-        end = strchr(strchr(s + 1, '"'), ',');
+        end = strchr(strchr(s + 1, '"'), l->separator);
     *at = end ? end + 1 : NULL;
     if (end)
         *end = '\0';
@@ -103,47 +106,101 @@ static char *livelink_field(char **at)
 }
 
 /* How many fields the line has. */
-static int livelink_fields(const char *line)
+static int livelink_fields(const struct livelink *l)
 {
     int n = 1;
     bool quoted = false;
 
-    for (; *line; line++) {
-        quoted ^= *line == '"';
-        n += *line == ',' && !quoted;
+    for (const char *p = l->line; *p; p++) {
+        quoted ^= *p == '"';
+        n += *p == l->separator && !quoted;
     }
     return n;
 }
 
+/* A number with a decimal point or comma; *end as strtod sets it. */
+static double livelink_parse(char *text, char **end)
+{
+    char *comma = strchr(text, ',');
+
+    if (comma)
+        *comma = '.';
+    return strtod(text, end);
+}
+
 /* "HH:MM:SS:FF.fff" as frames since midnight; -1: it is none. */
-static double livelink_timecode_parse(const char *text, double rate)
+static double livelink_timecode_parse(char *text, double rate)
 {
     unsigned h, m, s;
     double f;
     int used = 0;
-    char last;
+    char last, *end;
 
     if (sscanf(text, "%2u:%2u:%2u%c%n", &h, &m, &s, &last, &used) != 4 ||
         (last != ':' && last != ';') || h > 23 || m > 59 || s > 59 ||
-        !isdigit((unsigned char)text[used]) ||
-        sscanf(text + used, "%lf%c", &f, &last) != 1 || !(f < 1e4))
+        !isdigit((unsigned char)text[used]))
+        return -1;
+    f = livelink_parse(text + used, &end);
+    if (*end || !(f < 1e4))
         return -1;
     return ((h * 60.0 + m) * 60.0 + s) * rate + f;
 }
 
 /* ---- the header --------------------------------------------------------- */
 
-/* What a header's name means. */
-static int livelink_column_meaning(const char *name)
+/* The channel of that name, large or small; -1: there is none. */
+static int livelink_find_channel(const char *name)
 {
-    if (!strcasecmp(name, "Timecode"))
-        return COLUMN_TIMECODE;
-    if (!strcasecmp(name, "BlendShapeCount"))
-        return COLUMN_COUNT;
     for (int k = 0; k < LIVELINK_CHANNELS; k++)
         if (!strcasecmp(name, livelink_channel(k)))
             return k;
     return COLUMN_UNKNOWN;
+}
+
+/* What a header's name means by its letters alone: as Apple writes it, or
+ * with L or R for a side at either end, or one side of what has none. */
+static int livelink_column_meaning(const char *name)
+{
+    static const char *const side[2] = {"left", "right"};
+    char letters[41], other[50];
+    int n = 0, k;
+
+    for (; *name && n < 40; name++)
+        if (isalpha((unsigned char)*name))
+            letters[n++] = (char)tolower((unsigned char)*name);
+    letters[n] = '\0';
+    if (!strcmp(letters, "timecode"))
+        return COLUMN_TIMECODE;
+    if (!strcmp(letters, "blendshapecount"))
+        return COLUMN_COUNT;
+    k = livelink_find_channel(letters);
+    for (int i = 0; i < 2 && k == COLUMN_UNKNOWN && n > 1; i++) {
+        const int word = (int)strlen(side[i]);
+        const bool whole = n > word && !strcmp(letters + n - word, side[i]);
+        const int tail = whole ? word : letters[n - 1] == side[i][0];
+
+        if (letters[0] == side[i][0]) {
+            sprintf(other, "%s%s", side[i], letters + 1);
+            k = livelink_find_channel(other);
+        }
+        if (k == COLUMN_UNKNOWN && tail) {
+            sprintf(other, "%.*s%s", n - tail, letters, side[i]);
+            k = livelink_find_channel(other);
+            other[n - tail] = '\0';
+            k = k == COLUMN_UNKNOWN ? livelink_find_channel(other) : k;
+        }
+    }
+    return k;
+}
+
+/* Whether the same name stands in an earlier column. */
+static bool livelink_has_name(const struct livelink *l, const char *name,
+                              char *const *earlier)
+{
+    for (int i = 0; i < l->columns; i++)
+        if (!strcasecmp(earlier[i], name))
+            return true;
+    return false;
 }
 
 /* Name the column among the unknown ones. */
@@ -157,8 +214,7 @@ static void livelink_keep_unknown(struct livelink *l, const char *name)
 }
 
 /* Fail for the first weight without a column. */
-static int livelink_check_header(const struct livelink *l,
-                                 const bool *have, bool timecode,
+static int livelink_check_header(const struct livelink *l, bool timecode,
                                  struct error *err)
 {
     int missing = 0, first = -1;
@@ -167,7 +223,7 @@ static int livelink_check_header(const struct livelink *l,
         return livelink_fail(l, err, "no column Timecode (expected the "
                              "header of Live Link Face)");
     for (int k = LIVELINK_WEIGHTS - 2; k >= 0; k--)  /* without TongueOut */
-        if (!have[k]) {
+        if (!l->share[k]) {
             first = k;
             missing++;
         }
@@ -185,35 +241,39 @@ static int livelink_check_header(const struct livelink *l,
 static int livelink_header(struct livelink *l, struct error *err)
 {
     static const char mark[] = "\xef\xbb\xbf";      /* UTF-8's */
-    bool have[LIVELINK_CHANNELS] = {false}, timecode = false;
+    char *name[MAX_COLUMNS], *at;
+    bool timecode = false;
     int rc = livelink_line(l, err);
-    char *at = l->line;
 
     if (rc <= 0)
         return rc ? rc : error_set(err, EX_DATAERR, "%s: empty (expected the "
                                    "header of Live Link Face)", l->name);
-    if (!strncmp(at, mark, 3))
-        at += 3;
-    if (!strchr(at, ',') && (strchr(at, ';') || strchr(at, '\t')))
-        return livelink_fail(l, err, "fields between semicolons or tabs "
-                             "(expected commas)");
+    at = l->line + (strncmp(l->line, mark, 3) ? 0 : 3);
+    if (!strncasecmp(at, "sep=", 4)) {          /* Excel's own line */
+        if (livelink_line(l, err) <= 0)
+            return livelink_fail(l, err, "no header (expected that of Live "
+                                 "Link Face)");
+        at = l->line;
+    }
+    l->separator = at[strcspn(at, ",;\t")];
     while (at) {
-        char *name = livelink_field(&at);
-        int k = livelink_column_meaning(name);
-
         if (l->columns == MAX_COLUMNS)
             return livelink_fail(l, err, "more than 512 columns");
-        if ((k >= 0 && have[k]) || (k == COLUMN_TIMECODE && timecode))
+        char *const here = livelink_field(l, &at);
+        const int k = livelink_column_meaning(here);
+
+        if (k != COLUMN_UNKNOWN && livelink_has_name(l, here, name))
             return error_set(err, EX_DATAERR, "%s: row %zu: column %s twice",
-                             l->name, l->number, name);
+                             l->name, l->number, here);
         if (k >= 0)
-            have[k] = true;
+            l->share[k]++;
         timecode |= k == COLUMN_TIMECODE;
         if (k == COLUMN_UNKNOWN)
-            livelink_keep_unknown(l, name);
+            livelink_keep_unknown(l, here);
+        name[l->columns] = here;
         l->column[l->columns++] = k;
     }
-    return livelink_check_header(l, have, timecode, err);
+    return livelink_check_header(l, timecode, err);
 }
 
 /* ---- the rate ----------------------------------------------------------- */
@@ -227,11 +287,9 @@ static double livelink_find_rate(struct livelink *l)
     bool several = false;
 
     while (livelink_line(l, NULL) > 0) {
-        char *comma = strchr(l->line, ',');
         double frame, s;
 
-        if (comma)
-            *comma = '\0';
+        l->line[strcspn(l->line, ",;\t")] = '\0';
         frame = livelink_timecode_parse(l->line, 0);     /* within its second */
         s = livelink_timecode_parse(l->line, 1);
         if (frame < 0)
@@ -252,11 +310,11 @@ static double livelink_find_rate(struct livelink *l)
 
 /* The number of column k. */
 static int livelink_number(const struct livelink *l, float *out, int k,
-                           const char *text, struct error *err)
+                           char *text, struct error *err)
 {
     const bool angle = k >= LIVELINK_WEIGHTS;
     char *end;
-    double v = strtod(text, &end);
+    double v = livelink_parse(text, &end);
 
     if (end == text || *end || !isfinite(v))
         return error_set(err, EX_DATAERR, "%s: row %zu: column %s: '%.40s' "
@@ -267,7 +325,7 @@ static int livelink_number(const struct livelink *l, float *out, int k,
                          "(expected %s)", l->name, l->number,
                          livelink_channel(k), text,
                          angle ? "radians" : "a weight, 0 to 1");
-    *out = (float)v;
+    *out += (float)v / (float)l->share[k];
     return 0;
 }
 
@@ -275,7 +333,7 @@ static int livelink_number(const struct livelink *l, float *out, int k,
 static int livelink_row_fields(struct livelink *l, struct livelink_row *row,
                                struct error *err)
 {
-    int fields = livelink_fields(l->line);
+    int fields = livelink_fields(l);
     char *at = l->line;
 
     memset(row, 0, sizeof *row);
@@ -288,7 +346,7 @@ static int livelink_row_fields(struct livelink *l, struct livelink_row *row,
                          fields > l->columns + 20 ? "; are there decimal "
                                                     "commas?" : "");
     for (int i = 0; at && i < l->columns; i++) {
-        const char *text = livelink_field(&at);
+        char *text = livelink_field(l, &at);
         int k = l->column[i];
 
         if (k == COLUMN_TIMECODE) {
@@ -314,19 +372,24 @@ static int livelink_row_fields(struct livelink *l, struct livelink_row *row,
 static int livelink_row(struct livelink *l, struct error *err)
 {
     struct livelink_row *row = &l->next;
-    int rc = livelink_line(l, err);
+    int rc;
 
-    if (rc <= 0)
-        return rc;
-    if (livelink_row_fields(l, row, err))
-        return -1;
-    if (!l->begun)
-        return 1;
-    while (row->frame < l->last - DAY / 2 * l->rate)
-        row->frame += DAY * l->rate;            /* past midnight */
-    if (row->frame <= l->last)
-        return livelink_fail(l, err, "its Timecode is not after that of the "
-                             "row before");
+    for (;; l->repeated++) {
+        rc = livelink_line(l, err);
+        if (rc <= 0)
+            return rc;
+        if (livelink_row_fields(l, row, err))
+            return -1;
+        if (!l->begun)
+            return 1;
+        while (row->frame < l->last - DAY / 2 * l->rate)
+            row->frame += DAY * l->rate;        /* past midnight */
+        if (row->frame > l->last)
+            break;
+        if (row->frame < l->last)
+            return livelink_fail(l, err, "its Timecode is before that of the "
+                                 "row before");
+    }
     if (row->frame - l->last > LONGEST_GAP * l->rate)
         return error_set(err, EX_DATAERR, "%s: row %zu: %.0f seconds after "
                          "the row before (expected at most %.0f)", l->name,
@@ -371,6 +434,21 @@ int livelink_read(struct livelink *l, struct livelink_frame *f,
 
 /* ---- opening and closing ------------------------------------------------ */
 
+bool livelink_probe(const char *path)
+{
+    char line[4096] = "";
+    struct stat st;
+    FILE *f = stat(path, &st) || !S_ISREG(st.st_mode) ? NULL
+                                                      : fopen(path, "rb");
+    bool found = false;
+
+    for (int i = 0; f && i < 2 && !found && fgets(line, sizeof line, f); i++)
+        found = strcasestr(line, "Timecode") && strcasestr(line, "JawOpen");
+    if (f)
+        fclose(f);
+    return found;
+}
+
 struct livelink *livelink_open(const char *path, double rate,
                                struct error *err)
 {
@@ -397,6 +475,11 @@ struct livelink *livelink_open(const char *path, double rate,
     }
     livelink_close(l);
     return NULL;
+}
+
+size_t livelink_repeated(const struct livelink *l)
+{
+    return l->repeated;
 }
 
 double livelink_rate(const struct livelink *l)

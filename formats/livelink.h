@@ -1,5 +1,6 @@
-/* Takes of Epic's Live Link Face app: a CSV of ARKit's 52 blendshape weights
- * and nine angles, a row for every picture of the phone's camera.
+/* Takes of Epic's Live Link Face app, and of programs that write the like: a
+ * CSV of ARKit's 52 blendshape weights and nine angles, a row for every picture
+ * of the phone's camera.
  *
  *   Timecode,BlendShapeCount,EyeBlinkLeft,...,TongueOut,HeadYaw,...
  *   12:21:59:06.595,61,0.0009391578,...
@@ -39,17 +40,26 @@ struct livelink_frame {
 
 struct livelink;
 
+/* Whether path is a file whose first line has such names: a take, not a
+ * picture, a video or a stream. */
+bool livelink_probe(const char *path);
 /* Open path ("-": standard input) and read its header.  The columns may stand
- * in any order and names begin with a small letter; weights must all be there
- * except TongueOut, an angle that is missing is 0.  rate: frames of a second
- * in the timecodes; 0 takes it from the largest one in a file, 60 in a pipe.
- * NULL and *err, which names file, row and column. */
+ * in any order, between commas, semicolons or tabs, and numbers have a decimal
+ * comma where commas are none between them.  A name counts by its letters,
+ * large or small, with L or R for a side ("EyeBlink_L"); two sides of one
+ * weight are its mean.  Weights must all be there except TongueOut, an angle
+ * that is missing is 0.  rate: frames of a second in the timecodes; 0 takes it
+ * from the largest one in a file, 60 in a pipe.  NULL and *err, which names
+ * file, row and column. */
 struct livelink *livelink_open(const char *path, double rate,
                                struct error *err);
 /* The next frame: 1; 0 at the end; -1.  Rows that are missing by their
- * timecodes, up to a minute, are made up: held. */
+ * timecodes, up to a minute, are made up: held.  Of rows of one timecode the
+ * first counts. */
 int livelink_read(struct livelink *l, struct livelink_frame *f,
                   struct error *err);
+/* Rows left out so far, since an earlier one had their timecode. */
+size_t livelink_repeated(const struct livelink *l);
 /* The rate used. */
 double livelink_rate(const struct livelink *l);
 /* Names of columns that mean nothing here, with commas, and how many; NULL

@@ -6,6 +6,8 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/track/take.h"
+
 int animation_load(struct prepare *models, struct animation_options *opt,
                    const char *model, const char *head, int workers,
                    struct error *err)
@@ -98,7 +100,7 @@ int animation_open_source(struct animation *a, const char *path,
     const struct prepare_beside look = {animation_run_read_to_face, a};
     const struct prepared *s = &a->source;
     const bool clip = driver && !a->opt->live && strcmp(driver, "-") &&
-                      !stream_probe(driver);
+                      !stream_probe(driver) && !livelink_probe(driver);
 
     a->driver_name = driver;
     if (prepare_source(&a->source, a->models, path, a->opt->mask,
@@ -133,15 +135,56 @@ static int animation_set_relative(struct animation *a, struct error *err)
     return 0;
 }
 
+/* Motions that are there already exclude what needs pictures. */
+static int animation_check_motions(const struct animation *a,
+                                   struct error *err)
+{
+    if (a->opt->live)
+        return error_set(err, EX_USAGE, "%s: recorded motions cannot be live "
+                         "(expected frames)", a->driver_name);
+    if (a->opt->neutral.given)
+        return error_set(err, EX_USAGE, "%s: --neutral looks through frames "
+                         "(expected a clip)", a->driver_name);
+    return 0;
+}
+
+/* A take, at rest where all its numbers are 0. */
+static int animation_open_take(struct animation *a, struct error *err)
+{
+    static const float rest[LIVELINK_CHANNELS];
+    const struct animation_options *opt = a->opt;
+    const struct head *h = &a->models->head;
+    struct motion neutral;
+
+    if (animation_check_motions(a, err))
+        return -1;
+    if (!head_has_arkit(h))
+        return error_set(err, EX_CONFIG, "%s: the head has not ARKit's "
+                         "expressions (expected one of spid-head --from)",
+                         a->driver_name);
+    a->take = livelink_open(a->driver_name, opt->source.rate, err);
+    if (!a->take)
+        return -1;
+    driver_init_take(&a->driver, a->take, h->nexp);
+    if (driver_start(&a->driver, NULL, NULL, err) != DRIVER_STARTED)
+        return -1;
+    framesink_set_rate(a->sink, (int)(1000 * livelink_rate(a->take) + 0.5),
+                       1000);
+    take_to_motion(&neutral, h->nexp, rest);
+    if (opt->relative && a->source.person.has_source)
+        driver_set_relative(&a->driver, &a->source.person.source, &neutral,
+                            h->nexp, true);
+    return 0;
+}
+
 /* A driver whose motions a stream has already; pictures are none. */
 static int animation_open_records(struct animation *a, struct error *err)
 {
     const struct animation_options *opt = a->opt;
     const char *name = a->driver_name;
 
-    if (opt->live)
-        return error_set(err, EX_USAGE, "%s: a stream of motions cannot be "
-                         "live (expected frames)", name);
+    if (animation_check_motions(a, err))
+        return -1;
     a->records = stream_open(name, NULL, err);
     if (!a->records)
         return -1;
@@ -153,9 +196,6 @@ static int animation_open_records(struct animation *a, struct error *err)
                            1000);
     else
         framesink_set_rate(a->sink, 25, 1);
-    if (opt->neutral.given)
-        return error_set(err, EX_USAGE, "%s: --neutral looks through frames "
-                         "(expected a clip)", name);
     return opt->relative_records ? animation_set_relative(a, err) : 0;
 }
 
@@ -167,6 +207,8 @@ int animation_open_driver(struct animation *a, const char *path,
     a->driver_name = path;
     if (stream_probe(path))
         return animation_open_records(a, err);
+    if (livelink_probe(path))
+        return animation_open_take(a, err);
     if (a->opt->live) {
         a->frames = framesource_open(&a->driver_name, 1, &a->opt->source, err);
         if (!a->frames || live_start(&a->live, a->frames, err) ||
@@ -236,6 +278,7 @@ void animation_close(struct animation *a)
     identity_release(&a->mean);
     framesource_close(a->frames);
     stream_close(a->records);
+    livelink_close(a->take);
     framesink_abandon(a->sink);
     framing_release(&a->framing);
     prepared_release(&a->source);

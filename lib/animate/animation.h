@@ -45,7 +45,8 @@ struct animation {
     struct framing framing;
     struct background background;       /* opt's or the framing's, borrowed */
     struct framesource *frames;         /* or */
-    struct stream_reader *records;
+    struct stream_reader *records;      /* or */
+    struct livelink *take;
     struct live live;
     struct track track;
     struct identity mean;       /* the driver's head: nobody's shape */
@@ -76,7 +77,8 @@ int animation_open(struct animation *a, const struct animation_options *opt,
  * for in the meantime; or NULL. */
 int animation_open_source(struct animation *a, const char *path,
                           const char *driver, struct error *err);
-/* The driver at path, frames or a stream of motions, up to its first face.
+/* The driver at path, frames, a stream of motions or a take of Live Link Face,
+ * up to its first face.
  * The clip's rate becomes the output's. */
 int animation_open_driver(struct animation *a, const char *path,
                           struct error *err);

@@ -8,6 +8,7 @@
 
 #include "lib/base/cpu.h"
 #include "lib/base/list.h"
+#include "lib/track/take.h"
 
 void driver_init(struct driver *d, struct track *t, driver_read_fn *read,
                  void *ctx)
@@ -25,6 +26,30 @@ void driver_init_records(struct driver *d, struct stream_reader *records,
     memset(d, 0, sizeof *d);
     d->records = records;
     d->nexp = nexp;
+}
+
+void driver_init_take(struct driver *d, struct livelink *take, size_t nexp)
+{
+    memset(d, 0, sizeof *d);
+    d->take = take;
+    d->nexp = nexp;
+}
+
+/* The next row: 1; 0 at the end; -1. */
+static int driver_read_take(struct driver *d, struct driver_frame *f,
+                            struct error *err)
+{
+    struct livelink_frame row;
+    int rc = livelink_read(d->take, &row, err);
+
+    memset(f, 0, sizeof *f);
+    if (rc <= 0)
+        return rc;
+    f->picture.index = d->rows++;
+    f->picture.time = row.time;
+    f->r.lost = row.held;
+    take_to_motion(&f->r.motion, d->nexp, row.value);
+    return 1;
 }
 
 /* The next MOTN record: 1; 0 when there is none; -1. */
@@ -49,14 +74,22 @@ static int driver_read_record(struct driver *d, struct driver_frame *f,
     return rc;
 }
 
+/* The next motion that is there already. */
+static int driver_read_motion(struct driver *d, struct driver_frame *f,
+                              struct error *err)
+{
+    return d->take ? driver_read_take(d, f, err)
+                   : driver_read_record(d, f, err);
+}
+
 /* The first of them. */
-static enum driver_status driver_start_records(struct driver *d,
+static enum driver_status driver_start_motions(struct driver *d,
                                                struct error *err)
 {
     struct driver_frame f;
-    int rc = driver_read_record(d, &f, err);
+    int rc = driver_read_motion(d, &f, err);
 
-    if (rc == 0)
+    if (rc == 0)                /* a take says it itself */
         error_set(err, EX_DATAERR, "%s: no MOTN records",
                   stream_name(d->records));
     if (rc != 1)
@@ -117,8 +150,8 @@ enum driver_status driver_start(struct driver *d,
     struct frame f = {0}, last = {0};
     int rc;
 
-    if (d->records)
-        return driver_start_records(d, err);
+    if (d->records || d->take)
+        return driver_start_motions(d, err);
     while ((rc = d->read(d->ctx, &f, err)) == 1) {
         int found = track_start(d->track, &d->found, f.rgb, f.width,
                                 f.height, f.time, err);
@@ -204,8 +237,8 @@ static int driver_track(struct driver *d, struct driver_frame *f,
         d->last = f->r.motion;
         return 1;
     }
-    if (d->records)
-        return driver_read_record(d, f, err);
+    if (d->records || d->take)
+        return driver_read_motion(d, f, err);
     begun = cpu_seconds();
     rc = d->read(d->ctx, &f->picture, err);
     f->decode_s = cpu_seconds() - begun;

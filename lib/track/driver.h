@@ -1,5 +1,5 @@
 /* A driving clip: frames in, one motion per frame out; or motions that a
- * stream has already, passed on as they are.  spid-motion and
+ * stream or a take of Live Link Face has already, passed on as they are.  spid-motion and
  * spid animate both read their driver through this. */
 #ifndef SPID_TRACK_DRIVER_H
 #define SPID_TRACK_DRIVER_H
@@ -8,6 +8,7 @@
 #include <stddef.h>
 
 #include "formats/framesource.h"
+#include "formats/livelink.h"
 #include "lib/base/error.h"
 #include "lib/stream/stream.h"
 #include "lib/track/relative.h"
@@ -31,8 +32,10 @@ struct driver {
     struct track *track;        /* borrowed; CONF needs its window */
     driver_read_fn *read;
     void *ctx;
-    struct stream_reader *records;      /* instead of frames, or NULL */
-    size_t nexp;                /* of its motions */
+    struct stream_reader *records;      /* instead of frames, or */
+    struct livelink *take;              /* likewise; NULL */
+    size_t nexp;                /* of their motions */
+    uint64_t rows;              /* of the take, so far */
     size_t patience;
     struct frame first;         /* the frame with the first face */
     struct track_result found;
@@ -63,6 +66,8 @@ void driver_init(struct driver *d, struct track *t, driver_read_fn *read,
  * directions: no tracker, no pictures. */
 void driver_init_records(struct driver *d, struct stream_reader *records,
                          size_t nexp);
+/* From a take (borrowed), likewise. */
+void driver_init_take(struct driver *d, struct livelink *take, size_t nexp);
 /* Free what it holds; zeroed then. */
 void driver_release(struct driver *d);
 

@@ -128,6 +128,61 @@ numbers() {
     ! cmp -s f-0.png f-5.png
 }
 
+@test "other programs' takes: semicolons, decimal commas, tabs, L and R, Excel's line" {
+    take 12 5 >take.csv
+    sed 's/,/;/g; 2,$s/\./,/g' take.csv >semicolon.csv
+    { printf 'sep=;\r\n'; cat semicolon.csv; } >excel.csv
+    tr , '\t' <take.csv >tab.csv
+    sed '1s/Left/_L/g; 1s/Right/_R/g' take.csv >letters.csv
+    sed '1s/.*/\L&/; 1s/timecode/Timecode/; 1s/\([a-z]\)left/\1_left/g; 1s/jawopen/jaw open/' take.csv >small.csv
+    # two sides of one weight, with the mean that the one column had
+    awk -F, -v OFS=, '{ sub(/\r/, "")
+        if (NF > 2) $0 = $0 OFS (NR == 1 ? "CheekPuff_R" : $49); print }' take.csv |
+        sed '1s/CheekPuff,/CheekPuff_L,/' >sides.csv
+    spid-pack -q --arkit take.csv --head "$SCANS" -o want.spid
+    for f in semicolon excel tab letters small sides; do
+        spid-pack -q --arkit $f.csv --head "$SCANS" -o got.spid
+        cmp want.spid got.spid || { echo $f; false; }
+    done
+}
+
+@test "rows of a timecode that was there are left out and counted" {
+    take 6 >take.csv
+    awk 'NR > 1 { print } { print }' take.csv >twice.csv
+    spid-pack -q --arkit take.csv --head "$SCANS" -o want.spid
+    run spid-pack --arkit twice.csv --head "$SCANS" -o got.spid
+    one_line
+    has 'twice.csv: 6 rows left out: their timecodes were there already'
+    cmp want.spid got.spid
+}
+
+@test "a take drives a photograph in one command, as through the pipe" {
+    local build=$TOP/${BUILD:-build}
+    [ -x "$build/tests/unit/avatar_model" ] || skip "no model maker built"
+    mkdir model
+    cp "$SCANS" model/head.safetensors
+    "$build/tests/unit/avatar_model" model/model.safetensors small "$SCANS"
+    spid-synth -q -n 1 --frames 1 -s 5 --size 256 \
+        --head "$build/share/spid/head.safetensors" -o source.png
+    spid-shape -q -m model source.png -o me.spid
+    spid-branches -q -m model --bake me.spid -o avatar.spid
+    take 6 >take.csv
+    spid-pack -q -m model --arkit take.csv --relative me.spid -o motion.spid
+    spid-animate -q -s -m model avatar.spid motion.spid -f png -o a-%d.png
+    spid-animate -q -s -m model avatar.spid take.csv -f png -o b-%d.png
+    spid-animate -q -s -m model --absolute avatar.spid take.csv -f png -o c-%d.png
+    [ "$(ls a-*.png | wc -l)" -eq 6 ] && [ "$(ls b-*.png | wc -l)" -eq 6 ]
+    for i in 0 1 2 3 4 5; do cmp a-$i.png b-$i.png; done
+    ! cmp -s b-5.png c-5.png
+    status 64 spid-animate -q -s -m model --live avatar.spid take.csv -o d.png
+    one_line
+    has 'take.csv: recorded motions cannot be live'
+    status 65 spid-motion -q -m model take.csv -o e.spid
+    one_line
+    has 'take.csv: a take of Live Link Face, not pictures'
+    [ ! -e e.spid ]
+}
+
 @test "columns that mean nothing are named; their order is free" {
     take 3 | awk -F, -v OFS=, '{ sub(/\r/, "")
         print "x", $0, NR == 1 ? "Mood" : "9" }' |
@@ -148,7 +203,6 @@ numbers() {
 
 @test "bad files: one line with file, row and column, no output" {
     take 3 >good.csv
-    sed 's/,/;/g' good.csv >semicolons.csv
     sed '2,$s/,0\./,0,/g' good.csv >commas.csv
     sed 's/,JawOpen//' good.csv >missing.csv
     sed '3s/0\.0000000000/nan/' good.csv >nan.csv
@@ -160,7 +214,6 @@ numbers() {
         has "spid-pack: $file.csv: $text"
         [ ! -e out.spid ]
     done <<'END'
-semicolons row 1: fields between semicolons
 commas row 2: 124 fields
 missing row 1: no column JawOpen
 nan row 3: column EyeBlinkLeft: 'nan'

@@ -214,8 +214,6 @@ static void test_refused(void)
     check_refused("nothing", "empty");
     write_bad(NULL, "");
     check_refused("a header alone", "no rows");
-    write_bad("Timecode;BlendShapeCount;EyeBlinkLeft", "");
-    check_refused("semicolons", "row 1: fields between semicolons");
     write_bad("Timecode,BlendShapeCount,EyeBlinkLeft", "");
     check_refused("columns missing", "row 1: no column EyeLookDownLeft, nor "
                   "49 others");
@@ -243,9 +241,9 @@ static void test_refused(void)
     check_refused("another timecode", "column Timecode: '00:00:00.00.000'");
     f = begin_file();
     write_row(f, "00:00:01:00.0", 61, 0.5);
-    write_row(f, "00:00:01:00.0", 61, 0.5);
+    write_row(f, "00:00:00:59.0", 61, 0.5);
     fclose(f);
-    check_refused("time that stands still", "row 3: its Timecode");
+    check_refused("time that runs back", "row 3: its Timecode");
     f = begin_file();
     write_row(f, "00:00:01:00.0", 61, 0.5);
     write_row(f, "01:00:01:00.0", 61, 0.5);
