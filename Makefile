@@ -37,14 +37,17 @@ MPI_LIBS   := $(shell pkg-config --libs ompi-c)
 endif
 CFLAGS_ALL   += $(JSON_CFLAGS)
 CXXFLAGS_ALL += $(JSON_CFLAGS) $(OPENCV_CFLAGS) $(OIIO_CFLAGS)
-LIBS := -Wl,--as-needed -lcjson -lxxhash -lpng -ljpeg -lz -ldnnl -lopencv_core \
+LIBS := -Wl,--as-needed -lcjson -lxxhash -lpng -ljpeg -lexif -llcms2 -lz -ldnnl -lopencv_core \
         -lopencv_imgproc -lopencv_objdetect -lopencv_photo -ltinygltf -lzip \
         -lonnx_proto -lprotobuf $(MPI_LIBS) -lm
 # These bring 250 and 130 others along, so they come with modules
 # (formats/module.h).
-MEDIA_LIBS := -Wl,--as-needed -lOpenImageIO -lOpenImageIO_Util -lopencv_core \
-        -lopencv_imgproc -lopencv_videoio
-VIDEO_LIBS := -Wl,--as-needed -lavformat -lavcodec -lswscale -lavutil
+LIBS_media := -Wl,--as-needed -lOpenImageIO -lOpenImageIO_Util -lopencv_core \
+        -lopencv_imgproc -lopencv_videoio -lheif -lwebpdemux -lwebp -lexif \
+        -llcms2 -lm
+LIBS_video := -Wl,--as-needed -lavformat -lavcodec -lswscale -lswresample \
+        -lavutil -lopencv_core -lopencv_imgproc -llcms2 -lm
+LIBS_filter := -Wl,--as-needed -lavfilter -lavutil
 
 # ---- sources: a new file is found by where it lies -------------------------
 
@@ -85,15 +88,15 @@ OBJS := $(PLAIN_C:%.c=$(BUILD)/obj/%.o) $(LIB_CC:%.cc=$(BUILD)/obj/%.o) \
         $(foreach i,$(ISAS),$(TMPL_C:%.c=$(BUILD)/obj/%.$(i).o))
 LIB  := $(BUILD)/libspid.a
 # The modules, and what they share with the programs.
-MEDIA   := $(BUILD)/lib/spid/media.so
-MEDIA_O := $(patsubst %.cc,$(BUILD)/obj/%.o,\
-             $(sort $(wildcard formats/media/*.cc))) \
-           $(BUILD)/obj/module/lib/base/error.o \
-           $(BUILD)/obj/module/formats/video_name.o
-VIDEO   := $(BUILD)/lib/spid/video.so
-VIDEO_O := $(patsubst %.c,$(BUILD)/obj/module/%.o,\
-             $(sort $(wildcard formats/video/*.c)) \
-             lib/base/error.c lib/base/file.c)
+MODULES  := $(patsubst %,$(BUILD)/lib/spid/%.so,media video filter)
+module_o = $(patsubst %,$(BUILD)/obj/module/%.o,$(basename $(1)))
+DOOR     := $(addprefix formats/,door.c door_resize.cc colour.c) \
+            lib/base/error.c
+MEDIA_O  := $(call module_o,$(sort $(wildcard formats/media/*.c*)) $(DOOR) \
+              formats/exif.c formats/video_name.c)
+VIDEO_O  := $(call module_o,$(sort $(wildcard formats/video/*.c)) $(DOOR) \
+              formats/module.c formats/video_name.c lib/base/file.c)
+FILTER_O := $(call module_o,$(sort $(wildcard formats/filter/*.c)))
 CMD  := $(BUILD)/libcmd.a
 
 HEAD := $(BUILD)/share/spid/head.safetensors
@@ -103,7 +106,7 @@ HEAD := $(BUILD)/share/spid/head.safetensors
 PLAYER   := $(BUILD)/share/spid/player.html
 PLAYER_SOURCES := $(sort $(wildcard lib/export/web/*))
 
-all: $(PROGRAMS) $(MEDIA) $(VIDEO) $(HEAD) $(if $(shell command -v npm),$(BUILD)/web/tried)
+all: $(PROGRAMS) $(MODULES) $(HEAD) $(if $(shell command -v npm),$(BUILD)/web/tried)
 
 # The head model is data: spid-head(1) --from says how it was made.
 $(HEAD): examples/model/head.safetensors
@@ -148,22 +151,25 @@ $(BUILD)/obj/%.o: %.cc
 	$(CXX) $(CXXFLAGS_ALL) -c $< -o $@
 
 # A module shows nothing but its table.
-$(BUILD)/obj/formats/media/%.o: CXXFLAGS_ALL += -fPIC -fvisibility=hidden \
-    -fvisibility-inlines-hidden
+MODULE_FLAGS := -fPIC -fvisibility=hidden
 $(BUILD)/obj/module/%.o: %.c
 	@mkdir -p $(@D)
 	$(SAY) CC $@
-	$(CC) $(CFLAGS_ALL) -fPIC -fvisibility=hidden -c $< -o $@
+	$(CC) $(CFLAGS_ALL) $(MODULE_FLAGS) -c $< -o $@
 
-$(MEDIA): $(MEDIA_O)
+$(BUILD)/obj/module/%.o: %.cc
+	@mkdir -p $(@D)
+	$(SAY) CXX $@
+	$(CXX) $(CXXFLAGS_ALL) $(MODULE_FLAGS) -fvisibility-inlines-hidden -c $< \
+	  -o $@
+
+$(BUILD)/lib/spid/media.so: $(MEDIA_O)
+$(BUILD)/lib/spid/video.so: $(VIDEO_O)
+$(BUILD)/lib/spid/filter.so: $(FILTER_O)
+$(MODULES):
 	@mkdir -p $(@D)
 	$(SAY) LD $@
-	$(CXX) -shared $(BASE) $(LDFLAGS) $^ $(MEDIA_LIBS) -o $@
-
-$(VIDEO): $(VIDEO_O)
-	@mkdir -p $(@D)
-	$(SAY) LD $@
-	$(CC) -shared $(BASE) $(LDFLAGS) $^ $(VIDEO_LIBS) -o $@
+	$(CXX) -shared $(BASE) $(LDFLAGS) $^ $(LIBS_$(basename $(@F))) -o $@
 
 # People are shaded by plain loops, a tenth faster so; the bytes are the same.
 $(BUILD)/obj/lib/lab/people/%.o: CFLAGS_ALL += $(if $(filter -O2,$(OPT)),-O3)
@@ -220,8 +226,11 @@ $(BUILD)/tests/golden: $(GOLDEN_C:%.c=$(BUILD)/obj/%.o) $(LIB)
 DEPS := build-essential pkg-config libcjson-dev libxxhash-dev libpng-dev \
         libjpeg62-turbo-dev zlib1g-dev \
         libdnnl-dev libopenimageio-dev libopencv-dev opencv-data \
-        libavformat-dev libavcodec-dev libswscale-dev \
-        libtinygltf-dev libzip-dev libonnx-dev libprotobuf-dev libopenmpi-dev openmpi-bin ffmpeg \
+        libavformat-dev libavcodec-dev libswscale-dev libavfilter-dev \
+        libswresample-dev liblcms2-dev libexif-dev libheif-dev libwebp-dev \
+        libtinygltf-dev libzip-dev libonnx-dev libprotobuf-dev \
+        libopenmpi-dev openmpi-bin ffmpeg imagemagick liblcms2-utils \
+        libheif-examples libimage-exiftool-perl \
         gnuplot-nox bats mandoc python3 python3-numpy python3-onnx
 
 tests: all $(UNIT) $(if $(GOLDEN_C),$(BUILD)/tests/golden)
@@ -287,7 +296,7 @@ install: all
 	install -d "$(DESTDIR)$(PREFIX)/bin" "$(DESTDIR)$(PREFIX)/share/spid" \
 	  "$(DESTDIR)$(PREFIX)/share/man/man1" "$(DESTDIR)$(PREFIX)/share/man/man5"
 	install $(PROGRAMS) "$(DESTDIR)$(PREFIX)/bin"
-	install -D -t "$(DESTDIR)$(PREFIX)/lib/spid" $(MEDIA) $(VIDEO)
+	install -D -t "$(DESTDIR)$(PREFIX)/lib/spid" $(MODULES)
 	install -m 644 $(wildcard man/*.1) "$(DESTDIR)$(PREFIX)/share/man/man1"
 	install -m 644 $(wildcard man/*.5) "$(DESTDIR)$(PREFIX)/share/man/man5"
 	for f in $(BUILD)/share/spid/* examples/model/*.safetensors \
@@ -311,7 +320,8 @@ FUZZ_READERS := $(wildcard lib/base/*.c lib/stream/*.c formats/record*.c \
 	  formats/safetensors*.c formats/compose*.c formats/ply*.c \
 	  formats/livelink*.c formats/pickle*.c formats/tensorfile*.c \
 	  formats/video_name.c $(patsubst %,formats/%.c,npy y4m pnm png jpeg mark \
-	  image module video outfile arrayview ziparchive wavefront) \
+	  image door colour exif module video outfile arrayview ziparchive \
+	  wavefront) formats/door_resize.cc \
 	  formats/glb_read.cc formats/glb_pose.cc)
 fuzz_objects = $(patsubst %,$(BUILD)/fuzz/obj/%.o,$(basename $(wildcard $(1))))
 
@@ -339,20 +349,20 @@ $(BUILD)/fuzz/%: tests/fuzz/%.c $(BUILD)/fuzz/readers.a \
                  $(BUILD)/fuzz/video.so $(BUILD)/fuzz/media.so
 	$(SAY) FUZZ $@
 	$(FUZZ_CC) -fsanitize=fuzzer,address,undefined $(filter %.c %.a,$^) \
-	  -Wl,--as-needed -lxxhash -lcjson -lpng -ljpeg -lzip -ltinygltf \
+	  -Wl,--as-needed -lxxhash -lcjson -lpng -ljpeg -lexif -llcms2 \
+	  -lopencv_core -lopencv_imgproc -lzip -ltinygltf \
 	  -fsanitize-link-c++-runtime -lstdc++ -lm -o $@
 
 # The modules, where formats/module.c looks for them.
 $(call fuzz_objects,formats/video/*.c): FUZZ_PART += -fopenmp
 $(BUILD)/fuzz/video.so: $(call fuzz_objects,formats/video/*.c \
-                          lib/base/error.c lib/base/file.c)
+                          formats/module.c formats/video_name.c \
+                          lib/base/file.c $(DOOR))
+$(BUILD)/fuzz/media.so: $(call fuzz_objects,formats/media/*.c* \
+                          formats/exif.c formats/video_name.c $(DOOR))
+$(BUILD)/fuzz/%.so:
 	$(SAY) FUZZ $@
-	$(FUZZ_CC) $(FUZZ_PART) -shared -fopenmp $^ $(VIDEO_LIBS) -o $@
-
-$(BUILD)/fuzz/media.so: $(call fuzz_objects,formats/media/*.cc \
-                          lib/base/error.c formats/video_name.c)
-	$(SAY) FUZZ $@
-	$(FUZZ_CXX) $(FUZZ_PART) -shared $^ $(MEDIA_LIBS) -o $@
+	$(FUZZ_CXX) $(FUZZ_PART) -shared -fopenmp $^ $(LIBS_$*) -o $@
 -include $(shell find $(BUILD)/fuzz -name '*.d' 2>/dev/null)
 
 # The table of Winograd against direct convolutions (lib/nn/tune.c).

@@ -13,7 +13,7 @@
 #include <sysexits.h>
 #include <unistd.h>
 
-#include "formats/image.h"
+#include "formats/door.h"
 #include "formats/livelink.h"
 #include "formats/png.h"
 #include "formats/pnm.h"
@@ -40,6 +40,8 @@ struct framesource {
     uint8_t *rgb, *planes;
     size_t rgb_room, planes_room;
     size_t damaged;                /* pictures */
+    struct door door;              /* of Y4M whose pixels are not square */
+    struct image square;
 };
 
 /* ---- the list of inputs ----------------------------------------------- */
@@ -356,6 +358,25 @@ static void framesource_close_input(struct framesource *s)
 
 /* ---- reading ---------------------------------------------------------- */
 
+/* The same frame with square pixels: 1, or -1. */
+static int framesource_make_square(struct framesource *s, struct frame *f,
+                                   struct error *err)
+{
+    const struct y4m *y = &s->y4m;
+    const struct door_tag tag = {
+        .aspect = y->aspect_den ? (double)y->aspect_num / y->aspect_den : 1,
+        .pixels = {.channels = 3, .bits = 8}
+    };
+
+    if (door_picture(&s->door, &s->square, y->width, y->height, &tag, s->rgb,
+                     3 * y->width, s->name, err))
+        return -1;
+    f->rgb = s->square.rgb;
+    f->width = s->square.width;
+    f->height = s->square.height;
+    return 1;
+}
+
 /* One frame, converted to RGB; short ones are an error. */
 static int framesource_read_y4m(struct framesource *s, struct frame *f,
                                 struct error *err)
@@ -380,7 +401,8 @@ static int framesource_read_y4m(struct framesource *s, struct frame *f,
     f->rgb = s->rgb;
     f->width = s->y4m.width;
     f->height = s->y4m.height;
-    return 1;
+    return s->y4m.aspect_num == s->y4m.aspect_den
+         ? 1 : framesource_make_square(s, f, err);
 }
 
 /* One picture of a sequence. */
@@ -396,24 +418,32 @@ static int framesource_read_pnm(struct framesource *s, struct frame *f,
     return rc;
 }
 
+/* A picture becomes the frame, and is s's. */
+static void framesource_take(struct framesource *s, struct frame *f,
+                             const struct image *im)
+{
+    free(im->alpha);
+    free(s->rgb);
+    s->rgb = im->rgb;
+    s->rgb_room = 3 * im->width * im->height;
+    f->rgb = im->rgb;
+    f->width = im->width;
+    f->height = im->height;
+}
+
 /* One picture of a sequence. */
 static int framesource_read_png(struct framesource *s, struct frame *f,
                                 struct error *err)
 {
-    uint8_t *alpha;
+    struct image im;
     int c = getc(s->fp);
 
     if (c == EOF)
         return 0;
     ungetc(c, s->fp);
-    free(s->rgb);
-    s->rgb_room = 0;
-    if (png_read_next(s->fp, &s->rgb, &alpha, &f->width, &f->height,
-                      s->opt.max_pixels, err) != 0)
+    if (png_read_next(&im, s->fp, s->opt.max_pixels, err) != 0)
         return error_prefix(err, "%s: frame %zu", s->name, s->here);
-    free(alpha);
-    s->rgb_room = 3 * f->width * f->height;
-    f->rgb = s->rgb;
+    framesource_take(s, f, &im);
     return 1;
 }
 
@@ -428,33 +458,8 @@ static int framesource_read_image(struct framesource *s, struct frame *f,
     if (image_read(&im, s->name, err) != 0)
         return -1;
     s->damaged += im.damaged;
-    free(im.alpha);
-    free(s->rgb);
-    s->rgb = im.rgb;
-    s->rgb_room = 3 * im.width * im.height;
-    f->rgb = im.rgb;
-    f->width = im.width;
-    f->height = im.height;
+    framesource_take(s, f, &im);
     return 1;
-}
-
-/* Decoders stop at a fault as they do at the end: compare with what the
- * container promised (which may be off by a frame or two). */
-static int framesource_check_video_end(struct framesource *s, struct error *err)
-{
-    const size_t missing = video_missing(s->video);
-
-    if (s->here == 0)
-        return error_set(err, EX_DATAERR, "%s: no frame could be decoded",
-                         s->name);
-    if (missing > 2 + s->here / 100)
-        return error_set(err, EX_DATAERR, "%s: frame %zu: damaged or cut "
-                         "short (about %zu frames are missing)", s->name,
-                         s->here, missing);
-    if (video_cut(s->video))
-        return error_set(err, EX_DATAERR, "%s: frame %zu: cut short inside a "
-                         "packet", s->name, s->here);
-    return 0;
 }
 
 /* The next decoded frame. */
@@ -464,8 +469,6 @@ static int framesource_read_video(struct framesource *s, struct frame *f,
     int rc = video_read(s->video, &f->rgb, &f->width, &f->height, &f->time,
                         err);
 
-    if (rc == 0)
-        return framesource_check_video_end(s, err);
     if (rc == 1 && f->width * f->height > s->opt.max_pixels)
         return error_set(err, EX_DATAERR, "%s: frames of %zu x %zu pixels "
                          "(at most %zu pixels)", s->name, f->width,
@@ -570,5 +573,7 @@ void framesource_close(struct framesource *s)
     free(s->path);
     free(s->rgb);
     free(s->planes);
+    door_release(&s->door);
+    image_release(&s->square);
     free(s);
 }

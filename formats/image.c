@@ -19,8 +19,7 @@
 static int image_read_png(struct image *im, FILE *fp, const char *path,
                           struct error *err)
 {
-    return png_read_next(fp, &im->rgb, &im->alpha, &im->width, &im->height,
-                         IMAGE_MAX_PIXELS, err)
+    return png_read_next(im, fp, IMAGE_MAX_PIXELS, err)
                ? error_prefix(err, "%s", path) : 0;
 }
 

@@ -1,5 +1,5 @@
-/* Pictures from files: anything OpenImageIO reads, as 8-bit RGB the way a
- * person sees it (orientation applied, sRGB values). */
+/* Pictures from files: PNG, JPEG, WebP, HEIF, AVIF and anything OpenImageIO
+ * reads, as 8-bit RGB the way a person sees it (formats/door.h). */
 #ifndef SPID_FORMATS_IMAGE_H
 #define SPID_FORMATS_IMAGE_H
 
@@ -10,7 +10,7 @@
 #include "lib/base/error.h"
 
 /* Largest picture that is read, in pixels, and the longest side. */
-#define IMAGE_MAX_PIXELS ((size_t)100 << 20)
+#define IMAGE_MAX_PIXELS ((size_t)200 << 20)
 #define IMAGE_MAX_SIDE 32768
 
 struct image {
@@ -23,10 +23,12 @@ struct image {
 
 /* Read a picture.  Grey is spread over the channels, 16 bits are rounded to
  * 8, floating point (taken as linear unless the file says otherwise) is
- * encoded as sRGB, alpha is kept apart and made straight.  Refused with
- * EX_DATAERR: CMYK, more pixels than the limits above (checked before
- * anything is allocated), zero size, damaged files.  EX_NOINPUT: cannot be
- * opened.  The caller releases *im; on failure it is zeroed. */
+ * encoded as sRGB, alpha is kept apart and made straight; what the file says
+ * of orientation, shape of pixels and colours is followed.  Refused with
+ * EX_DATAERR: CMYK without a profile, more pixels than the limits above
+ * (checked before anything is allocated), zero size, damaged files.
+ * EX_NOINPUT: cannot be opened.  The caller releases *im; on failure it is
+ * zeroed. */
 int image_read(struct image *im, const char *path, struct error *err);
 
 /* Free what it holds; zeroed then. */

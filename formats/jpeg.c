@@ -1,5 +1,4 @@
-/* JPEG in (jpeg.h): libjpeg's decoder, and the one tag of Exif that says how
- * the camera was held. */
+/* JPEG in (jpeg.h): libjpeg's decoder, and what stands beside the pixels. */
 #include "formats/jpeg.h"
 
 #include <setjmp.h>
@@ -9,10 +8,11 @@
 
 #include <jpeglib.h>
 
-#include "formats/orient.h"
+#include "formats/door.h"
+#include "formats/exif.h"
 
 #define JPEG_SCANS 500          /* of a progressive picture; more are a trap */
-#define JPEG_EXIF 0xffff        /* bytes of a marker */
+#define JPEG_MARKER 0xffff      /* bytes at most */
 
 /* libjpeg wants its own struct to be the first. */
 struct jpeg_faults {
@@ -25,7 +25,8 @@ struct jpeg {
     struct jpeg_decompress_struct in;
     struct jpeg_faults faults;
     struct jpeg_progress_mgr progress;
-    uint8_t *row;
+    struct door door;
+    uint8_t *row, *icc;
     const char *name;
 };
 
@@ -54,97 +55,57 @@ static void jpeg_progress(j_common_ptr in)
     longjmp(f->back, 1);
 }
 
-/* ---- how it was held ----------------------------------------------------- */
+/* ---- what it says of its pixels ------------------------------------------ */
 
-/* Number of n bytes, the high one first or last. */
-static unsigned jpeg_number(const uint8_t *p, int n, bool high_first)
+/* Orientation and colours by Exif, an ICC profile over those, and pixels that
+ * are not square by JFIF.  *icc is for the caller to free. */
+static struct door_tag jpeg_tag(struct jpeg_decompress_struct *in,
+                                uint8_t **icc)
 {
-    unsigned v = 0;
+    static const char exif[6] = "Exif\0";
+    const bool grey = in->num_components == 1, cmyk = in->num_components == 4;
+    struct door_tag t = {.pixels = {
+        .channels = grey ? 1 : cmyk ? 4 : 3, .bits = 8,
+        .inverted = in->saw_Adobe_marker
+    }};
+    unsigned bytes = 0;
 
-    for (int i = 0; i < n; i++)
-        v |= (unsigned)p[i] << 8 * (high_first ? n - 1 - i : i);
-    return v;
-}
-
-/* Tag 0x112 of the first directory of Exif data. */
-static enum orientation jpeg_exif_orientation(const uint8_t *p, size_t n)
-{
-    size_t at, entries;
-    bool high;
-
-    if (n < 14 || memcmp(p, "Exif\0\0", 6))
-        return ORIENT_UPRIGHT;
-    p += 6;
-    n -= 6;
-    high = p[0] == 'M';
-    at = jpeg_number(p + 4, 4, high);
-    if (at > n - 2)
-        return ORIENT_UPRIGHT;
-    entries = jpeg_number(p + at, 2, high);
-    for (at += 2; entries > 0 && at + 12 <= n; entries--, at += 12)
-        if (jpeg_number(p + at, 2, high) == 0x112)
-            return orient_read(jpeg_number(p + at + 8, 2, high));
-    return ORIENT_UPRIGHT;
-}
-
-static enum orientation
-jpeg_orientation(const struct jpeg_decompress_struct *in)
-{
-    for (jpeg_saved_marker_ptr m = in->marker_list; m; m = m->next) {
-        const enum orientation o = jpeg_exif_orientation(m->data,
-                                                         m->data_length);
-
-        if (o != ORIENT_UPRIGHT)
-            return o;
-    }
-    return ORIENT_UPRIGHT;
+    for (jpeg_saved_marker_ptr m = in->marker_list; m; m = m->next)
+        if (m->marker == JPEG_APP0 + 1 && m->data_length > sizeof exif &&
+            !memcmp(m->data, exif, sizeof exif))
+            exif_read(&t, m->data, m->data_length);
+    if (jpeg_read_icc_profile(in, icc, &bytes))
+        t.colour = (struct colour_tag){.icc = *icc, .icc_bytes = bytes};
+    in->err->num_warnings = 0;          /* a profile is no pixels */
+    if (in->saw_JFIF_marker && in->density_unit == 0 && in->Y_density)
+        t.aspect = (double)in->X_density / in->Y_density;
+    return t;
 }
 
 /* ---- pixels -------------------------------------------------------------- */
 
-/* Size and colours, before anything is allocated. */
-static int jpeg_check(const struct jpeg *j, struct error *err)
-{
-    const size_t w = j->in.image_width, h = j->in.image_height;
-
-    if (w < 1 || h < 1)
-        return error_set(err, EX_DATAERR, "%s: picture of %zu x %zu pixels has "
-                         "no content", j->name, w, h);
-    if (w > IMAGE_MAX_SIDE || h > IMAGE_MAX_SIDE || w * h > IMAGE_MAX_PIXELS)
-        return error_set(err, EX_DATAERR, "%s: picture of %zu x %zu pixels is "
-                         "too large (at most %d a side and %zu in all)",
-                         j->name, w, h, IMAGE_MAX_SIDE, IMAGE_MAX_PIXELS);
-    if (j->in.num_components == 4)
-        return error_set(err, EX_DATAERR, "%s: CMYK picture (expected grey "
-                         "or RGB; convert it with its colour profile first)",
-                         j->name);
-    return 0;
-}
-
-/* The picture, upright, a row at a time. */
+/* The picture through the door, a row at a time. */
 static int jpeg_fill(struct image *im, struct jpeg *j, struct error *err)
 {
+    const struct door_tag tag = jpeg_tag(&j->in, &j->icc);
     const size_t W = j->in.image_width, H = j->in.image_height;
-    const enum orientation o = jpeg_orientation(&j->in);
-    const bool upright = o == ORIENT_UPRIGHT;
 
-    im->width = orient_swaps(o) ? H : W;
-    im->height = orient_swaps(o) ? W : H;
-    im->rgb = malloc(3 * W * H);
-    j->row = malloc(3 * W);
-    if (!im->rgb || !j->row)
+    if (door_open(&j->door, im, W, H, &tag, j->name, err))
+        return -1;
+    j->in.out_color_space = tag.pixels.channels == 1 ? JCS_GRAYSCALE
+                          : tag.pixels.channels == 4 ? JCS_CMYK : JCS_RGB;
+    j->row = malloc((size_t)tag.pixels.channels * W);
+    if (!j->row)
         return error_set(err, EX_OSERR, "%s: out of memory", j->name);
-    j->in.out_color_space = JCS_RGB;
     jpeg_start_decompress(&j->in);
     for (size_t y = 0; y < H; y++) {
-        JSAMPROW row = upright ? im->rgb + 3 * W * y : j->row;
+        JSAMPROW row = j->row;
 
         jpeg_read_scanlines(&j->in, &row, 1);
-        for (size_t x = 0; !upright && x < W; x++)
-            memcpy(im->rgb + 3 * orient_pixel(x, y, W, H, o), row + 3 * x, 3);
+        door_row(&j->door, row, y);
     }
     im->damaged = j->in.err->num_warnings > 0;
-    return 0;
+    return door_close(&j->door, err);
 }
 
 int jpeg_read(struct image *im, FILE *fp, const char *name, struct error *err)
@@ -169,16 +130,17 @@ int jpeg_read(struct image *im, FILE *fp, const char *name, struct error *err)
     } else {
         jpeg_create_decompress(&j->in);
         j->in.progress = &j->progress;
-        jpeg_save_markers(&j->in, JPEG_APP0 + 1, JPEG_EXIF);
+        jpeg_save_markers(&j->in, JPEG_APP0 + 1, JPEG_MARKER);
+        jpeg_save_markers(&j->in, JPEG_APP0 + 2, JPEG_MARKER);
         jpeg_stdio_src(&j->in, fp);
         jpeg_read_header(&j->in, TRUE);
         begun = true;
-        rc = jpeg_check(j, err);
-        if (rc == 0)
-            rc = jpeg_fill(im, j, err);
+        rc = jpeg_fill(im, j, err);
     }
     jpeg_destroy_decompress(&j->in);
+    door_release(&j->door);
     free(j->row);
+    free(j->icc);
     free(j);
     if (rc)
         image_release(im);

@@ -25,6 +25,10 @@ static struct module module_videos = {
     .file = "video.so", .symbol = "spid_video", .what = "videos",
     .lock = PTHREAD_MUTEX_INITIALIZER
 };
+static struct module module_filters = {
+    .file = "filter.so", .symbol = "spid_filter", .what = "filters of videos",
+    .lock = PTHREAD_MUTEX_INITIALIZER
+};
 
 /* The table of the module in a folder, or NULL. */
 static const void *module_try(const struct module *m, const char *folder)
@@ -89,6 +93,11 @@ const struct video_module *module_video(struct error *err)
     return module_load(&module_videos, err);
 }
 
+const struct filter_module *module_filter(struct error *err)
+{
+    return module_load(&module_filters, err);
+}
+
 /* ---- ahead of time ------------------------------------------------------- */
 
 /* The module that a file of this name wants, or NULL. */
@@ -98,8 +107,8 @@ static struct module *module_of(const char *path)
         "png", "jpg", "jpeg", "ppm", "pgm", "pnm", "pam", "y4m", "spid"
     };
     static const char *const picture[] = {
-        "tif", "tiff", "bmp", "webp", "exr", "tga", "hdr", "jp2", "gif",
-        "heic", "psd", "dpx"
+        "tif", "tiff", "bmp", "webp", "exr", "tga", "hdr", "jp2", "heic",
+        "heif", "avif", "psd", "dpx"
     };
     const char *dot = path ? strrchr(path, '.') : NULL;
 

@@ -21,15 +21,14 @@ struct video_reader {
 struct video_reading {
     double (*rate)(const struct video_reader *v);
     size_t (*frames)(const struct video_reader *v);
-    size_t (*missing)(const struct video_reader *v);
-    bool (*cut)(const struct video_reader *v);
+    double (*end)(const struct video_reader *v);
     int (*read)(struct video_reader *v, const uint8_t **rgb, size_t *width,
                 size_t *height, double *time, struct error *err);
     void (*close)(struct video_reader *v);
 };
 
-/* media.so, with OpenImageIO and OpenCV: pictures but for PNG and JPEG
- * (formats/png.h, jpeg.h), and what is live. */
+/* media.so, with OpenImageIO, libheif, libwebp and OpenCV: pictures but for PNG
+ * and JPEG (formats/png.h, jpeg.h), animations of WebP, and what is live. */
 struct media_module {
     int (*image_read)(struct image *im, const char *path, struct error *err);
     int (*exr_write)(const char *path, const float *pixel, size_t width,
@@ -37,6 +36,7 @@ struct media_module {
                      const char *mark, struct error *err);
     int (*panorama_read)(struct panorama *p, const char *path,
                          struct error *err);
+    struct video_reader *(*webp_open)(const char *path, struct error *err);
     struct video_reader *(*camera_open)(const char *path, struct error *err);
 };
 
@@ -53,11 +53,32 @@ struct video_module {
     void (*abandon)(struct video_writer *v);
 };
 
+struct AVFrame;
+struct filter;
+
+/* filter.so, with ffmpeg's filters, which bring eighty libraries along: for
+ * video.so, where a clip is interlaced or an animation wants a palette.  Frames
+ * in and out of the graph that a text describes, as ffmpeg's -vf. */
+struct filter_module {
+    /* For frames like this one; times in seconds num/den.  NULL when it cannot
+     * be. */
+    struct filter *(*open)(const char *graph, const struct AVFrame *like,
+                           int num, int den);
+    /* One more frame (its reference is taken over), NULL: the end; a libav
+     * error number. */
+    int (*send)(struct filter *f, struct AVFrame *frame);
+    /* What is ready, times as given; AVERROR(EAGAIN), AVERROR_EOF. */
+    int (*receive)(struct filter *f, struct AVFrame *frame);
+    void (*close)(struct filter *f);        /* NULL is allowed */
+};
+
 /* The modules' tables; NULL and EX_UNAVAILABLE when one cannot be loaded.
  * From any thread. */
 const struct media_module *module_media(struct error *err);
 /* The same of videos. */
 const struct video_module *module_video(struct error *err);
+/* The same of filters. */
+const struct filter_module *module_filter(struct error *err);
 
 /* Start to load what these files (NULL: none) want by their names, in another
  * thread; whoever needs it first waits.  At exit, too. */

@@ -1,13 +1,15 @@
 /* PNG through libpng, whose way of failing (longjmp) ends here. */
 #include "formats/png.h"
 
+#include <math.h>
 #include <png.h>
 #include <setjmp.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 
-#include "formats/image.h"
+#include "formats/door.h"
+#include "formats/exif.h"
 #include "formats/mark.h"
 #include "formats/outfile.h"
 
@@ -104,20 +106,88 @@ int png_write_marked(FILE *fp, const uint8_t *pixel, size_t width,
 struct reading {
     png_structp png;
     png_infop info;
-    uint8_t *rgba;
+    uint8_t *pixels;
     png_bytepp rows;
+    struct door_tag tag;
+    struct door door;
     struct error e;
 };
 
-/* As RGBA of 8 bits, whatever the file holds; fails by longjmp. */
-static void png_read_pixels(struct reading *r, FILE *fp, size_t *width,
-                            size_t *height, size_t most)
+/* Colours by code points, which this libpng does not know of. */
+static bool png_code_points(struct colour_tag *t, const struct reading *r)
 {
+    png_unknown_chunkp chunk;
+    const int n = png_get_unknown_chunks(r->png, r->info, &chunk);
+
+    for (int i = 0; i < n; i++)
+        if (!memcmp(chunk[i].name, "cICP", 4) && chunk[i].size == 4) {
+            t->primaries = chunk[i].data[0];
+            t->transfer = chunk[i].data[1];
+            return true;
+        }
+    return false;
+}
+
+/* What the file says of its colours: by the first of code points, a profile,
+ * sRGB, and a curve, which is sRGB's where it is as good as that. */
+static void png_colours(struct colour_tag *t, const struct reading *r)
+{
+    png_charp name;
+    png_bytep profile;
+    png_uint_32 bytes;
+    int number;
+    double g;
+
+    if (png_code_points(t, r))
+        return;
+    if (png_get_iCCP(r->png, r->info, &name, &number, &profile, &bytes)) {
+        t->icc = profile;
+        t->icc_bytes = bytes;
+    } else if (!png_get_sRGB(r->png, r->info, &number) &&
+               png_get_gAMA(r->png, r->info, &g) && g > 0.01) {
+        double *c = t->chroma;
+
+        t->gamma = fabs(g - 1 / 2.2) < 0.01 ? 0 : 1 / g;
+        if (t->gamma > 0)
+            png_get_cHRM(r->png, r->info, c, c + 1, c + 2, c + 3, c + 4, c + 5,
+                         c + 6, c + 7);
+    }
+}
+
+/* All that stands beside the pixels. */
+static struct door_tag png_tag(const struct reading *r)
+{
+    const int channels = png_get_channels(r->png, r->info);
+    struct door_tag t = {
+        .pixels = {.channels = channels < 3 ? 1 : 3,
+                   .extra = channels % 2 == 0,
+                   .bits = png_get_bit_depth(r->png, r->info)},
+        .alpha = channels % 2 == 0
+    };
+    png_uint_32 n, x, y;
+    png_bytep exif;
+    int unit;
+
+    png_colours(&t.colour, r);
+    if (png_get_eXIf_1(r->png, r->info, &n, &exif))
+        exif_read(&t, exif, n);
+    /* as ffmpeg writes and reads it, for no one else does: not as densities */
+    if (png_get_pHYs(r->png, r->info, &x, &y, &unit) &&
+        unit == PNG_RESOLUTION_UNKNOWN && y)
+        t.aspect = (double)x / y;
+    return t;
+}
+
+/* The stored pixels, of 8 or 16 bits; fails by longjmp. */
+static void png_read_pixels(struct reading *r, FILE *fp, size_t most)
+{
+    static const png_byte code_points[5] = "cICP";
     png_structp png = r->png;
-    size_t W, H;
+    size_t W, H, bytes;
 
     png_init_io(png, fp);
     png_set_user_limits(png, IMAGE_MAX_SIDE, IMAGE_MAX_SIDE);
+    png_set_keep_unknown_chunks(png, PNG_HANDLE_CHUNK_ALWAYS, code_points, 1);
     png_read_info(png, r->info);
     W = png_get_image_width(png, r->info);
     H = png_get_image_height(png, r->info);
@@ -129,28 +199,23 @@ static void png_read_pixels(struct reading *r, FILE *fp, size_t *width,
         png_error(png, text);
     }
     png_set_expand(png);
-    png_set_scale_16(png);
-    png_set_gray_to_rgb(png);
-    png_set_add_alpha(png, 255, PNG_FILLER_AFTER);
+    png_set_swap(png);
     png_set_interlace_handling(png);
     png_read_update_info(png, r->info);
-    if (png_get_rowbytes(png, r->info) != 4 * W)
-        png_error(png, "unexpected row size");
-    r->rgba = malloc(4 * W * H);
+    bytes = png_get_rowbytes(png, r->info);
+    r->pixels = malloc(bytes * H);
     r->rows = malloc(H * sizeof *r->rows);
-    if (!r->rgba || !r->rows)
+    if (!r->pixels || !r->rows)
         png_error(png, "out of memory");
     for (size_t y = 0; y < H; y++)
-        r->rows[y] = r->rgba + 4 * W * y;
+        r->rows[y] = r->pixels + bytes * y;
     png_read_image(png, r->rows);
-    png_read_end(png, NULL);
-    *width = W;
-    *height = H;
+    png_read_end(png, r->info);
+    r->tag = png_tag(r);
 }
 
 /* png_read_pixels with libpng's way of failing turned into a return value. */
-static int png_read_rgba(struct reading *r, FILE *fp, size_t *width,
-                         size_t *height, size_t most)
+static int png_read_stored(struct reading *r, FILE *fp, size_t most)
 {
     r->png = png_create_read_struct(PNG_LIBPNG_VER_STRING, &r->e, png_on_error,
                                     png_on_warning);
@@ -159,44 +224,33 @@ static int png_read_rgba(struct reading *r, FILE *fp, size_t *width,
         return error_set(&r->e, EX_OSERR, "png: out of memory");
     if (setjmp(png_jmpbuf(r->png)))
         return -1;
-    png_read_pixels(r, fp, width, height, most);
+    png_read_pixels(r, fp, most);
     return 0;
 }
 
-int png_read_next(FILE *fp, uint8_t **rgb, uint8_t **alpha, size_t *width,
-                  size_t *height, size_t most, struct error *err)
+int png_read_next(struct image *im, FILE *fp, size_t most, struct error *err)
 {
     struct reading r = {0};
-    bool transparent = false;
-    int rc = -1;
+    int rc = png_read_stored(&r, fp, most);
 
-    *rgb = *alpha = NULL;
-    if (png_read_rgba(&r, fp, width, height, most) != 0) {
+    memset(im, 0, sizeof *im);
+    if (rc) {
         error_set(err, r.e.code, "%s", r.e.text);
-        goto out;
+    } else {
+        const size_t H = png_get_image_height(r.png, r.info);
+
+        rc = door_open(&r.door, im, png_get_image_width(r.png, r.info), H,
+                       &r.tag, "png", err);
+        for (size_t y = 0; y < H && rc == 0; y++)
+            door_row(&r.door, r.rows[y], y);
+        if (rc == 0)
+            rc = door_close(&r.door, err);
     }
-    *rgb = malloc(3 * *width * *height);
-    *alpha = malloc(*width * *height);
-    if (!*rgb || !*alpha) {
-        error_set(err, EX_OSERR, "png: out of memory");
-        goto out;
-    }
-    for (size_t i = 0; i < *width * *height; i++) {
-        memcpy(*rgb + 3 * i, r.rgba + 4 * i, 3);
-        transparent |= ((*alpha)[i] = r.rgba[4 * i + 3]) != 255;
-    }
-    rc = 0;
-out:
-    if (rc != 0 || !transparent) {
-        free(*alpha);
-        *alpha = NULL;
-    }
-    if (rc != 0) {
-        free(*rgb);
-        *rgb = NULL;
-    }
+    if (rc)
+        image_release(im);
+    door_release(&r.door);
     png_destroy_read_struct(&r.png, &r.info, NULL);
-    free(r.rgba);
+    free(r.pixels);
     free(r.rows);
     return rc;
 }

@@ -5,6 +5,7 @@
 #include <stdint.h>
 #include <stdio.h>
 
+#include "formats/image.h"
 #include "lib/base/error.h"
 
 /* Write pixel [height,width,channels] (1 grey, 2 grey + alpha, 3 RGB, 4 RGBA
@@ -16,10 +17,7 @@ int png_write(FILE *fp, const uint8_t *pixel, size_t width, size_t height,
 int png_write_marked(FILE *fp, const uint8_t *pixel, size_t width,
                      size_t height, int channels, struct error *err);
 
-/* Read the next PNG of fp as RGB [height,width,3] and, where the file has it,
- * alpha; both are for the caller to free.  16 bits are rounded to 8.  most:
- * pixels at most. */
-int png_read_next(FILE *fp, uint8_t **rgb, uint8_t **alpha, size_t *width,
-                  size_t *height, size_t most, struct error *err);
+/* Read the next PNG of fp as image_read promises; at most `most` pixels. */
+int png_read_next(struct image *im, FILE *fp, size_t most, struct error *err);
 
 #endif

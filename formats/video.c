@@ -29,14 +29,9 @@ size_t video_frames(const struct video_reader *v)
     return v->by->frames(v);
 }
 
-size_t video_missing(const struct video_reader *v)
+double video_end(const struct video_reader *v)
 {
-    return v->by->missing(v);
-}
-
-bool video_cut(const struct video_reader *v)
-{
-    return v->by->cut(v);
+    return v->by->end(v);
 }
 
 int video_read(struct video_reader *v, const uint8_t **rgb, size_t *width,

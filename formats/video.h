@@ -16,24 +16,24 @@ bool video_is_camera(const char *path);
  * they come, and it has no end. */
 bool video_is_live(const char *path);
 /* Open a file, or what video_is_live says.  EX_NOINPUT when it is not there,
- * EX_DATAERR when no decoder takes it.  Colours by the matrix that the file
- * says; where it does not, BT.709 from 1280 columns or 577 rows on, else
- * BT.601.  bt601: BT.601 whatever it says.  Frames are turned upright where
- * the file says how it was held. */
+ * EX_DATAERR when no decoder takes it.  Frames leave through the door
+ * (formats/door.h): turned or mirrored, with square pixels and cropped as the
+ * file says, fields woven to whole frames (bwdif), colours by the matrix,
+ * range, primaries and transfer that it says; where it does not name a matrix,
+ * BT.709 from 1280 columns or 577 rows on, else BT.601.  bt601: BT.601 whatever
+ * it says. */
 struct video_reader *video_open(const char *path, bool bt601,
                                 struct error *err);
 /* Frames a second; 0 when unknown. */
 double video_rate(const struct video_reader *v);
 /* Frames the container announces, about; 0 when unknown. */
 size_t video_frames(const struct video_reader *v);
-/* At the end: about how many frames could not be decoded, or are not there
- * though the container announces pictures for longer. */
-size_t video_missing(const struct video_reader *v);
-/* Whether the file ends inside a packet of MPEG-TS: it was cut short, which
- * nothing else in that container tells. */
-bool video_cut(const struct video_reader *v);
+/* When the last frame that was read ceases to be shown, seconds as its time. */
+double video_end(const struct video_reader *v);
 /* Next frame as RGB: 1 and *rgb (valid until the next call), the size and the
- * time in seconds; 0 at the end of what can be decoded; -1 on a fault. */
+ * time in seconds of the container; 0 at the end; -1 on a fault, also where
+ * the end is one: the file is shorter than it says, ends inside a packet, or
+ * more than two frames and one of a hundred could not be decoded. */
 int video_read(struct video_reader *v, const uint8_t **rgb, size_t *width,
                size_t *height, double *time, struct error *err);
 void video_close(struct video_reader *v);         /* NULL is allowed */

@@ -47,16 +47,16 @@ static double camera_rate(const struct video_reader *v)
     return static_cast<const camera *>(v)->rate;
 }
 
-/* It announces nothing, so nothing is missing, ... */
+/* It announces nothing, ... */
 static size_t camera_frames(const struct video_reader *)
 {
     return 0;
 }
 
-/* ... and has no end. */
-static bool camera_cut(const struct video_reader *)
+/* ... and ends with what was seen last. */
+static double camera_end(const struct video_reader *v)
 {
-    return false;
+    return static_cast<const camera *>(v)->last;
 }
 
 /* As video_read; a camera that sends nothing has ended. */
@@ -98,8 +98,7 @@ static void camera_close(struct video_reader *v)
 }
 
 static const struct video_reading camera_functions = {
-    camera_rate, camera_frames, camera_frames, camera_cut, camera_read,
-    camera_close
+    camera_rate, camera_frames, camera_end, camera_read, camera_close
 };
 
 struct video_reader *camera_open(const char *path, struct error *err)

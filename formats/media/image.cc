@@ -1,15 +1,12 @@
-/* Pictures by OpenImageIO, turned upright and brought to 8 bits of sRGB. */
+/* Pictures by OpenImageIO: what no reader of its own takes. */
 extern "C" {
-#include "formats/module.h"
 #include "formats/media/exr.h"
-#include "formats/orient.h"
+#include "formats/media/still.h"
 }
 
 #include <sysexits.h>
 
-#include <cerrno>
 #include <cmath>
-#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <memory>
@@ -43,25 +40,37 @@ static bool image_is_cmyk(const OIIO::ImageSpec &spec)
 static int image_check_spec(const OIIO::ImageSpec &spec, const char *name,
                             struct error *err)
 {
-    const int w = spec.width, h = spec.height;
-
-    if (w < 1 || h < 1)
-        return error_set(err, EX_DATAERR, "%s: picture of %d x %d pixels has "
-                         "no content", name, w, h);
-    if (w > IMAGE_MAX_SIDE || h > IMAGE_MAX_SIDE
-        || (size_t)w * (size_t)h > IMAGE_MAX_PIXELS || spec.depth > 1)
-        return error_set(err, EX_DATAERR, "%s: picture of %d x %d pixels is "
-                         "too large (at most %d a side and %zu in all)",
-                         name, w, h, IMAGE_MAX_SIDE, IMAGE_MAX_PIXELS);
-    if (image_is_cmyk(spec))
-        return error_set(err, EX_DATAERR, "%s: CMYK picture (expected grey "
-                         "or RGB; convert it with its colour profile first)",
+    if (spec.depth > 1 || spec.width < 0 || spec.height < 0)
+        return error_set(err, EX_DATAERR, "%s: a volume (expected a picture)",
                          name);
     if (spec.nchannels < 1 || spec.nchannels > 64)
         return error_set(err, EX_DATAERR, "%s: %d channels (expected grey or "
                          "RGB, with or without alpha)", name,
                          spec.nchannels);
-    return 0;
+    return door_check_size((size_t)spec.width, (size_t)spec.height, name, err);
+}
+
+/* What it says of its pixels, and how many channels of them are read. */
+static struct door_tag image_tag(const OIIO::ImageSpec &spec, bool cmyk)
+{
+    const OIIO::ParamValue *icc = spec.find_attribute("ICCProfile");
+    struct door_tag t = {};
+    const int colours = cmyk ? 4 : spec.nchannels < 3 ? 1 : 3;
+
+    t.orientation =
+        orient_read((unsigned)spec.get_int_attribute("Orientation", 1));
+    t.aspect = (double)spec.get_float_attribute("PixelAspectRatio", 1);
+    t.pixels.channels = colours;
+    t.alpha = spec.alpha_channel == colours ||
+              (spec.alpha_channel < 0 && spec.nchannels == colours + 1);
+    t.pixels.extra = t.alpha;
+    t.pixels.bits = spec.format.size() == 1 ? 8 : 16;
+    t.pixels.inverted = cmyk && spec.find_attribute("psd:ColorMode");
+    if (icc && icc->type().basetype == OIIO::TypeDesc::UINT8) {
+        t.colour.icc = (const uint8_t *)icc->data();
+        t.colour.icc_bytes = icc->type().size();
+    }
+    return t;
 }
 
 /* ---- pixels ----------------------------------------------------------- */
@@ -78,122 +87,119 @@ static uint8_t image_encode_srgb(float v)
     return (uint8_t)(v * 255 + 0.5f);
 }
 
-/* All channels as 8 bits, [h,w,nchannels]. */
-static int image_read_levels(std::vector<uint8_t> &out, OIIO::ImageInput &in,
-                             const char *name, struct error *err)
+/* A picture of light: as bytes of sRGB, alpha as it is. */
+static bool image_read_linear(std::vector<uint8_t> &out, OIIO::ImageInput &in,
+                              const struct door_tag &t)
+{
+    const size_t C = (size_t)(t.pixels.channels + t.pixels.extra);
+    std::vector<float> f(out.size());
+
+    if (!in.read_image(0, 0, 0, (int)C, OIIO::TypeDesc::FLOAT, f.data()))
+        return false;
+    for (size_t i = 0; i < f.size(); i++) {
+        const bool a = t.alpha && i % C == C - 1;
+        const float v = f[i] > 0 ? f[i] < 1 ? f[i] : 1 : 0;
+
+        out[i] = a ? (uint8_t)(v * 255 + 0.5f) : image_encode_srgb(f[i]);
+    }
+    return true;
+}
+
+/* The channels that t names, of its bits. */
+static int image_read_pixels(std::vector<uint8_t> &out, OIIO::ImageInput &in,
+                             struct door_tag *t, const char *name,
+                             struct error *err)
 {
     const OIIO::ImageSpec &spec = in.spec();
-    const size_t n = (size_t)spec.width * (size_t)spec.height
-                     * (size_t)spec.nchannels;
+    const int C = t->pixels.channels + t->pixels.extra;
+    const size_t n = (size_t)spec.width * (size_t)spec.height * (size_t)C;
     const bool linear = spec.format.is_floating_point()
         && spec.get_string_attribute("spid:encoding") != "sRGB"
-        && spec.get_string_attribute("oiio:ColorSpace", "Linear") == "Linear";
+        && spec.get_string_attribute("oiio:ColorSpace", "Linear") == "Linear"
+        && !t->colour.icc;
 
-    out.resize(n);
-    if (!linear) {
-        if (in.read_image(0, 0, 0, -1, OIIO::TypeDesc::UINT8, out.data()))
-            return 0;
-    } else {
-        std::vector<float> f(n);
-        if (in.read_image(0, 0, 0, -1, OIIO::TypeDesc::FLOAT, f.data())) {
-            for (size_t i = 0; i < n; i++) {
-                bool a = (int)(i % (size_t)spec.nchannels)
-                         == spec.alpha_channel;
-                float v = f[i] > 0 ? f[i] < 1 ? f[i] : 1 : 0;
-                out[i] = a ? (uint8_t)(v * 255 + 0.5f)
-                           : image_encode_srgb(f[i]);
-            }
-            return 0;
-        }
-    }
+    if (linear)
+        t->pixels.bits = 8;
+    out.resize(n * (size_t)t->pixels.bits / 8);
+    if (linear ? image_read_linear(out, in, *t)
+               : in.read_image(0, 0, 0, C,
+                               t->pixels.bits == 8 ? OIIO::TypeDesc::UINT8
+                                                   : OIIO::TypeDesc::UINT16,
+                               out.data()))
+        return 0;
     return error_set(err, EX_DATAERR, "%s: damaged picture: %s", name,
                      in.geterror().c_str());
 }
 
-/* im from the stored pixels [h,w,channels]. */
-static int image_fill(struct image *im, const std::vector<uint8_t> &pix,
-                      const OIIO::ImageSpec &spec, struct error *err)
-{
-    const size_t W = (size_t)spec.width, H = (size_t)spec.height;
-    const size_t C = (size_t)spec.nchannels;
-    const enum orientation o =
-        orient_read((unsigned)spec.get_int_attribute("Orientation", 1));
-    size_t ac = spec.alpha_channel >= 0 ? (size_t)spec.alpha_channel : C;
-    bool grey = C < 3, opaque = true;
-
-    if (ac == C && (C == 2 || C == 4))
-        ac = C - 1;
-    im->width = orient_swaps(o) ? H : W;
-    im->height = orient_swaps(o) ? W : H;
-    im->rgb = (uint8_t *)malloc(3 * W * H);
-    im->alpha = ac < C ? (uint8_t *)malloc(W * H) : nullptr;
-    if (!im->rgb || (ac < C && !im->alpha))
-        return error_set(err, EX_OSERR, "out of memory");
-    for (size_t y = 0; y < H; y++)
-        for (size_t x = 0; x < W; x++) {
-            const uint8_t *p = pix.data() + (y * W + x) * C;
-            size_t to = orient_pixel(x, y, W, H, o);
-            for (size_t k = 0; k < 3; k++)
-                im->rgb[3 * to + k] = p[grey ? 0 : k];
-            if (im->alpha) {
-                im->alpha[to] = p[ac];
-                opaque = opaque && p[ac] == 255;
-            }
-        }
-    if (im->alpha && opaque) {
-        free(im->alpha);
-        im->alpha = nullptr;
-    }
-    return 0;
-}
-
-/* How OpenImageIO is asked to read: colours not premultiplied, not turned. */
-static OIIO::ImageSpec image_straight_alpha()
+/* A reader of the file, asked not to premultiply colours, nor to make RGB of
+ * inks. */
+static std::unique_ptr<OIIO::ImageInput>
+image_open(const char *path, OIIO::Filesystem::IOProxy &io, bool inks)
 {
     OIIO::ImageSpec config;
+
     config.attribute("oiio:UnassociatedAlpha", 1);
-    config.attribute("oiio:reorient", 0);
-    return config;
+    config.attribute("oiio:RawColor", inks ? 1 : 0);
+    auto in = OIIO::ImageInput::open(path, &config, &io);
+    if (!in) {
+        /* formats without proxies, from the file itself */
+        (void)OIIO::geterror();
+        in = OIIO::ImageInput::open(path, &config);
+    }
+    return in;
 }
 
 /* By the file's own reader. */
 static int image_read_any(struct image *im, const char *path,
                           OIIO::Filesystem::IOProxy &io, struct error *err)
 {
-    OIIO::ImageSpec config = image_straight_alpha();
     std::vector<uint8_t> pix;
-    auto in = OIIO::ImageInput::open(path, &config, &io);
+    auto in = image_open(path, io, false);
+    struct door door = {};
+    int rc;
 
-    if (!in) {
-        /* formats without proxies, from the file itself */
-        (void)OIIO::geterror();
-        in = OIIO::ImageInput::open(path, &config);
-    }
     if (!in) {
         (void)OIIO::geterror();
         return error_set(err, EX_DATAERR, "%s: not a picture that can be "
                          "read", path);
     }
-    if (image_check_spec(in->spec(), path, err) != 0
-        || image_read_levels(pix, *in, path, err) != 0)
+    const bool cmyk = image_is_cmyk(in->spec());
+    if (cmyk) {
+        in.reset();
+        in = image_open(path, io, true);
+    }
+    if (!in || (cmyk && in->spec().nchannels < 4))
+        return error_set(err, EX_DATAERR, "%s: CMYK picture that cannot be "
+                         "read", path);
+    if (image_check_spec(in->spec(), path, err))
         return -1;
-    return image_fill(im, pix, in->spec(), err);
+    const size_t W = (size_t)in->spec().width, H = (size_t)in->spec().height;
+    struct door_tag tag = image_tag(in->spec(), cmyk);
+
+    if (image_read_pixels(pix, *in, &tag, path, err))
+        return -1;
+    rc = door_picture(&door, im, W, H, &tag, pix.data(), pix.size() / H, path,
+                      err);
+    door_release(&door);
+    return rc;
 }
 
 /* Everything but PNG and JPEG, which formats/image.c has read. */
 int image_read(struct image *im, const char *path, struct error *err)
 {
+    int rc = still_read(im, path, err);
+
     try {
-        OIIO::Filesystem::IOFile io(path,
-                                    OIIO::Filesystem::IOProxy::Mode::Read);
-        if (io.size() == 0)
-            return error_set(err, EX_DATAERR, "%s: empty file (expected a "
-                             "picture)", path);
-        if (image_read_any(im, path, io, err) == 0)
-            return 0;
+        if (rc > 0) {
+            OIIO::Filesystem::IOFile io(
+                path, OIIO::Filesystem::IOProxy::Mode::Read);
+            rc = image_read_any(im, path, io, err);
+        }
     } catch (const std::exception &e) {
-        error_set(err, EX_DATAERR, "%s: %s", path, e.what());
+        rc = error_set(err, EX_DATAERR, "%s: %s", path, e.what());
     }
+    if (rc == 0)
+        return 0;
     free(im->rgb);
     free(im->alpha);
     *im = image();

@@ -2,12 +2,12 @@
 extern "C" {
 #include "formats/media/camera.h"
 #include "formats/media/exr.h"
-#include "formats/module.h"
+#include "formats/media/still.h"
 
 __attribute__((visibility("default"))) extern const struct media_module
     spid_media;
 
 const struct media_module spid_media = {
-    image_read, media_exr_write, panorama_read, camera_open
+    image_read, media_exr_write, panorama_read, webp_open, camera_open
 };
 }

@@ -1,5 +1,5 @@
-/* Video files in by ffmpeg's libraries: frames as RGB by the matrix that the
- * file says, upright, with their times. */
+/* Video files in by ffmpeg's libraries: frames whole, as RGB by what the file
+ * says of them, through the door (formats/door.h), with their times. */
 #include <errno.h>
 #include <math.h>
 #include <omp.h>
@@ -12,9 +12,10 @@
 #include <libavcodec/avcodec.h>
 #include <libavformat/avformat.h>
 #include <libavutil/display.h>
-#include <libavutil/parseutils.h>
+#include <libavutil/mastering_display_metadata.h>
 #include <libswscale/swscale.h>
 
+#include "formats/door.h"
 #include "formats/video/table.h"
 
 #define READER_THREADS 4        /* at most; from READER_LARGE pixels on */
@@ -30,17 +31,17 @@ struct reader {
     AVPacket *packet;
     AVFrame *frame;
     AVStream *stream;
-    int turns;                  /* quarters, clockwise */
-    uint8_t *rows, *rgb;        /* as converted; packed and upright */
-    size_t room;                /* pixels of both */
+    struct filter *weave;       /* fields to frames, once any are met */
+    bool woven;                 /* there is none that could */
+    struct door door;
+    struct image upright;
+    uint8_t *rows;              /* as converted */
+    size_t room;                /* bytes of them */
     double rate;                /* frames a second */
-    double seconds;             /* that the container announces; 0: none */
-    double last, pause;         /* time of the last frame; the longest time
-                                 * between two */
-    size_t frames;              /* announced; counted: by a table of them all,
-                                 * not as an AVI counts, with empty ones */
-    bool counted;
+    double last, end;           /* time of the last frame, and of its end */
+    size_t frames;              /* announced */
     size_t count, faults;       /* frames read; packets that no decoder takes */
+    bool broken;                /* the last packet is not whole */
     bool drained;               /* no packet is left */
 };
 
@@ -61,34 +62,6 @@ char *reader_url(const char *path)
 
 /* ---- the container ------------------------------------------------------- */
 
-/* MPEG-TS has no index and announces nothing, but it is made of packets of 188
- * bytes that start with 0x47 (192 with a time before each in M2TS, 204 with
- * parity behind): a file that ends inside one was cut. */
-static bool reader_cut(const struct video_reader *v)
-{
-    static const size_t packet[3] = {188, 192, 204}, sync[3] = {0, 4, 0};
-    uint8_t head[4 * 204];
-    FILE *f = fopen(reader_of(v)->path, "rb");
-    bool cut = false;
-
-    if (!f)
-        return false;
-    if (fread(head, 1, sizeof head, f) == sizeof head &&
-        fseeko(f, 0, SEEK_END) == 0) {
-        const size_t size = (size_t)ftello(f);
-
-        for (int i = 0; i < 3 && !cut; i++) {
-            bool all = true;
-
-            for (size_t at = sync[i]; at < sizeof head; at += packet[i])
-                all = all && head[at] == 0x47;
-            cut = all && size % packet[i] != 0;
-        }
-    }
-    fclose(f);
-    return cut;
-}
-
 static double reader_rate(const struct video_reader *v)
 {
     return reader_of(v)->rate;
@@ -99,42 +72,25 @@ static size_t reader_frames(const struct video_reader *v)
     return reader_of(v)->frames;
 }
 
-/* By time, for cameras and screens are recorded at a rate that varies, and a
- * last picture may stay as long as any before it. */
-static size_t reader_missing(const struct video_reader *v)
+static double reader_end(const struct video_reader *v)
 {
-    const struct reader *r = reader_of(v);
-    const double end = r->last + fmax(r->pause, r->rate > 0 ? 1 / r->rate : 0);
-    const double mean = r->last > 0 ? (double)(r->count - 1) / r->last
-                                    : r->rate;
-    const double n = fmax(r->seconds - end, 0) * mean;
-    const size_t lost = r->faults + (n < 1e12 ? (size_t)n : 0);
-    const size_t counted = r->counted && r->frames > r->count
-                         ? r->frames - r->count : 0;
-
-    return counted > lost ? counted : lost;
+    return reader_of(v)->end;
 }
 
-/* How long the pictures last, as the container says; 0 where it does not.
- * Sound may go on longer than they do, so a whole file's length is theirs only
- * where they are alone in it. */
-static double reader_seconds(const struct reader *r)
+/* How many samples an index of all of them shows: those that an edit list
+ * leaves. */
+static double reader_shown(const AVStream *s)
 {
-    const AVStream *s = r->stream;
-    const AVDictionaryEntry *tag = av_dict_get(s->metadata, "DURATION", NULL,
-                                               0);
-    int64_t micros;
+    const int n = avformat_index_get_entries_count(s);
+    double shown = 0;
 
-    if (s->duration != AV_NOPTS_VALUE)
-        return (double)s->duration * av_q2d(s->time_base);
-    if (tag && av_parse_time(&micros, tag->value, 1) == 0)  /* Matroska's */
-        return (double)micros / AV_TIME_BASE;
-    if (r->file->nb_streams == 1 && r->file->duration != AV_NOPTS_VALUE)
-        return (double)r->file->duration / AV_TIME_BASE;
-    return 0;
+    for (int i = 0; i < n; i++)
+        shown += !(avformat_index_get_entry((AVStream *)s, i)->flags &
+                   AVINDEX_DISCARD_FRAME);
+    return shown;
 }
 
-/* Frames a second, for how long, and how many of them. */
+/* Frames a second, and how many of them. */
 static void reader_announced(struct reader *r)
 {
     const AVStream *s = r->stream;
@@ -144,21 +100,13 @@ static void reader_announced(struct reader *r)
     if (!(rate > 0))
         rate = av_q2d(s->avg_frame_rate);
     r->rate = rate > 0 && rate < 100000 ? rate : 0;
-    r->seconds = reader_seconds(r);
-    r->counted = n > 0 && strstr(r->file->iformat->name, "mp4");
-    if (!(n > 0))
-        n = floor(r->seconds * r->rate + 0.5);
+    if (n > 0 && strstr(r->file->iformat->name, "mp4"))
+        n = reader_shown(s);
+    if (!(n > 0) && s->duration != AV_NOPTS_VALUE)
+        n = floor((double)s->duration * av_q2d(s->time_base) * r->rate + 0.5);
+    if (!(n > 0) && r->file->duration != AV_NOPTS_VALUE)
+        n = floor((double)r->file->duration / AV_TIME_BASE * r->rate + 0.5);
     r->frames = n > 0 && n < 1e12 ? (size_t)n : 0;
-}
-
-/* How a telephone was held. */
-static int reader_turns(const AVStream *s)
-{
-    const int32_t *m = (const int32_t *)(const void *)
-        av_stream_get_side_data(s, AV_PKT_DATA_DISPLAYMATRIX, NULL);
-    const double angle = m ? -av_display_rotation_get(m) : 0;
-
-    return isfinite(angle) ? (int)lround(angle / 90) & 3 : 0;
 }
 
 /* The best stream and a decoder for it; a libav error number. */
@@ -191,6 +139,7 @@ static int reader_open_codec(struct reader *r)
         r->codec->thread_count = n < READER_THREADS ? n : READER_THREADS;
     }
     r->codec->max_pixels = (int64_t)IMAGE_MAX_PIXELS;
+    r->codec->flags |= AV_CODEC_FLAG_UNALIGNED;     /* crop to the pixel */
     return avcodec_open2(r->codec, codec, NULL);
 }
 
@@ -199,40 +148,104 @@ static void reader_close(struct video_reader *v)
 {
     struct reader *r = reader_of(v);
 
+    if (r->weave)
+        module_filter(NULL)->close(r->weave);
+    door_release(&r->door);
+    free(r->upright.rgb);
     sws_freeContext(r->convert);
     av_frame_free(&r->frame);
     av_packet_free(&r->packet);
     avcodec_free_context(&r->codec);
     avformat_close_input(&r->file);
     free(r->rows);
-    free(r->rgb);
     free(r->path);
     free(r);
 }
 
 /* ---- frames -------------------------------------------------------------- */
 
-/* The next decoded frame: 1, or 0 at the end.  What cannot be decoded is
- * passed over, and counted. */
+/* The next packet to the decoder, or that there is none.  What cannot be
+ * decoded is passed over, and counted from the first picture on: a clip that
+ * was cut out of another may begin with what leans on frames before it. */
+static void reader_feed(struct reader *r)
+{
+    int rc;
+
+    do {
+        av_packet_unref(r->packet);
+        rc = av_read_frame(r->file, r->packet);
+    } while (rc == 0 && r->packet->stream_index != r->stream->index);
+    r->drained = rc < 0;
+    if (rc < 0)
+        r->broken |= rc != AVERROR_EOF;
+    else
+        r->broken = r->packet->flags & AV_PKT_FLAG_CORRUPT;
+    rc = avcodec_send_packet(r->codec, rc < 0 ? NULL : r->packet);
+    r->faults += rc == AVERROR_INVALIDDATA && r->count;
+}
+
+/* The next decoded frame: 1, or 0 at the end. */
 static int reader_decode(struct reader *r)
 {
     for (;;) {
-        int rc = avcodec_receive_frame(r->codec, r->frame);
+        const int rc = avcodec_receive_frame(r->codec, r->frame);
 
         if (rc == 0)
             return 1;
-        if (r->drained)
+        if (r->drained || (rc != AVERROR(EAGAIN) && rc != AVERROR_INVALIDDATA))
             return 0;
-        if (rc != AVERROR(EAGAIN) && rc != AVERROR_INVALIDDATA)
+        r->faults += rc == AVERROR_INVALIDDATA && r->count;
+        reader_feed(r);
+    }
+}
+
+/* From the first frame of two fields on all frames pass a filter, which leaves
+ * whole ones as they are. */
+static void reader_start_weaving(struct reader *r)
+{
+    const struct filter_module *m = module_filter(NULL);
+    const AVRational step = r->stream->time_base;
+
+    r->woven = true;            /* tried */
+    if (m)
+        r->weave = m->open("bwdif=mode=send_frame:parity=auto:deint=interlaced",
+                           r->frame, step.num, step.den);
+}
+
+/* The next whole frame: 1, or 0 at the end. */
+static int reader_next(struct reader *r)
+{
+    const struct filter_module *m;
+    int rc;
+
+    if (!r->weave) {
+        rc = reader_decode(r);
+        if (rc == 1 && r->frame->interlaced_frame && !r->woven)
+            reader_start_weaving(r);
+        if (!r->weave)
+            return rc;
+    } else {
+        rc = 2;                 /* ask it first */
+    }
+    m = module_filter(NULL);
+    for (;;) {
+        if (rc == 1) {
+            r->frame->pts = r->frame->best_effort_timestamp;
+            if (m->send(r->weave, r->frame) < 0)
+                return 0;
+        } else if (rc == 0) {
+            m->send(r->weave, NULL);
+        }
+        av_frame_unref(r->frame);
+        const int got = m->receive(r->weave, r->frame);
+
+        if (got >= 0) {
+            r->frame->best_effort_timestamp = r->frame->pts;
+            return 1;
+        }
+        if (got != AVERROR(EAGAIN))
             return 0;
-        r->faults += rc == AVERROR_INVALIDDATA;
-        do {
-            av_packet_unref(r->packet);
-            rc = av_read_frame(r->file, r->packet);
-        } while (rc == 0 && r->packet->stream_index != r->stream->index);
-        r->drained = rc < 0;
-        r->faults += avcodec_send_packet(r->codec, rc < 0 ? NULL : r->packet)
-                     == AVERROR_INVALIDDATA;
+        rc = reader_decode(r);
     }
 }
 
@@ -256,8 +269,73 @@ static const int *reader_matrix(const struct reader *r)
     return sws_getCoefficients(space);
 }
 
-/* r->rows = the frame as RGB, `stride` bytes a row. */
-static int reader_convert(struct reader *r, size_t stride, struct error *err)
+/* How a camera or telephone was held, by the nearest of the eight ways. */
+static enum orientation reader_orientation(const struct reader *r)
+{
+    const AVFrameSideData *own = av_frame_get_side_data(
+        r->frame, AV_FRAME_DATA_DISPLAYMATRIX);
+    const void *data = own ? own->data : av_stream_get_side_data(
+        r->stream, AV_PKT_DATA_DISPLAYMATRIX, NULL);
+    const int32_t *m = data;
+
+    if (!m)
+        return ORIENT_UPRIGHT;
+    const double a = m[0], b = m[1], c = m[3], d = m[4];
+
+    if (fabs(a) + fabs(d) >= fabs(b) + fabs(c))         /* x' = a x, y' = d y */
+        return a >= 0 ? d >= 0 ? ORIENT_UPRIGHT : ORIENT_FLIPPED
+                      : d >= 0 ? ORIENT_MIRRORED : ORIENT_HALF_TURN;
+    return b >= 0 ? c >= 0 ? ORIENT_TRANSPOSED : ORIENT_TURN_RIGHT
+                  : c >= 0 ? ORIENT_TURN_LEFT : ORIENT_TRANSVERSED;
+}
+
+/* cd/m2 of the brightest pixel, as the file says; 0: it does not. */
+static double reader_peak(const AVFrame *f)
+{
+    const AVFrameSideData *level = av_frame_get_side_data(
+        f, AV_FRAME_DATA_CONTENT_LIGHT_LEVEL);
+    const AVFrameSideData *master = av_frame_get_side_data(
+        f, AV_FRAME_DATA_MASTERING_DISPLAY_METADATA);
+    const AVContentLightMetadata *l = level ? (const void *)level->data : NULL;
+    const AVMasteringDisplayMetadata *d = master ? (const void *)master->data
+                                                 : NULL;
+
+    if (l && l->MaxCLL)
+        return l->MaxCLL;
+    return d && d->has_luminance ? av_q2d(d->max_luminance) : 0;
+}
+
+/* What the door is to do with the frame.  Its colours are a display's, so the
+ * curve of SDR is that of sRGB; of their code points only those count that
+ * make another gamut or range of it. */
+static struct door_tag reader_tag(const struct reader *r)
+{
+    const AVFrame *f = r->frame;
+    const AVRational sar = av_guess_sample_aspect_ratio(
+        r->file, r->stream, r->frame);
+    const bool hdr = f->color_trc == AVCOL_TRC_SMPTE2084 ||
+                     f->color_trc == AVCOL_TRC_ARIB_STD_B67;
+    const bool wide = f->color_primaries == AVCOL_PRI_BT2020 ||
+                      f->color_primaries == AVCOL_PRI_SMPTE431 ||
+                      f->color_primaries == AVCOL_PRI_SMPTE432;
+    struct door_tag t = {
+        .orientation = reader_orientation(r),
+        .aspect = sar.num > 0 && sar.den > 0 ? av_q2d(sar) : 1,
+        .pixels = {.channels = 3, .bits = hdr || wide ? 16 : 8}
+    };
+
+    if (hdr || wide)
+        t.colour.primaries = (int)f->color_primaries;
+    if (hdr) {
+        t.colour.transfer = (int)f->color_trc;
+        t.colour.peak = reader_peak(f);
+    }
+    return t;
+}
+
+/* r->rows = the frame as RGB of these bits, `stride` bytes a row. */
+static int reader_convert(struct reader *r, int bits, size_t stride,
+                          struct error *err)
 {
     const AVFrame *f = r->frame;
     uint8_t *to[4] = {r->rows};
@@ -267,7 +345,9 @@ static int reader_convert(struct reader *r, size_t stride, struct error *err)
 
     r->convert = sws_getCachedContext(r->convert, f->width, f->height,
                                       (enum AVPixelFormat)f->format, f->width,
-                                      f->height, AV_PIX_FMT_RGB24,
+                                      f->height,
+                                      bits == 8 ? AV_PIX_FMT_RGB24
+                                                : AV_PIX_FMT_RGB48,
                                       SWS_BICUBIC, NULL, NULL, NULL);
     if (!r->convert)
         return error_set(err, EX_DATAERR, "%s: frame %zu: pixels of an "
@@ -281,85 +361,91 @@ static int reader_convert(struct reader *r, size_t stride, struct error *err)
     return 0;
 }
 
-/* out (w h pixels, packed) = rows of `stride` bytes, turned by quarters. */
-static void reader_turn(uint8_t *out, const uint8_t *rows, size_t stride,
-                        size_t w, size_t h, int turns)
-{
-    for (size_t y = 0; y < h; y++) {
-        const uint8_t *p = rows + y * stride;
-
-        if (turns == 0) {
-            memcpy(out + 3 * w * y, p, 3 * w);
-            continue;
-        }
-        for (size_t x = 0; x < w; x++, p += 3) {
-            const size_t to = turns == 1   ? x * h + h - 1 - y
-                              : turns == 2 ? (h - 1 - y) * w + w - 1 - x
-                                           : (w - 1 - x) * h + y;
-
-            memcpy(out + 3 * to, p, 3);
-        }
-    }
-}
-
 /* Room for a frame, a vector's width past each row's end. */
-static int reader_make_rows(struct reader *r, size_t stride, size_t h,
-                            struct error *err)
+static int reader_make_rows(struct reader *r, size_t bytes, struct error *err)
 {
-    const size_t n = (stride * h + 64 + 2) / 3;
-
-    if (n <= r->room)
+    if (bytes <= r->room)
         return 0;
     free(r->rows);
-    free(r->rgb);
-    r->rows = aligned_alloc(64, (3 * n + 63) / 64 * 64);
-    r->rgb = malloc(3 * n);
-    r->room = r->rows && r->rgb ? n : 0;
-    return r->room ? 0 : error_set(err, EX_OSERR, "%s: frame %zu: out of "
-                                   "memory", r->path, r->count);
+    r->room = (bytes + 63) / 64 * 64;
+    r->rows = aligned_alloc(64, r->room);
+    if (r->rows)
+        return 0;
+    r->room = 0;
+    return error_set(err, EX_OSERR, "%s: frame %zu: out of memory", r->path,
+                     r->count);
 }
 
-/* Times must grow; some containers give none. */
+/* Seconds of the container; times must grow, and some containers give none. */
 static double reader_time(struct reader *r)
 {
-    const int64_t start = r->stream->start_time;
-    int64_t at = r->frame->best_effort_timestamp;
-    double t = NAN;
+    const AVFrame *f = r->frame;
+    const double step = av_q2d(r->stream->time_base);
+    const double pause = 1 / (r->rate > 0 ? r->rate : 25);
+    const int64_t at = f->best_effort_timestamp;
+    double t = at != AV_NOPTS_VALUE ? (double)at * step : NAN;
 
-    if (at != AV_NOPTS_VALUE)
-        t = (double)(at - (start == AV_NOPTS_VALUE ? 0 : start)) *
-            av_q2d(r->stream->time_base);
-    if (!(t > r->last) || !isfinite(t))
-        t = r->last < 0 ? 0 : r->last + 1 / (r->rate > 0 ? r->rate : 25);
-    if (r->last >= 0)
-        r->pause = fmax(r->pause, t - r->last);
+    if (!isfinite(t) || (r->count && !(t > r->last)))
+        t = r->count ? r->last + pause : 0;
+    r->end = t + (f->pkt_duration > 0 ? (double)f->pkt_duration * step : pause);
     return r->last = t;
 }
 
-/* As video_read: decoded, converted, and turned as the file asks for. */
+/* Whether the end is where it should be: 0, or -1. */
+static int reader_finish(struct reader *r, struct error *err)
+{
+    if (r->count == 0)
+        return error_set(err, EX_DATAERR, "%s: no frame could be decoded",
+                         r->path);
+    if (r->faults > 2 + r->count / 100)
+        return error_set(err, EX_DATAERR, "%s: frame %zu: damaged: %zu frames "
+                         "cannot be decoded", r->path, r->count, r->faults);
+    if (r->broken || video_is_cut(r->file, r->stream))
+        return error_set(err, EX_DATAERR, "%s: frame %zu: cut short (the file "
+                         "ends before what it says it holds)", r->path,
+                         r->count);
+    return 0;
+}
+
+/* The frame as it is, where nothing is to be done, or through the door. */
+static int reader_pass(struct reader *r, const uint8_t **rgb, size_t *width,
+                       size_t *height, struct error *err)
+{
+    const size_t w = (size_t)r->frame->width, h = (size_t)r->frame->height;
+    const struct door_tag tag = reader_tag(r);
+    const size_t pixel = 3 * (size_t)tag.pixels.bits / 8;
+    const size_t stride = (pixel * w + 63) / 64 * 64;
+
+    if (door_check_size(w, h, r->path, err) ||
+        reader_make_rows(r, stride * h + 64, err) ||
+        reader_convert(r, tag.pixels.bits, stride, err))
+        return -1;
+    *rgb = r->rows;
+    *width = w;
+    *height = h;
+    if (tag.orientation == ORIENT_UPRIGHT && tag.pixels.bits == 8 &&
+        tag.aspect == 1 && stride == 3 * w)
+        return 0;
+    if (door_picture(&r->door, &r->upright, w, h, &tag, r->rows, stride,
+                     r->path, err))
+        return -1;
+    *rgb = r->upright.rgb;
+    *width = r->upright.width;
+    *height = r->upright.height;
+    return 0;
+}
+
+/* As video_read. */
 static int reader_read(struct video_reader *v, const uint8_t **rgb,
                        size_t *width, size_t *height, double *time,
                        struct error *err)
 {
     struct reader *r = reader_of(v);
 
-    if (!reader_decode(r))
-        return 0;
-    const size_t w = (size_t)r->frame->width, h = (size_t)r->frame->height;
-    const size_t stride = (3 * w + 63) / 64 * 64;
-
-    if (w > IMAGE_MAX_SIDE || h > IMAGE_MAX_SIDE || w * h > IMAGE_MAX_PIXELS)
-        return error_set(err, EX_DATAERR, "%s: frame %zu: %zu x %zu pixels "
-                         "are too many", r->path, r->count, w, h);
-    if (reader_make_rows(r, stride, h, err) || reader_convert(r, stride, err))
+    if (!reader_next(r))
+        return reader_finish(r, err);
+    if (reader_pass(r, rgb, width, height, err))
         return -1;
-    *rgb = r->rows;
-    if (r->turns || stride != 3 * w) {
-        reader_turn(r->rgb, r->rows, stride, w, h, r->turns);
-        *rgb = r->rgb;
-    }
-    *width = r->turns & 1 ? h : w;
-    *height = r->turns & 1 ? w : h;
     *time = reader_time(r);
     r->count++;
     av_frame_unref(r->frame);
@@ -367,8 +453,7 @@ static int reader_read(struct video_reader *v, const uint8_t **rgb,
 }
 
 static const struct video_reading reader_functions = {
-    reader_rate, reader_frames, reader_missing, reader_cut, reader_read,
-    reader_close
+    reader_rate, reader_frames, reader_end, reader_read, reader_close
 };
 
 struct video_reader *reader_open(const char *path, bool bt601,
@@ -390,7 +475,6 @@ struct video_reader *reader_open(const char *path, bool bt601,
         r->packet = av_packet_alloc();
         r->frame = av_frame_alloc();
         r->bt601 = bt601;
-        r->last = -1;
     }
     if (!r || !r->path || !r->packet || !r->frame) {
         error_set(err, EX_OSERR, "%s: out of memory", path);
@@ -399,7 +483,6 @@ struct video_reader *reader_open(const char *path, bool bt601,
                   "decoded", path);
     } else {
         reader_announced(r);
-        r->turns = reader_turns(r->stream);
         return &r->base;
     }
     if (r)

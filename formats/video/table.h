@@ -19,6 +19,13 @@ int writer_finish(struct video_writer *v, struct error *err);
 /* video_abandon's. */
 void writer_abandon(struct video_writer *v);
 
+/* Whether the end of the file is missing, by what its container says of its
+ * length.  Moves the place that is read next. */
+struct AVFormatContext;
+struct AVStream;
+bool video_is_cut(const struct AVFormatContext *file,
+                  const struct AVStream *stream);
+
 /* "file:" and the path, to be freed: a name with a colon is no address.  NULL
  * without memory. */
 char *reader_url(const char *path);

@@ -27,8 +27,9 @@ struct clip_state {
     struct square window;
     size_t width, height;
     int fps_num, fps_den;
-    size_t outlined;
-    double face;                /* sum */
+    size_t good, outlined;      /* frames that were kept, also if not in the
+                                 * end; with an outline */
+    double face;                /* sum over the good */
 };
 
 static void clip_state_release(struct clip_state *s, size_t kept)
@@ -40,10 +41,12 @@ static void clip_state_release(struct clip_state *s, size_t kept)
     free(s->index);
 }
 
-/* Room for the frames that are kept. */
-static int clip_state_init(struct clip_state *s, size_t room,
+/* Room for twice as many frames as are to be kept. */
+static int clip_state_init(struct clip_state *s, size_t frames,
                            struct error *err)
 {
+    const size_t room = 2 * frames;
+
     *s = (struct clip_state){.room = room};
     s->person = calloc(room, sizeof *s->person);
     s->time = calloc(room, sizeof *s->time);
@@ -121,6 +124,7 @@ static int clip_add_frame(struct clip_state *s, struct clip_report *r,
     s->window = src.window;
     s->width = f->width;
     s->height = f->height;
+    s->good++;
     s->outlined += src.how != SOURCE_DISC;
     s->face += face;
     s->time[r->kept] = f->time;
@@ -130,39 +134,51 @@ static int clip_add_frame(struct clip_state *s, struct clip_report *r,
     return clip_resize(&s->person[r->kept++], (size_t)c->opt.track.size, err);
 }
 
-/* The frames of a clip: as it says, or counted. */
-static size_t clip_length(const char *path, const struct framesource *in)
+/* Of the frames that are kept n stay, spread over them. */
+static void clip_thin(struct clip_state *s, struct clip_report *r, size_t n)
 {
-    const struct framesource_options opt = {0};
-    size_t n = framesource_total(in);
-    struct error why = {0};
-    struct frame f;
+    const size_t had = r->kept;
 
-    if (n)
-        return n;
-    struct framesource *again = framesource_open(&path, 1, &opt, &why);
-    while (again && framesource_read(again, &f, &why) == 1)
-        n++;
-    framesource_close(again);
-    return n;
+    r->kept = 0;
+    for (size_t i = 0; i < had; i++) {
+        if (i && i * n / had == (i - 1) * n / had) {
+            person_release(&s->person[i]);
+            continue;
+        }
+        s->person[r->kept] = s->person[i];
+        s->time[r->kept] = s->time[i];
+        s->index[r->kept++] = s->index[i];
+    }
 }
 
-/* Read all frames; every step-th is tried. */
+/* Read all frames once; every step-th is tried.  Of a clip that does not say
+ * how long it is twice as many as wanted are kept, and every second of them
+ * goes when there is no more room. */
 static int clip_read(struct clip_state *s, struct clip_report *r,
-                     const struct clip *c, const char *path,
-                     struct framesource *in, struct error *err)
+                     const struct clip *c, struct framesource *in,
+                     struct error *err)
 {
-    const size_t all = clip_length(path, in);
-    const size_t step = all > s->room ? all / s->room : 1;
+    const size_t want = c->opt.frames;
+    size_t step = 1;
     struct frame f;
     int rc;
 
     while ((rc = framesource_read(in, &f, err)) == 1) {
+        const size_t all = framesource_total(in);
+
         framesource_rate(in, &s->fps_num, &s->fps_den);
-        if (r->read++ % step == 0 && r->kept < s->room &&
+        if (all > want)
+            step = all / want;
+        if (r->kept == s->room) {
+            clip_thin(s, r, want);
+            step *= 2;
+        }
+        if (r->read++ % step == 0 && (!all || r->kept < want) &&
             clip_add_frame(s, r, c, &f, err))
             return -1;
     }
+    if (r->kept > want)
+        clip_thin(s, r, want);
     if (rc < 0 && r->kept >= c->opt.least)
         rc = 0;                 /* a video cut short: its frames suffice */
     return rc;
@@ -241,9 +257,9 @@ static int clip_score(struct clip_report *r, const struct clip_state *s,
                   r->kept, r->tried, c->opt.least, c->opt.min_face);
         return 1;
     }
-    r->face = s->face / (double)r->kept;
-    r->outlined = (double)s->outlined / (double)r->kept;
-    r->score = (double)r->kept / (double)r->tried * (r->outlined + 1) / 2 *
+    r->face = s->face / (double)s->good;
+    r->outlined = (double)s->outlined / (double)s->good;
+    r->score = (double)s->good / (double)r->tried * (r->outlined + 1) / 2 *
                fmin(1, r->face / 256);
     return 0;
 }
@@ -263,7 +279,7 @@ int clip_prepare(struct stream_writer *w, struct clip_report *r,
         framesource_close(in);
         return -1;
     }
-    rc = clip_read(&s, r, c, path, in, err);
+    rc = clip_read(&s, r, c, in, err);
     framesource_close(in);
     if (rc < 0 && err->code != EX_OSERR)
         rc = 1;                 /* damaged: bad, *err says why */

@@ -46,13 +46,10 @@ static void take_pnm(FILE *fp)
 static void take_png(FILE *fp)
 {
     struct error err;
-    uint8_t *rgb, *alpha;
-    size_t w, h;
+    struct image im;
 
-    while (png_read_next(fp, &rgb, &alpha, &w, &h, MOST_PIXELS, &err) == 0) {
-        free(rgb);
-        free(alpha);
-    }
+    while (png_read_next(&im, fp, MOST_PIXELS, &err) == 0)
+        image_release(&im);
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)

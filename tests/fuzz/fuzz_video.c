@@ -39,8 +39,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         if (sum + rgb[3 * width * height - 1] == SIZE_MAX)
             break;
     }
-    if (v && video_missing(v) == 0)
-        (void)video_cut(v);
+    if (v)
+        (void)video_end(v);
     video_close(v);
     close(fd);
     return 0;

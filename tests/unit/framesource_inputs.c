@@ -251,6 +251,81 @@ static void test_recorded(void)
                 r.frames >= 1 && r.frames < 60, &r.err);
 }
 
+/* Clips that were trimmed without being coded again, by an edit list or in
+ * front of a picture that stands alone; a last picture that stays long; WMV,
+ * whose length is the sound's.  What ffmpeg shows is there, and no more. */
+static void test_trimmed(void)
+{
+    static const char *const make[] = {
+        "-ss 0.7 -i whole.mp4 -c copy t.mp4",
+        "-ss 0.7 -i whole.mp4 -c copy t.mkv",
+        "-ss 0.7 -to 1.4 -i whole.mp4 -c copy t.mov",
+        "-i whole.mp4 -t 0.9 -c copy t.mp4",
+        "-ss 0.5 -i whole.mkv -c copy t.ts",
+        "-i whole.mp4 -vf \"setpts='PTS+gte(N\\,59)*4/TB'\" -fps_mode vfr "
+        "t.mp4",
+        "-i whole.mp4 -vf \"setpts='PTS+gte(N\\,59)*4/TB'\" -fps_mode vfr "
+        "t.mkv",
+        "-i whole.mp4 -f lavfi -i sine=d=5 -shortest t.wmv",
+        "-i whole.mp4 -f lavfi -i sine=d=5 t.wmv",
+        "-i whole.mp4 -f lavfi -i sine=d=5 -c:v copy t.mkv",
+    };
+    char cmd[1024];
+
+    snprintf(cmd, sizeof cmd, "cd %s && ffmpeg -nostdin -v error -y -f lavfi "
+             "-i testsrc2=s=128x96:d=2:r=30 -c:v libx264 -g 25 -bf 2 "
+             "whole.mp4 && ffmpeg -v error -y -i whole.mp4 -c copy whole.mkv",
+             folder_at("."));
+    if (system("command -v ffmpeg >/dev/null 2>&1") || system(cmd)) {
+        printf("no ffmpeg here: trimmed clips left out\n");
+        return;
+    }
+    for (size_t i = 0; i < sizeof make / sizeof *make; i++) {
+        const char *name = strrchr(make[i], ' ') + 1;
+        struct seen r;
+        int want = -1;
+        FILE *count;
+
+        snprintf(cmd, sizeof cmd, "cd %s && ffmpeg -nostdin -v error -y %s && "
+                 "ffmpeg -v quiet -i %s -map 0:v -fps_mode passthrough -f "
+                 "framecrc - | grep -vc '^#'", folder_at("."), make[i], name);
+        count = popen(cmd, "r");
+        if (!count || fscanf(count, "%d", &want) != 1)
+            want = -1;
+        if (count)
+            pclose(count);
+        r = see_one(name);
+        printf("%d frames, %s ", want, make[i]);
+        check_error("trimmed", r.rc == 0 && want > 10 &&
+                    r.frames == (size_t)want, &r.err);
+    }
+}
+
+/* Containers that say how long they are, cut anywhere. */
+static void test_cut(void)
+{
+    static const char *const name[] = {"k.mkv", "k.webm", "k.avi", "k.wmv",
+                                       "k.mp4"};
+    char cmd[1024];
+
+    if (system("command -v ffmpeg >/dev/null 2>&1"))
+        return;
+    for (size_t i = 0; i < sizeof name / sizeof *name; i++)
+        for (double part = 0.6; part < 0.7; part += 0.03) {
+            struct seen r;
+
+            snprintf(cmd, sizeof cmd, "cd %s && ffmpeg -nostdin -v error -y -i "
+                     "whole.mp4 -movflags +faststart %s", folder_at("."),
+                     name[i]);
+            check_error(name[i], system(cmd) == 0, &(struct error){0});
+            input_cut(name[i], "cut", part);
+            rename(folder_at("cut"), folder_at(name[i]));
+            r = see_one(name[i]);
+            check_error("cut short", r.rc == -1 && r.err.code == EX_DATAERR &&
+                        r.frames >= 1 && r.frames < 60, &r.err);
+        }
+}
+
 static void write_text(const char *name, const char *text, size_t n)
 {
     FILE *fp = fopen(folder_at(name), "wb");
@@ -345,6 +420,8 @@ int main(void)
     test_faults();
     test_transport();
     test_recorded();
+    test_trimmed();
+    test_cut();
     test_hostile();
     test_images();
     return folder_remove() || check_status();

@@ -1,0 +1,83 @@
+/* Pictures of the kinds that have readers of their own in the module: told by
+ * how they begin, and read whole. */
+#include "formats/media/still.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include <libheif/heif.h>
+
+#define FILE_MOST ((size_t)1 << 30)     /* bytes that are read whole */
+
+uint8_t *still_load(const char *path, size_t *bytes, struct error *err)
+{
+    FILE *f = fopen(path, "rb");
+    uint8_t *data = NULL;
+    long n = -1;
+
+    if (!f) {
+        error_set(err, EX_NOINPUT, "%s: cannot open: %s", path,
+                  strerror(errno));
+        return NULL;
+    }
+    if (fseek(f, 0, SEEK_END) == 0)
+        n = ftell(f);
+    rewind(f);
+    if (n == 0)
+        error_set(err, EX_DATAERR, "%s: empty file (expected a picture)",
+                  path);
+    else if (n < 0 || (size_t)n > FILE_MOST)
+        error_set(err, EX_DATAERR, "%s: cannot be read whole (expected at "
+                  "most %zu bytes)", path, FILE_MOST);
+    else if (!(data = malloc((size_t)n)))
+        error_set(err, EX_OSERR, "%s: out of memory", path);
+    else if (fread(data, 1, (size_t)n, f) != (size_t)n) {
+        error_set(err, EX_IOERR, "%s: cannot read", path);
+        free(data);
+        data = NULL;
+    }
+    fclose(f);
+    *bytes = (size_t)n;
+    return data;
+}
+
+/* Whether the file begins as WebP or as HEIF, and which. */
+static int (*still_reader(const char *path))(struct image *im,
+                                             const uint8_t *data, size_t n,
+                                             const char *name,
+                                             struct error *err)
+{
+    uint8_t b[64] = {0};
+    FILE *f = fopen(path, "rb");
+    const size_t n = f ? fread(b, 1, sizeof b, f) : 0;
+
+    if (f)
+        fclose(f);
+    if (n >= 12 && !memcmp(b, "RIFF", 4) && !memcmp(b + 8, "WEBP", 4))
+        return webp_read;
+    if (n >= 12 && !memcmp(b + 4, "ftyp", 4) &&
+        heif_check_filetype(b, (int)n) == heif_filetype_yes_supported)
+        return heif_read;
+    return NULL;
+}
+
+int still_read(struct image *im, const char *path, struct error *err)
+{
+    int (*const read)(struct image *, const uint8_t *, size_t, const char *,
+                      struct error *) = still_reader(path);
+    size_t n;
+    uint8_t *data;
+
+    if (!read)
+        return 1;
+    data = still_load(path, &n, err);
+    if (!data)
+        return -1;
+    const int rc = read(im, data, n, path, err);
+    free(data);
+    return rc;
+}
+

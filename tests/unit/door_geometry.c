@@ -1,0 +1,190 @@
+/* What leaves the door is upright, unmirrored and has square pixels: all eight
+ * orientations of photographs and display matrices of clips, aspects, crop
+ * rectangles and fields, against ImageMagick and ffmpeg. */
+#include "tests/unit/media.h"
+
+/* ImageMagick's way to what a stored picture of an orientation shows; a matrix
+ * of MP4 that says the same: x' = a x + c y, y' = b x + d y. */
+static const struct {
+    const char *way;
+    int a, b, c, d;
+} held[9] = {
+    [1] = {"-rotate 0", 1, 0, 0, 1}, {"-flop", -1, 0, 0, 1},
+    {"-rotate 180", -1, 0, 0, -1}, {"-flip", 1, 0, 0, -1},
+    {"-transpose", 0, 1, 1, 0}, {"-rotate 90", 0, 1, -1, 0},
+    {"-transverse", 0, -1, -1, 0}, {"-rotate 270", 0, -1, 1, 0}
+};
+
+/* Orientation o in a file of this ending. */
+static void photograph_held(const char *ending, int o)
+{
+    char name[32], what[64];
+
+    snprintf(what, sizeof what, "%s with orientation %d", ending, o);
+    snprintf(name, sizeof name, "o.%s", ending);
+    if (!media_run("convert base.png -quality 100 plain.%s && convert "
+                   "plain.%s %s -depth 8 want.ppm && cp plain.%s o.%s && "
+                   "exiftool -q -q -overwrite_original -n -Orientation=%d "
+                   "o.%s", ending, ending, held[o].way, ending, ending, o,
+                   ending)) {
+        check_that(what, false);
+        return;
+    }
+    media_check(what, media_picture(name), media_picture("want.ppm"), 0);
+}
+
+/* `matrix` written into all track headers of a clip (ISO/IEC 14496-12). */
+static bool clip_set_matrix(const char *from, const char *to, int o)
+{
+    const int32_t one = 1 << 16;
+    const int32_t m[9] = {held[o].a * one, held[o].b * one, 0, held[o].c * one,
+                          held[o].d * one, 0, 0, 0, 1 << 30};
+    FILE *f = fopen(folder_at(from), "rb");
+    static unsigned char b[1 << 20];
+    const size_t n = f ? fread(b, 1, sizeof b, f) : 0;
+    bool found = false;
+
+    for (size_t i = 0; i + 80 < n; i++) {
+        if (memcmp(b + i, "tkhd", 4))
+            continue;
+        unsigned char *p = b + i + 8 + (b[i + 4] ? 32 : 20) + 16;
+
+        for (int k = 0; k < 9; k++)
+            for (int j = 0; j < 4; j++)
+                *p++ = (unsigned char)((uint32_t)m[k] >> (24 - 8 * j));
+        found = true;
+    }
+    if (f)
+        fclose(f);
+    f = fopen(folder_at(to), "wb");
+    found = f && fwrite(b, 1, n, f) == n && found;
+    return f && fclose(f) == 0 && found;
+}
+
+static void test_photographs(void)
+{
+    static const char *const ending[] = {"jpg", "png", "tif", "webp"};
+
+    if (!media_have("convert exiftool"))
+        return;
+    for (size_t i = 0; i < sizeof ending / sizeof *ending; i++)
+        for (int o = 1; o <= 8; o++)
+            photograph_held(ending[i], o);
+}
+
+static void test_matrices(void)
+{
+    char what[64];
+
+    for (int o = 1; o <= 8; o++) {
+        snprintf(what, sizeof what, "display matrix %d", o);
+        if (!clip_set_matrix("base.mp4", "m.mp4", o) ||
+            !media_run("convert frame.ppm %s -depth 8 want.ppm",
+                       held[o].way))
+            check_that(what, false);
+        else
+            media_check(what, media_frame("m.mp4", 0),
+                        media_picture("want.ppm"), 0);
+    }
+    check_that("orientation in H.264's own messages",
+               media_run("ffmpeg -v error -y -i base.mp4 -c copy -bsf:v "
+                         "h264_metadata=display_orientation=insert:rotate=90:"
+                         "flip=horizontal m.mp4 && convert frame.ppm "
+                         "-transpose want.ppm"));
+    media_check("is followed", media_frame("m.mp4", 0),
+                media_picture("want.ppm"), 0);
+}
+
+/* A clip or picture whose pixels are k times as wide as high, or high as
+ * wide. */
+static void square_size(const char *name, size_t width, size_t height)
+{
+    struct image im = media_frame(name, 0);
+
+    printf("%s: %zu x %zu, ", name, im.width, im.height);
+    check_that("square pixels", im.width == width && im.height == height);
+    image_release(&im);
+}
+
+static void test_aspects(void)
+{
+    check_that("pixels that are not square",
+               media_run("for s in 2/1 1/2; do n=$(echo $s | tr -d /); "
+                         "ffmpeg -v error -y -i base.mp4 -vf setsar=$s -c:v "
+                         "libx264 a$n.mp4 && ffmpeg -v error -y -i base.png "
+                         "-vf setsar=$s -frames:v 1 a$n.jpg && ffmpeg -v error "
+                         "-y -i base.png -vf setsar=$s -frames:v 1 a$n.png && "
+                         "ffmpeg -v error -y -i base.mp4 -vf setsar=$s "
+                         "-strict -1 -f yuv4mpegpipe a$n.y4m || exit; done"));
+    square_size("a21.mp4", 80, 56);
+    square_size("a12.mp4", 40, 112);
+    square_size("a21.jpg", 80, 56);
+    square_size("a12.jpg", 40, 112);
+    square_size("a21.png", 80, 56);
+    square_size("a12.png", 40, 112);
+    square_size("a21.y4m", 80, 56);
+    square_size("a12.y4m", 40, 112);
+    check_that("and turned", clip_set_matrix("a21.mp4", "m.mp4", 6));
+    square_size("m.mp4", 56, 80);
+}
+
+/* A crop rectangle in the stream is followed to the pixel. */
+static void test_crop(void)
+{
+    check_that("a crop rectangle",
+               media_run("ffmpeg -v error -y -i base.mp4 -c copy -bsf:v "
+                         "h264_metadata=crop_left=6:crop_right=10:crop_top=4:"
+                         "crop_bottom=10 c.mp4 && convert frame.ppm "
+                         "-crop 32x50+6+4 +repage want.ppm"));
+    media_check("is cut to the pixel", media_frame("c.mp4", 0),
+                media_picture("want.ppm"), 0);
+}
+
+/* Fields are woven as ffmpeg's bwdif does; whole frames stay as they are. */
+static void test_fields(void)
+{
+    check_that("a clip of fields",
+               media_run("ffmpeg -v error -y -f lavfi -i testsrc2=s=64x48:r=50:"
+                         "d=0.4 -vf interlace=lowpass=0 -c:v libx264 -flags "
+                         "+ildct+ilme -x264opts tff=1 -qp 8 i.mp4 && ffmpeg -v "
+                         "error -y -i i.mp4 -vf bwdif=send_frame,scale -sws_flags "
+                         "bicubic -frames:v 5 -update 1 -f image2 want.ppm"));
+    media_check("is woven", media_frame("i.mp4", 4),
+                media_picture("want.ppm"), 2);
+    check_that("and complete",
+               media_run("ffprobe -v error -count_frames -show_entries "
+                         "stream=nb_read_frames -of csv=p=0 i.mp4 | grep -q "
+                         "^10"));
+    struct image last = media_frame("i.mp4", 9);
+    check_that("to the last frame", last.rgb != NULL);
+    image_release(&last);
+}
+
+int main(void)
+{
+    folder_make();
+    if (!media_have("ffmpeg convert") ||
+        !media_run("convert -seed 3 -size 40x56 plasma:fractal -depth 8 "
+                   "base.png && ffmpeg -v error -y -loop 1 -i base.png -vf "
+                   "format=yuv420p,setsar=1 -frames:v 3 -c:v libx264 -qp 8 "
+                   "base.mp4")) {
+        folder_remove();
+        return 77;
+    }
+    struct image f = media_frame("base.mp4", 0);
+    FILE *out = fopen(folder_at("frame.ppm"), "wb");
+
+    if (f.rgb && out) {
+        fprintf(out, "P6 %zu %zu 255\n", f.width, f.height);
+        fwrite(f.rgb, 3, f.width * f.height, out);
+    }
+    if (out)
+        fclose(out);
+    image_release(&f);
+    test_photographs();
+    test_matrices();
+    test_aspects();
+    test_crop();
+    test_fields();
+    return folder_remove() || check_status();
+}
