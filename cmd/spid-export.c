@@ -18,6 +18,8 @@ static long expressions = 50;
 static const struct cli_option options[] = {
     OPTION_STRING("ply", 0, &opt.ply, "FILE",
                   "3DGS PLY; name_%06d.ply for every frame"),
+    OPTION_STRING("ply-compressed", 0, &opt.ply_packed, "FILE",
+                  "the same in SuperSplat's compressed form"),
     OPTION_STRING("splat", 0, &opt.splat, "FILE", ".splat of the web viewers"),
     OPTION_STRING("glb-splats", 0, &opt.glb_splats, "FILE",
                   "GLB with KHR_gaussian_splatting"),
@@ -49,9 +51,9 @@ static const struct cli_option options[] = {
 
 static const struct cli_usage usage = {
     "spid-export",
-    "[--ply FILE] [--splat FILE] [--glb-splats FILE] [--glb-head FILE] "
-    "[--obj FILE] [--html FILE] [--onnx DIR] [--frame N] [-i FILE] "
-    "[--head FILE] "
+    "[--ply FILE] [--ply-compressed FILE] [--splat FILE] "
+    "[--glb-splats FILE] [--glb-head FILE] [--obj FILE] [--html FILE] "
+    "[--onnx DIR] [--frame N] [-i FILE] [--head FILE] "
     "[--expressions N] [--correctives] [--model-space] [-o FILE] "
     "[-j N] [-m MODEL] [-q] [--stats FILE] [STREAM] | --lint FILE",
     "write Gaussians and the driven head for other programs", options
@@ -81,9 +83,10 @@ static int export_lint_file(const char *path)
 /* What came back out of the files, beside our own picture. */
 static void export_print_drawn(const struct export *x)
 {
-    const char *const name[3] = {opt.ply, opt.splat, opt.glb_splats};
+    const char *const name[DRAWN_FORMATS] = {opt.ply, opt.splat,
+                                             opt.glb_splats, opt.ply_packed};
 
-    for (int i = 0; i < 3 && !cli.quiet; i++) {
+    for (int i = 0; i < DRAWN_FORMATS && !cli.quiet; i++) {
         const struct drawn *d = &x->drawn[i];
 
         if (d->files == 0)
@@ -121,7 +124,7 @@ static void export_print_page(const struct export *x)
 /* Whether something is asked for that a stream has. */
 static bool export_streams(void)
 {
-    return opt.ply || opt.splat || opt.glb_splats || opt.glb_head || opt.obj ||
+    return opt.ply || opt.ply_packed || opt.splat || opt.glb_splats || opt.glb_head || opt.obj ||
            opt.html;
 }
 

@@ -4,22 +4,30 @@
 
 #include <math.h>
 #include <stdarg.h>
-#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 #include <sysexits.h>
 
 #include "formats/outfile.h"
+#include "formats/ply_parts.h"
+#include "formats/ply_table.h"
 #include "lib/base/half.h"
 
 /* ---- writing ------------------------------------------------------------ */
 
-enum { FIELDS = 17 };
-
 static const char *const field_name[FIELDS] = {
     "x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2", "opacity",
     "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"};
+
+int ply_check_field(const float row[FIELDS], const char *path, size_t i,
+                    struct error *err)
+{
+    for (int k = 0; k < FIELDS; k++)
+        if (!isfinite(row[k]))
+            return error_set(err, EX_DATAERR, "%s: %s is not finite at index "
+                             "%zu", path, field_name[k], i);
+    return 0;
+}
 
 /* The properties of FIELDS, all floats. */
 static void ply_write_header(FILE *f, size_t n)
@@ -57,9 +65,8 @@ static float ply_gaussian_channel(const struct gaussians *g, size_t i, int k)
     return g->color ? g->color[at] : half_to_float(g->color_half[at]);
 }
 
-/* One Gaussian as logit opacity, log scale and degree-0 harmonics. */
-static void ply_row_pack(float out[FIELDS], const struct gaussians *g, size_t i,
-                         bool turn)
+void ply_row_pack(float out[FIELDS], const struct gaussians *g, size_t i,
+                  bool turn)
 {
     const float *m = g->mean + 3 * i, *q = g->quat + 4 * i;
     float flip = turn ? -1 : 1;
@@ -93,202 +100,67 @@ int ply_write(const char *path, const struct gaussians *g, bool turn,
         float row[FIELDS];
 
         ply_row_pack(row, g, i, turn);
-        for (int k = 0; k < FIELDS; k++)
-            if (!isfinite(row[k])) {
-                outfile_abandon(&out);
-                return error_set(err, EX_DATAERR,
-                                 "%s: %s is not finite at index %zu", path,
-                                 field_name[k], i);
-            }
+        if (ply_check_field(row, path, i, err)) {
+            outfile_abandon(&out);
+            return -1;
+        }
         fwrite(row, sizeof row, 1, out.file);
     }
     return outfile_close(&out, err);
 }
 
-/* ---- reading the header ------------------------------------------------- */
-
-enum { MAX_PROPERTIES = 256, MAX_REST = 45, LINE = 256 };
-
-enum number { I8, U8, I16, U16, I32, U32, F32, F64, NUMBERS };
-
-static const struct {
-    const char *name, *alias;
-    size_t size;
-} numbers[NUMBERS] = {
-    {"char", "int8", 1}, {"uchar", "uint8", 1}, {"short", "int16", 2},
-    {"ushort", "uint16", 2}, {"int", "int32", 4}, {"uint", "uint32", 4},
-    {"float", "float32", 4}, {"double", "float64", 8}};
-
-struct property {
-    char name[LINE];
-    enum number type;
-    size_t offset;
-};
-
-struct header {
-    size_t n, stride, count;
-    struct property property[MAX_PROPERTIES];
-};
-
-static int ply_bad_file(struct error *err, const char *path, const char *format,
-                        ...)
-    __attribute__((format(printf, 3, 4)));
-
-/* EX_DATAERR with the path in front. */
-static int ply_bad_file(struct error *err, const char *path, const char *format,
-                        ...)
-{
-    char text[300];
-    va_list args;
-
-    va_start(args, format);
-    vsnprintf(text, sizeof text, format, args);
-    va_end(args);
-    return error_set(err, EX_DATAERR, "%s: %s", path, text);
-}
-
-/* One "property TYPE NAME" of the vertices. */
-static int ply_add_property(struct header *h, const char *type,
-                            const char *name, const char *path,
-                            struct error *err)
-{
-    struct property *p = &h->property[h->count];
-    int t = 0;
-
-    while (t < NUMBERS && strcmp(type, numbers[t].name) &&
-           strcmp(type, numbers[t].alias))
-        t++;
-    if (t == NUMBERS || h->count == MAX_PROPERTIES)
-        return ply_bad_file(err, path, "property %s of type %s (expected up "
-                            "to %d plain numbers)", name, type,
-                            MAX_PROPERTIES);
-    snprintf(p->name, sizeof p->name, "%s", name);
-    p->type = (enum number)t;
-    p->offset = h->stride;
-    h->stride += numbers[t].size;
-    h->count++;
-    return 0;
-}
-
-/* Any line of the header; seen: the vertices' element was there. */
-static int ply_header_line(struct header *h, char *line, bool *in_vertex,
-                           bool *seen, const char *path, struct error *err)
-{
-    char type[LINE], name[LINE];
-    unsigned long long n;
-
-    if (!strncmp(line, "comment", 7) || !strncmp(line, "obj_info", 8))
-        return 0;
-    if (!strncmp(line, "format ", 7))
-        return !strcmp(line, "format binary_little_endian 1.0")
-                   ? 0
-                   : ply_bad_file(err, path, "'%.60s' (expected format "
-                                  "binary_little_endian 1.0)", line);
-    if (sscanf(line, "element %200s %llu", name, &n) == 2) {
-        if (!strcmp(name, "vertex") && !*seen)
-            h->n = (size_t)n;
-        else if (!*seen)
-            return ply_bad_file(err, path, "element %.60s stands before the "
-                                "vertices", name);
-        *in_vertex = !strcmp(name, "vertex");
-        *seen = true;
-        return 0;
-    }
-    if (sscanf(line, "property %200s %200s", type, name) == 2)
-        return *in_vertex ? ply_add_property(h, type, name, path, err) : 0;
-    return ply_bad_file(err, path, "header line '%.60s' is not understood",
-                        line);
-}
-
-/* Up to end_header; afterwards the file stands at the first row. */
-static int ply_read_header(struct header *h, FILE *f, const char *path,
-                           struct error *err)
-{
-    char line[LINE];
-    bool in_vertex = false, seen = false;
-
-    memset(h, 0, sizeof *h);
-    if (!fgets(line, sizeof line, f) || strncmp(line, "ply", 3))
-        return ply_bad_file(err, path, "not a PLY file");
-    while (fgets(line, sizeof line, f)) {
-        line[strcspn(line, "\r\n")] = 0;
-        if (!strcmp(line, "end_header"))
-            return seen ? 0 : ply_bad_file(err, path, "no vertex element");
-        if (ply_header_line(h, line, &in_vertex, &seen, path, err))
-            return -1;
-    }
-    return ply_bad_file(err, path, "the header does not end");
-}
-
-/* The property of that name, or NULL. */
-static const struct property *ply_header_find(const struct header *h,
-                                              const char *name)
-{
-    for (size_t i = 0; i < h->count; i++)
-        if (!strcmp(h->property[i].name, name))
-            return &h->property[i];
-    return NULL;
-}
-
-/* A property of a row as a double. */
-static double ply_row_number(const char *row, const struct property *p)
-{
-    union {
-        int8_t i8; uint8_t u8; int16_t i16; uint16_t u16; int32_t i32;
-        uint32_t u32; float f; double d;
-    } v;
-
-    memcpy(&v, row + p->offset, numbers[p->type].size);
-    switch (p->type) {
-    case I8: return v.i8;
-    case U8: return v.u8;
-    case I16: return v.i16;
-    case U16: return v.u16;
-    case I32: return v.i32;
-    case U32: return v.u32;
-    case F32: return v.f;
-    default: return v.d;
-    }
-}
-
 /* ---- reading the scene -------------------------------------------------- */
 
-/* The 14 fields a Gaussian must have, normals left out, and f_rest. */
+/* Where in a row the 14 fields stand that a Gaussian must have, normals left
+ * out, and f_rest; -1: nowhere. */
 struct layout {
-    const struct property *field[FIELDS], *rest[MAX_REST];
+    int field[FIELDS], rest[PLY_REST];
     int nrest;
 };
 
+/* The place of a property in its element's rows; -1: there is none. */
+static int ply_column(const struct ply_element *e, const char *name)
+{
+    const struct ply_property *p = ply_element_find(e, name);
+
+    return p ? (int)(p - e->property) : -1;
+}
+
+int ply_find_rest(int rest[PLY_REST], const struct ply_table *t,
+                  const struct ply_element *e, struct error *err)
+{
+    int n = 0;
+
+    for (; n < PLY_REST; n++) {
+        char name[20];
+
+        snprintf(name, sizeof name, "f_rest_%d", n);
+        if ((rest[n] = ply_column(e, name)) < 0)
+            break;
+    }
+    if (n && n != 9 && n != 24 && n != 45)
+        return ply_table_fail(t, err, "%d properties f_rest_ (expected 0, 9, "
+                              "24 or 45)", n);
+    return n;
+}
+
 /* Which properties are the ones a scene needs. */
-static int ply_find_layout(struct layout *l, const struct header *h,
-                           const char *path, struct error *err)
+static int ply_find_layout(struct layout *l, const struct ply_table *t,
+                           const struct ply_element *e, struct error *err)
 {
     memset(l, 0, sizeof *l);
     for (int i = 0; i < FIELDS; i++) {
-        l->field[i] = ply_header_find(h, field_name[i]);
-        if (!l->field[i] && (i < 3 || i > 5))
-            return ply_bad_file(err, path,
-                                "no property %s (is this a mesh or a point "
-                                "cloud?)",
-                                field_name[i]);
+        l->field[i] = ply_column(e, field_name[i]);
+        if (l->field[i] < 0 && (i < 3 || i > 5))
+            return ply_table_fail(t, err, "no property %s (is this a mesh or "
+                                  "a point cloud?)", field_name[i]);
     }
-    for (; l->nrest < MAX_REST; l->nrest++) {
-        char name[20];
-
-        snprintf(name, sizeof name, "f_rest_%d", l->nrest);
-        if (!(l->rest[l->nrest] = ply_header_find(h, name)))
-            break;
-    }
-    if (l->nrest && l->nrest != 9 && l->nrest != 24 && l->nrest != 45)
-        return ply_bad_file(err, path,
-                            "%d properties f_rest_ (expected 0, 9, 24 or 45)",
-                            l->nrest);
-    return 0;
+    l->nrest = ply_find_rest(l->rest, t, e, err);
+    return l->nrest < 0 ? -1 : 0;
 }
 
-/* One block for n Gaussians with nrest higher harmonics. */
-static int ply_scene_allocate(struct ply_scene *s, size_t n, int nrest,
-                              const char *path, struct error *err)
+int ply_scene_allocate(struct ply_scene *s, size_t n, int nrest,
+                       const char *path, struct error *err)
 {
     float *p = malloc((n * (14 + (size_t)nrest) + 1) * sizeof *p);
 
@@ -306,16 +178,11 @@ static int ply_scene_allocate(struct ply_scene *s, size_t n, int nrest,
     return 0;
 }
 
-/* Gaussian i from its row, turned to y up if need be. */
-static void ply_row_unpack(struct ply_scene *s, size_t i, const char *row,
-                           const struct layout *l)
+void ply_scene_set(struct ply_scene *s, size_t i, const double v[FIELDS])
 {
-    double v[FIELDS];
     float *q = s->quat + 4 * i;
     float flip = s->turned ? -1 : 1;
 
-    for (int k = 0; k < FIELDS; k++)
-        v[k] = l->field[k] ? ply_row_number(row, l->field[k]) : 0;
     s->mean[3 * i] = flip * (float)v[0];
     s->mean[3 * i + 1] = flip * (float)v[1];
     s->mean[3 * i + 2] = (float)v[2];
@@ -332,14 +199,10 @@ static void ply_row_unpack(struct ply_scene *s, size_t i, const char *row,
         memcpy(q, t, sizeof t);
     }
     ply_quat_canonical(q);
-    for (int k = 0; k < l->nrest; k++)
-        s->rest[(size_t)l->nrest * i + (size_t)k] =
-            (float)ply_row_number(row, l->rest[k]);
 }
 
-/* Everything finite, the quaternion not 0. */
-static int ply_check_row(const struct ply_scene *s, size_t i, int nrest,
-                         const char *path, struct error *err)
+int ply_scene_check(const struct ply_scene *s, size_t i, int nrest,
+                    const char *path, struct error *err)
 {
     bool ok = isfinite(s->opacity[i]);
 
@@ -350,72 +213,63 @@ static int ply_check_row(const struct ply_scene *s, size_t i, int nrest,
         ok &= isfinite(s->quat[4 * i + k]);
     for (size_t k = 0; k < (size_t)nrest; k++)
         ok &= isfinite(s->rest[(size_t)nrest * i + k]);
-    return ok ? 0 : ply_bad_file(err, path, "vertex %zu is not finite", i);
+    return ok ? 0 : error_set(err, EX_DATAERR, "%s: vertex %zu is not finite",
+                              path, i);
 }
 
-/* Row by row, each checked. */
-static int ply_read_rows(struct ply_scene *s, FILE *f, const struct header *h,
-                         const struct layout *l, const char *path,
-                         struct error *err)
+/* Rows of numbers as they are, each checked. */
+static int ply_read_rows(struct ply_scene *s, struct ply_table *t,
+                         const struct ply_element *e, struct error *err)
 {
-    char *row = malloc(h->stride + 1);
-    int rc = row ? 0 : error_set(err, EX_OSERR, "%s: out of memory", path);
+    double row[PLY_PROPERTIES], v[FIELDS];
+    struct layout l;
 
-    for (size_t i = 0; !rc && i < h->n; i++) {
-        if (fread(row, h->stride, 1, f) != 1) {
-            rc = ply_bad_file(err, path, "ends at vertex %zu (expected %zu)", i,
-                              h->n);
-            break;
-        }
-        ply_row_unpack(s, i, row, l);
-        rc = ply_check_row(s, i, l->nrest, path, err);
+    if (ply_find_layout(&l, t, e, err) || ply_table_skip_to(t, e, err)
+        || ply_scene_allocate(s, e->n, l.nrest, t->path, err))
+        return -1;
+    for (size_t i = 0; i < e->n; i++) {
+        if (ply_table_row(row, t, e, i, err))
+            return -1;
+        for (int k = 0; k < FIELDS; k++)
+            v[k] = l.field[k] < 0 ? 0 : row[l.field[k]];
+        ply_scene_set(s, i, v);
+        for (int k = 0; k < l.nrest; k++)
+            s->rest[(size_t)l.nrest * i + (size_t)k] = (float)row[l.rest[k]];
+        if (ply_scene_check(s, i, l.nrest, t->path, err))
+            return -1;
     }
-    free(row);
-    return rc;
+    return 0;
 }
 
-/* The file behind its header, whose promise of rows its size must keep. */
-static FILE *ply_open_scene(struct header *h, struct layout *l,
-                            const char *path, struct error *err)
+/* A file with vertices; NULL and *err. */
+static struct ply_table *ply_open(const struct ply_element **vertex,
+                                  const char *path, struct error *err)
 {
-    struct stat sb;
-    FILE *f = fopen(path, "rb");
+    struct ply_table *t = ply_table_open(path, err);
 
-    if (!f || fstat(fileno(f), &sb) || !S_ISREG(sb.st_mode)) {
-        error_set(err, EX_NOINPUT, "%s: cannot be opened as a file", path);
-        goto failed;
+    *vertex = t ? ply_table_find(t, "vertex") : NULL;
+    if (t && !*vertex) {
+        ply_table_fail(t, err, "no vertex element");
+        ply_table_close(t);
+        return NULL;
     }
-    if (ply_read_header(h, f, path, err) || ply_find_layout(l, h, path, err))
-        goto failed;
-    long at = ftell(f);
-    if (at < 0 || h->n > ((size_t)sb.st_size - (size_t)at) / h->stride) {
-        ply_bad_file(err, path,
-                     "holds fewer than the %zu vertices its header names",
-                     h->n);
-        goto failed;
-    }
-    return f;
-failed:
-    if (f)
-        fclose(f);
-    return NULL;
+    return t;
 }
 
 int ply_read(struct ply_scene *s, const char *path, bool turn,
              struct error *err)
 {
-    struct header h;
-    struct layout l;
-    FILE *f = ply_open_scene(&h, &l, path, err);
-    int rc = -1;
+    const struct ply_element *vertex;
+    struct ply_table *t = ply_open(&vertex, path, err);
+    int rc;
 
     memset(s, 0, sizeof *s);
-    if (!f)
+    if (!t)
         return -1;
     s->turned = turn;
-    if (!ply_scene_allocate(s, h.n, l.nrest, path, err))
-        rc = ply_read_rows(s, f, &h, &l, path, err);
-    fclose(f);
+    rc = ply_is_packed(t) ? ply_read_packed(s, t, err)
+                          : ply_read_rows(s, t, vertex, err);
+    ply_table_close(t);
     if (rc)
         ply_release(s);
     return rc;
@@ -455,19 +309,23 @@ static void ply_lint_report(struct lint *l, size_t count, const char *format,
     l->found++;
 }
 
-/* Order, types and names of the properties. */
-static void ply_lint_layout(struct lint *l, const struct header *h)
+/* Form, order, types and names of the properties. */
+static void ply_lint_layout(struct lint *l, const struct ply_table *t,
+                            const struct ply_element *h)
 {
     size_t at = 0, order = 0, types = 0, extra = 0;
 
+    ply_lint_report(l, t->form != PLY_LITTLE, "%s numbers: several viewers "
+                    "read binary_little_endian only", t->form == PLY_ASCII
+                    ? "ascii" : "big-endian");
     for (size_t i = 0; i < h->count; i++) {
-        const struct property *p = &h->property[i];
+        const struct ply_property *p = &h->property[i];
         size_t k = 0;
 
         while (k < FIELDS && strcmp(p->name, field_name[k]))
             k++;
         bool rest = !strncmp(p->name, "f_rest_", 7);
-        types += p->type != F32;
+        types += p->type != PLY_F32;
         extra += k == FIELDS && !rest;
         if (k < FIELDS) {
             order += k < at;
@@ -483,60 +341,78 @@ static void ply_lint_layout(struct lint *l, const struct header *h)
                     "%zu extra properties: viewers that read by position will "
                     "show noise",
                     extra);
-    ply_lint_report(l, !ply_header_find(h, "nx"),
+    ply_lint_report(l, !ply_element_find(h, "nx"),
                     "no normals: viewers that read by position expect "
                     "nx ny nz");
     ply_lint_report(l, h->n == 0, "no Gaussians");
 }
 
 /* Counts what one row has wrong. */
-static void ply_lint_row(const char *row, const struct layout *y,
-                         size_t *not_unit, size_t *infinite,
-                         size_t *linear_opacity, size_t *linear_scale)
+struct lint_rows {
+    size_t not_unit, infinite, opacity, scale;
+};
+
+static void ply_lint_row(struct lint_rows *c, const double *row,
+                         const struct layout *y)
 {
+    bool finite = true;
     double q = 0;
 
     for (int k = 0; k < FIELDS; k++)
-        if (y->field[k] && !isfinite(ply_row_number(row, y->field[k]))) {
-            ++*infinite;
-            break;
-        }
+        finite &= y->field[k] < 0 || isfinite(row[y->field[k]]);
     for (int k = 13; k < 17; k++)
-        q += pow(ply_row_number(row, y->field[k]), 2);
-    *not_unit += !(fabs(q - 1) < 1e-3);
-    double o = ply_row_number(row, y->field[9]);
-    *linear_opacity += o >= 0 && o <= 1;
-    *linear_scale += ply_row_number(row, y->field[10]) > 0;
+        q += pow(row[y->field[k]], 2);
+    c->infinite += !finite;
+    c->not_unit += !(fabs(q - 1) < 1e-3);
+    c->opacity += row[y->field[9]] >= 0 && row[y->field[9]] <= 1;
+    c->scale += row[y->field[10]] > 0;
+}
+
+/* The rows of a file that is not packed. */
+static int ply_lint_rows(struct lint *l, struct ply_table *t,
+                         const struct ply_element *h, struct error *err)
+{
+    double row[PLY_PROPERTIES];
+    struct lint_rows c = {0};
+    struct layout y;
+
+    if (ply_find_layout(&y, t, h, err) || ply_table_skip_to(t, h, err))
+        return -1;
+    ply_lint_layout(l, t, h);
+    for (size_t i = 0; i < h->n; i++) {
+        if (ply_table_row(row, t, h, i, err))
+            return -1;
+        ply_lint_row(&c, row, &y);
+    }
+    ply_lint_report(l, c.infinite, "%zu Gaussians have values that are not "
+                    "finite: viewers show nothing or crash", c.infinite);
+    ply_lint_report(l, c.not_unit, "%zu rotations are not unit quaternions: "
+                    "some viewers do not normalise them", c.not_unit);
+    ply_lint_report(l, h->n && c.opacity == h->n,
+                    "every opacity lies in 0..1: are they linear? the layout "
+                    "wants logits");
+    ply_lint_report(l, h->n && c.scale == h->n, "every scale is positive: are "
+                    "they linear? the layout wants logarithms");
+    return 0;
 }
 
 int ply_lint(const char *path, void (*say)(void *context, const char *text),
              void *context, struct error *err)
 {
     struct lint l = {say, context, 0};
-    struct header h;
-    struct layout y;
-    FILE *f = ply_open_scene(&h, &y, path, err);
-    char *row = f ? malloc(h.stride + 1) : NULL;
-    size_t not_unit = 0, infinite = 0, opacity = 0, scale = 0;
+    const struct ply_element *vertex;
+    struct ply_table *t = ply_open(&vertex, path, err);
+    struct ply_scene s;
+    int rc = t ? 0 : -1;
 
-    if (!row) {
-        if (f)
-            fclose(f);
-        return f ? error_set(err, EX_OSERR, "%s: out of memory", path) : -1;
+    if (t && !ply_is_packed(t)) {
+        rc = ply_lint_rows(&l, t, vertex, err);
+    } else if (t) {             /* its ranges hold nothing but such values */
+        rc = ply_read(&s, path, true, err);
+        if (rc == 0)
+            ply_lint_report(&l, s.n == 0, "no Gaussians");
+        ply_release(&s);
     }
-    ply_lint_layout(&l, &h);
-    for (size_t i = 0; i < h.n && fread(row, h.stride, 1, f) == 1; i++)
-        ply_lint_row(row, &y, &not_unit, &infinite, &opacity, &scale);
-    ply_lint_report(&l, infinite, "%zu Gaussians have values that are not "
-                    "finite: viewers show nothing or crash", infinite);
-    ply_lint_report(&l, not_unit, "%zu rotations are not unit quaternions: "
-                    "some viewers do not normalise them", not_unit);
-    ply_lint_report(&l, h.n && opacity == h.n,
-                    "every opacity lies in 0..1: are they linear? the layout "
-                    "wants logits");
-    ply_lint_report(&l, h.n && scale == h.n, "every scale is positive: are "
-                    "they linear? the layout wants logarithms");
-    fclose(f);
-    free(row);
-    return l.found;
+    ply_table_close(t);
+    return rc ? -1 : l.found;
 }

@@ -20,6 +20,11 @@
 int ply_write(const char *path, const struct gaussians *g, bool turn,
               struct error *err);
 
+/* The same in SuperSplat's compressed form, 16 bytes a Gaussian and 72 for
+ * 256, in an order of its own. */
+int ply_write_packed(const char *path, const struct gaussians *g, bool turn,
+                     struct error *err);
+
 /* A scene read from a file; one allocation, freed by ply_release.  Linear
  * values as the rasteriser wants them. */
 struct ply_scene {
@@ -36,9 +41,10 @@ struct ply_scene {
 };
 
 /* Read any property order and number type, with extra properties, without
- * normals, with 0, 9, 24 or 45 f_rest.  turn: the file has y down, make it
- * y up.  Only binary_little_endian.  Header, counts and sizes are checked
- * before anything is allocated; EX_DATAERR names file, property and index. */
+ * normals, with 0, 9, 24 or 45 f_rest, as text or binary in either byte order,
+ * and SuperSplat's compressed form.  turn: the file has y down, make it y up.
+ * Header, counts and sizes are checked before anything is allocated;
+ * EX_DATAERR names file, property and index. */
 int ply_read(struct ply_scene *s, const char *path, bool turn,
              struct error *err);
 /* Free what it holds; zeroed then. */

@@ -133,7 +133,7 @@ static int drawn_measure(struct drawn *d, enum drawn_format format,
     d->n = g->n;
     d->files++;
     rc = 0;
-    if (format != DRAWN_SPLAT && db < DRAWN_LEAST)
+    if ((format == DRAWN_PLY || format == DRAWN_GLB) && db < DRAWN_LEAST)
         rc = error_set(err, EX_SOFTWARE, "%s: read back and drawn it is %.1f "
                        "dB from our picture (expected at least %d)", path, db,
                        DRAWN_LEAST);
@@ -150,7 +150,8 @@ int drawn_compare(struct drawn *d, enum drawn_format format, const char *path,
     int rc;
 
     switch (format) {
-    case DRAWN_PLY: rc = drawn_read_ply(&b, path, turned, err); break;
+    case DRAWN_PLY:
+    case DRAWN_PLY_PACKED: rc = drawn_read_ply(&b, path, turned, err); break;
     case DRAWN_SPLAT:
         rc = splatfile_read(&b.g, &b.block, path, err);
         break;

@@ -13,7 +13,9 @@
 #define DRAWN_SIZE 512          /* pixels of a side */
 #define DRAWN_LEAST 40          /* dB that a file without rounding must reach */
 
-enum drawn_format { DRAWN_PLY, DRAWN_SPLAT, DRAWN_GLB };
+enum drawn_format {
+    DRAWN_PLY, DRAWN_SPLAT, DRAWN_GLB, DRAWN_PLY_PACKED, DRAWN_FORMATS
+};
 
 /* How the files of one format compare; zeroed before the first. */
 struct drawn {
@@ -27,7 +29,8 @@ struct drawn {
 /* Compare a file just written from s, seen by the camera of s or, when it has
  * none, from the front.  turned: a PLY with y down; unit: head units per
  * metre, for GLB.  EX_SOFTWARE when the file has another number of Gaussians
- * or, .splat apart, is under DRAWN_LEAST. */
+ * or, rounded formats (.splat, compressed PLY) apart, is under
+ * DRAWN_LEAST. */
 int drawn_compare(struct drawn *d, enum drawn_format format, const char *path,
                   const struct scene *s, bool turned, float unit,
                   struct error *err);

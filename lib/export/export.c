@@ -105,6 +105,13 @@ static int export_write_ply(struct export *x, const char *path,
     return ply_write(path, &x->scene.g, !x->opt.model_space, err);
 }
 
+/* The same, compressed as SuperSplat does. */
+static int export_write_ply_packed(struct export *x, const char *path,
+                                   struct error *err)
+{
+    return ply_write_packed(path, &x->scene.g, !x->opt.model_space, err);
+}
+
 /* 32 bytes a Gaussian. */
 static int export_write_splat(struct export *x, const char *path,
                               struct error *err)
@@ -155,7 +162,9 @@ static int export_write_gaussians(struct export *x, const struct record *rec,
     } kind[] = {                        /* in the order of drawn_format */
                 {x->opt.ply, export_write_ply, &x->done.ply},
                 {x->opt.splat, export_write_splat, &x->done.splat},
-                {x->opt.glb_splats, export_write_glb, &x->done.glb_splats}};
+                {x->opt.glb_splats, export_write_glb, &x->done.glb_splats},
+                {x->opt.ply_packed, export_write_ply_packed,
+                 &x->done.ply_packed}};
     char path[4096];
 
     for (size_t i = 0; i < sizeof kind / sizeof *kind; i++) {
@@ -311,6 +320,7 @@ int export_init(struct export *x, const struct export_options *opt,
     memset(x, 0, sizeof *x);
     x->opt = *opt;
     if (export_check_name("--ply", opt->ply, true, err) ||
+        export_check_name("--ply-compressed", opt->ply_packed, true, err) ||
         export_check_name("--splat", opt->splat, true, err) ||
         export_check_name("--glb-splats", opt->glb_splats, true, err) ||
         export_check_name("--obj", opt->obj, true, err) ||
@@ -404,6 +414,8 @@ int export_finish(struct export *x, struct error *err)
         x->files++;
     }
     if (export_lacking("--ply", o->ply, x->done.ply, RECORD_GAUS, err) ||
+        export_lacking("--ply-compressed", o->ply_packed, x->done.ply_packed,
+                       RECORD_GAUS, err) ||
         export_lacking("--splat", o->splat, x->done.splat, RECORD_GAUS, err) ||
         export_lacking("--glb-splats", o->glb_splats, x->done.glb_splats,
                        RECORD_GAUS, err) ||

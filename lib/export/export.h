@@ -16,7 +16,7 @@
 /* Where to write; NULL: not asked for.  A name with a %d conversion (such as
  * face_%06d.ply) makes a file per frame; any other holds the frame chosen. */
 struct export_options {
-    const char *ply, *splat, *glb_splats, *obj, *glb_head;
+    const char *ply, *ply_packed, *splat, *glb_splats, *obj, *glb_head;
     const char *html, *player;  /* the page, and the template it is made of */
     long frame;             /* the frame for names without %d; -1: the first */
     bool model_space;       /* PLY: not turned to y down */
@@ -35,12 +35,12 @@ struct export {
     bool has_head, folded;
     size_t files, frames;   /* written; keyframes of the animation */
     bool coarse;            /* feature channels were left behind */
-    struct drawn drawn[3];  /* files read back, by enum drawn_format */
+    struct drawn drawn[DRAWN_FORMATS];  /* files read back, by enum drawn_format */
     struct drawn_head drawn_head;
     float *shown;           /* (V,3) the first frame of the animation as we
                              * have it, metres before glTF's camera */
     struct {                /* a file of the kind has been written */
-        bool ply, splat, glb_splats, obj;
+        bool ply, ply_packed, splat, glb_splats, obj;
     } done;
 };
 
