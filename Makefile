@@ -119,7 +119,8 @@ $(PLAYER): $(PLAYER_SOURCES)
 	cp $(PLAYER_SOURCES) $(BUILD)/web
 	cd $(BUILD)/web && npm install --silent --no-audit --no-fund \
 	  --fetch-retries=1 --fetch-timeout=30000
-	cd $(BUILD)/web && node build.mjs player.built
+	cd $(BUILD)/web && node build.mjs player.built live.built
+	mv $(BUILD)/web/live.built $(@D)/player-live.html
 	mv $(BUILD)/web/player.built $@
 
 # Once for each change of the sources, so that a make without a network does

@@ -14,6 +14,8 @@
 static struct export_options opt = {.frame = -1};
 static const char *identity_path, *head_path, *lint_path, *onnx_path;
 static long expressions = 50;
+static bool live;
+static struct networks networks;
 
 static const struct cli_option options[] = {
     OPTION_STRING("ply", 0, &opt.ply, "FILE",
@@ -30,6 +32,8 @@ static const struct cli_option options[] = {
                   "OBJ of one frame's mesh; name_%06d.obj for every frame"),
     OPTION_STRING("html", 0, &opt.html, "FILE",
                   "a page that plays the driven avatar in a browser"),
+    OPTION_FLAG("live", 0, &live,
+                "--html: with a camera that drives it in the browser"),
     OPTION_STRING("onnx", 0, &onnx_path, "DIR",
                   "the model's networks as ONNX files in this folder"),
     OPTION_INT("frame", 0, &opt.frame, 0, 1e9, "N",
@@ -53,7 +57,7 @@ static const struct cli_usage usage = {
     "spid-export",
     "[--ply FILE] [--ply-compressed FILE] [--splat FILE] "
     "[--glb-splats FILE] [--glb-head FILE] [--obj FILE] [--html FILE] "
-    "[--onnx DIR] [--frame N] [-i FILE] [--head FILE] "
+    "[--live] [--onnx DIR] [--frame N] [-i FILE] [--head FILE] "
     "[--expressions N] [--correctives] [--model-space] [-o FILE] "
     "[-j N] [-m MODEL] [-q] [--stats FILE] [STREAM] | --lint FILE",
     "write Gaussians and the driven head for other programs", options
@@ -128,23 +132,22 @@ static bool export_streams(void)
            opt.html;
 }
 
-/* --onnx: the model's networks. */
-static void export_write_networks(void)
+/* The model's networks: as files, and for a page that is live. */
+static void export_open_networks(void)
 {
-    static struct networks networks;
     struct model model;
-    struct head head;
+    static struct head head;    /* of the networks, as long as they last */
     struct error err = {0};
 
-    if (!onnx_path)
+    if (!onnx_path && !live)
         return;
+    if (live && !opt.html)
+        die(EX_USAGE, "--live: no page (expected --html FILE)");
     if (option_model_open(&model, &err) ||
         option_head_load(&head, head_path, &err) ||
         networks_open(&networks, &model, &head, &err) ||
-        networks_write(onnx_path, &networks, &err))
+        (onnx_path && networks_write(onnx_path, &networks, &err)))
         die_error(&err);
-    networks_release(&networks);
-    head_release(&head);
     model_close(&model);
 }
 
@@ -156,7 +159,8 @@ static void export_open_player(void)
 
     if (!opt.html)
         return;
-    if (cli_find_model("player.html", path, sizeof path, &err))
+    if (cli_find_model(live ? "player-live.html" : "player.html", path,
+                       sizeof path, &err))
         die(EX_NOINPUT, "--html needs the player that make web builds: %s",
             err.text);
     opt.player = path;
@@ -215,12 +219,14 @@ int main(int argc, char **argv)
         die(EX_USAGE, "more than one stream");
     if (lint_path)
         return export_lint_file(lint_path);
-    export_write_networks();
+    export_open_networks();
     if (onnx_path && !export_streams()) {
+        networks_release(&networks);
         stats_write();
         return EX_OK;
     }
     export_open_all(&x);
+    x.page.live = live ? &networks : NULL;
     export_stream(&x, at < argc ? argv[at] : "-");
     export_print_drawn(&x);
     export_print_page(&x);
@@ -228,6 +234,7 @@ int main(int argc, char **argv)
         warn("only the first three channels were written: the coarse picture "
              "without the refiner");
     export_release(&x);
+    networks_release(&networks);
     stats_write();
     return EX_OK;
 }

@@ -10,6 +10,8 @@
 #include <sysexits.h>
 
 #include "formats/pagefile.h"
+#include "lib/export/page_live.h"
+#include "lib/export/page_pack.h"
 #include "lib/head/arkit.h"
 
 /* ---- gathering ---------------------------------------------------------- */
@@ -124,132 +126,6 @@ int page_load_avatar(struct page *p, const char *path, struct error *err)
     return rc;
 }
 
-/* ---- packing ------------------------------------------------------------ */
-
-#define PACK_MOST 64            /* arrays of an archive */
-
-/* Arrays on their way into the archive, with the memory they own. */
-struct pack {
-    struct st_tensor tensor[PACK_MOST];
-    size_t count;
-    char name[PACK_MOST][24];
-    void *owned[PACK_MOST];
-    bool failed;                /* memory was short */
-};
-
-static void page_pack_release(struct pack *k)
-{
-    for (size_t i = 0; i < k->count; i++)
-        free(k->owned[i]);
-}
-
-/* An array (d0, d1) of `bytes`, copied; d1 0: one dimension. */
-static void *page_pack_add(struct pack *k, const char *name,
-                           enum st_dtype dtype, size_t d0, size_t d1,
-                           const void *data)
-{
-    const size_t count = d0 * (d1 ? d1 : 1);
-    const size_t bytes = count * st_dtype_size(dtype), i = k->count;
-    void *copy = k->failed || i == PACK_MOST ? NULL : malloc(bytes + 1);
-
-    if (!copy) {
-        k->failed = true;
-        return NULL;
-    }
-    if (data)
-        memcpy(copy, data, bytes);
-    snprintf(k->name[i], sizeof k->name[i], "%s", name);
-    k->owned[i] = copy;
-    k->tensor[i] = (struct st_tensor){
-        .name = k->name[i], .dtype = dtype, .ndim = d1 ? 2 : 1,
-        .dim = {d0, d1}, .count = count, .data = copy};
-    k->count++;
-    return copy;
-}
-
-/* Ends of what 16 bits will tell apart; 0 has a number of its own, so that
- * what does not move stays where it is. */
-static void page_pack_range(float range[2], const float *x, size_t n,
-                            size_t stride)
-{
-    float lo = n ? x[0] : 0, hi = lo;
-
-    for (size_t i = 0; i < n; i++) {
-        lo = fminf(lo, x[i * stride]);
-        hi = fmaxf(hi, x[i * stride]);
-    }
-    if (lo < 0 && hi > 0) {
-        hi = fmaxf(-lo, hi);
-        lo = -hi;
-    }
-    range[0] = lo;
-    range[1] = hi;
-}
-
-/* Columns of x (n rows of `stride` numbers, the first K of them) one after the
- * other: name (K,n) in 16 bits, from 0 for range[k][0] to 65534 for
- * range[k][1] of name.range (K,2). */
-static void page_pack_columns(struct pack *k, const char *name, const float *x,
-                              size_t n, size_t stride, size_t K)
-{
-    char range_name[24];
-
-    snprintf(range_name, sizeof range_name, "%s.range", name);
-    uint16_t *to = page_pack_add(k, name, ST_U16, K, n, NULL);
-    float *range = page_pack_add(k, range_name, ST_F32, K, 2, NULL);
-    if (!to || !range)
-        return;
-    for (size_t c = 0; c < K; c++) {
-        float *r = range + 2 * c;
-
-        page_pack_range(r, x + c, n, stride);
-        double step = r[1] > r[0] ? 65534 / ((double)r[1] - r[0]) : 0;
-        for (size_t i = 0; i < n; i++)
-            to[c * n + i] = (uint16_t)lrint((x[i * stride + c] - r[0]) *
-                                            step);
-    }
-}
-
-/* Directions of the head's posing layout, each a row: name (K,3V). */
-static void page_pack_directions(struct pack *k, const char *name,
-                                 const struct head *h, const float *dirs,
-                                 size_t K)
-{
-    char range_name[24];
-    float *row = malloc((3 * h->V + 1) * sizeof *row);
-
-    snprintf(range_name, sizeof range_name, "%s.range", name);
-    uint16_t *to = page_pack_add(k, name, ST_U16, K, 3 * h->V, NULL);
-    float *range = page_pack_add(k, range_name, ST_F32, K, 2, NULL);
-    k->failed |= !row;
-    for (size_t d = 0; to && range && row && d < K; d++) {
-        float *r = range + 2 * d;
-
-        head_direction(row, h, dirs, K, d);
-        page_pack_range(r, row, 3 * h->V, 1);
-        double step = r[1] > r[0] ? 65534 / ((double)r[1] - r[0]) : 0;
-        for (size_t i = 0; i < 3 * h->V; i++)
-            to[3 * h->V * d + i] = (uint16_t)lrint((row[i] - r[0]) * step);
-    }
-    free(row);
-}
-
-/* Pixels as what each differs by from the one on its left: half the size when
- * deflated. */
-static void page_pack_picture(struct pack *k, const char *name,
-                              const uint8_t *pixel, size_t S, size_t channels)
-{
-    uint8_t *to = page_pack_add(k, name, ST_U8, S, S * channels, NULL);
-
-    for (size_t y = 0; to && y < S; y++)
-        for (size_t x = 0; x < S * channels; x++) {
-            const uint8_t *p = pixel + y * S * channels + x;
-
-            to[y * S * channels + x] =
-                (uint8_t)(x < channels ? *p : *p - p[-(ptrdiff_t)channels]);
-        }
-}
-
 /* ---- what is packed ----------------------------------------------------- */
 
 /* Two ends of an edge, or the same vertex twice, for each dynamic Gaussian. */
@@ -307,23 +183,12 @@ static void page_pack_gaussians(struct pack *k, const struct baked *b)
     page_pack_add(k, "chin", ST_F32, 3, 0, b->chin);
 }
 
-/* The identity's head: Eq. M with beta folded in. */
-static void page_pack_head(struct pack *k, const struct identity *id)
+/* The mesh: what its vertices are. */
+static void page_pack_mesh(struct pack *k, const struct identity *id)
 {
     const struct head *h = id->head;
-    float joints[3 * HEAD_JOINTS];
 
-    for (int i = 0; i < 3 * HEAD_JOINTS; i++)
-        joints[i] = (float)id->joints[i];
-    page_pack_directions(k, "shaped", h, id->shaped, 1);
-    page_pack_directions(k, "lids", h, id->lids, 2);
-    page_pack_directions(k, "exp_dirs", h, h->exp_dirs, h->nexp);
-    page_pack_directions(k, "pose_dirs", h, h->pose_dirs, HEAD_POSE_DIRS);
-    page_pack_columns(k, "weights", h->weights, h->V, HEAD_JOINTS, HEAD_JOINTS);
-    page_pack_add(k, "joints", ST_F32, HEAD_JOINTS, 3, joints);
-    page_pack_add(k, "joint_exp", ST_F32, h->nexp, 3 * HEAD_JOINTS,
-                  h->joint_exp);
-    page_pack_add(k, "parents", ST_I32, HEAD_JOINTS, 0, h->parents);
+    page_pack_head(k, "", id);
     page_pack_add(k, "faces", ST_I32, h->F, 3, h->f);
     page_pack_add(k, "lip_inner", ST_I32, h->nlip_inner, 0, h->lip_inner);
     page_pack_add(k, "chin_vertices", ST_I32, h->nchin, 0, h->chin);
@@ -416,6 +281,10 @@ static int page_check(const struct page *p, const struct person *person,
         return error_set(err, EX_DATAERR, "this stream has what moved, not "
                          "the motion (expected MOTN records, as spid-motion "
                          "writes them)");
+    if (p->live && !person->has_source)
+        return error_set(err, EX_DATAERR, "the avatar has no motion of its "
+                         "own, from which --live moves it (expected MOTN "
+                         "beside SRCI, as spid-shape writes them)");
     return 0;
 }
 
@@ -433,10 +302,11 @@ int page_write(const struct page *p, const char *path,
     }
     if (page_check(p, person, err) ||
         page_pack_rides(k, &p->baked, id->head, err) ||
-        page_pack_photograph(k, &p->baked, person, err))
+        page_pack_photograph(k, &p->baked, person, err) ||
+        (p->live && page_pack_live(k, p->live, id->head, err)))
         goto out;
     page_pack_gaussians(k, &p->baked);
-    page_pack_head(k, id);
+    page_pack_mesh(k, id);
     page_pack_motion(k, p, person);
     const char *const meta[] = {"format", "spid-page", "names", names, NULL};
     rc = k->failed

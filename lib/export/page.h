@@ -13,6 +13,7 @@
 
 #include "lib/avatar/baked.h"
 #include "lib/base/error.h"
+#include "lib/export/networks.h"
 #include "lib/head/lbs.h"
 #include "lib/head/motion.h"
 #include "lib/head/person.h"
@@ -32,6 +33,8 @@ struct page {
     size_t nexp, frames, room;
     float *motion;              /* (frames, PAGE_POSE + nexp) */
     double *time;               /* (frames) seconds */
+    const struct networks *live;        /* borrowed; NULL: a page without a
+                                         * camera */
 };
 
 /* nexp: expression directions of the head.  A zeroed page may be released. */

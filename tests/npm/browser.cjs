@@ -11,7 +11,7 @@ const { chromium } = require(path.join(top, "build/npm/node_modules/playwright-c
 
 const patience = 240000;        // ms, for a machine that has other work
 
-exports.open = async (file, { width = 512, height = 600, hash = "", ...more } = {}) => {
+exports.open = async (file, { width = 512, height = 600, hash = "", flags = [], ...more } = {}) => {
   const profile = fs.mkdtempSync(path.join(os.tmpdir(), "spid-browser-"));
   const context = await chromium.launchPersistentContext(profile, {
     executablePath: process.env.CHROMIUM, headless: true,
@@ -19,7 +19,7 @@ exports.open = async (file, { width = 512, height = 600, hash = "", ...more } = 
     args: ["--no-sandbox", "--disable-gpu", "--use-gl=angle",
       "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
       "--disable-quic", "--no-first-run", "--disable-background-networking",
-      "--disable-component-update", "--disable-sync"] });
+      "--disable-component-update", "--disable-sync", ...flags] });
   const page = context.pages()[0] ?? await context.newPage();
   const errors = [], requests = [];
   page.setDefaultTimeout(patience);

@@ -7,7 +7,7 @@ const types = {
   F64: Float64Array,
 };
 
-function bytesOf(base64) {
+export function bytesOf(base64) {
   if (Uint8Array.fromBase64) return Uint8Array.fromBase64(base64);
   const text = atob(base64);
   const bytes = new Uint8Array(text.length);
@@ -15,9 +15,11 @@ function bytesOf(base64) {
   return bytes;
 }
 
+export const inflate = unzlibSync;
+
 export class Archive {
   constructor(base64) {
-    const bytes = unzlibSync(bytesOf(base64));
+    const bytes = inflate(bytesOf(base64));
     const size = Number(new DataView(bytes.buffer, bytes.byteOffset)
       .getBigUint64(0, true));
     const text = new TextDecoder().decode(bytes.subarray(8, 8 + size));

@@ -1,35 +1,76 @@
-// node build.mjs OUT: the player as one file, OUT, that lacks only the avatar
-// (formats/pagefile.h).  make web runs a copy of this folder, where npm has
-// installed what package.json names.
+// node build.mjs OUT LIVE: the player as one file, OUT, that lacks only the
+// avatar (formats/pagefile.h); and LIVE, which a camera can drive, too.  make
+// web runs a copy of this folder, where npm has installed what package.json
+// names.
 import { build } from "esbuild";
-import { readFileSync, writeFileSync } from "node:fs";
+import { existsSync, readFileSync, writeFileSync } from "node:fs";
+import { deflateSync } from "node:zlib";
+
+const read = (path) => readFileSync(path, "utf8");
 
 async function bundle(entry, plugins = []) {
   const made = await build({
     entryPoints: [entry], bundle: true, minify: true,
     format: "iife", target: "es2022", write: false, legalComments: "inline",
-    plugins });
+    define: { window: "globalThis", "import.meta.url": "\"\"" },
+    logOverride: { "assign-to-define": "silent" }, plugins });
   return made.outputFiles[0].text;
 }
 
-// import code from "worker": the bundled worker as a string.
-const worker = {
-  name: "worker",
+// import code from "worker" or "tracker": that bundled worker as a string.
+const workers = {
+  name: "workers",
   setup(b) {
-    b.onResolve({ filter: /^worker$/ }, () => ({ path: "worker", namespace: "text" }));
-    b.onLoad({ filter: /.*/, namespace: "text" }, async () => ({
-      contents: await bundle("worker.js"), loader: "text" }));
+    b.onResolve({ filter: /^(worker|tracker)$/ },
+                ({ path }) => ({ path, namespace: "text" }));
+    b.onLoad({ filter: /.*/, namespace: "text" }, async ({ path }) => ({
+      contents: await bundle(`${path}.js`), loader: "text" }));
   },
 };
 
-const notice = ["three", "fflate"].map((name) =>
-  `${name}: ${readFileSync(`node_modules/${name}/LICENSE`, "utf8").trim()}`)
-  .join("\n\n");
-const script = (await bundle("main.js", [worker])).replaceAll("</script", "<\\/script");
-const style = readFileSync("player.css", "utf8");
-const page = readFileSync("player.html", "utf8")
-  .replace("/*STYLE*/", () => style)
-  .replace("/*SCRIPT*/", () => `/* Parts of this script are other people's:\n\n${notice} */\n${script}`);
-if (page.split("<!--AVATAR-->").length !== 2)
-  throw new Error("the page has no single place for the avatar");
-writeFileSync(process.argv[2], page);
+// import { Live } from "live": live.js, or nothing.
+const live = (on) => ({
+  name: "live",
+  setup(b) {
+    b.onResolve({ filter: /^live$/ }, ({ resolveDir }) => on
+      ? { path: `${resolveDir}/live.js` } : { path: "live", namespace: "none" });
+    b.onLoad({ filter: /.*/, namespace: "none" },
+             () => ({ contents: "export const Live = null;", loader: "js" }));
+  },
+});
+
+// The engine's code, deflated, as the text of an element.
+function engine() {
+  const wasm = readFileSync("node_modules/onnxruntime-web/dist/ort-wasm-simd-threaded.wasm");
+  return `<script type="application/x-wasm" id="engine">${
+    deflateSync(wasm, { level: 9 }).toString("base64")}</script>\n`;
+}
+
+function notice(names) {
+  const file = (name) => [`node_modules/${name}/LICENSE`, `node_modules/${name}/LICENSE.md`,
+                          `${name}.license`].find(existsSync);
+  return names.map((name) => `${name}: ${file(name)
+    ? read(file(name)).trim()
+    : `${JSON.parse(read(`node_modules/${name}/package.json`)).license} licence`}`)
+    .join("\n\n");
+}
+
+async function page(out, on) {
+  const script = (await bundle("main.js", [workers, live(on)]))
+    .replaceAll("</script", "<\\/script");
+  const names = ["three", "fflate", ...on ? ["onnxruntime-web", "tracking"] : []];
+  const text = read("player.html")
+    .replace("/*STYLE*/", () => read("player.css"))
+    .replace(" /*WASM*/", on ? " 'wasm-unsafe-eval'" : "")
+    .replace("/*MEDIA*/", on ? "; media-src blob:" : "")
+    .replace("<!--LIVE-->", () => on ? read("live.html") : "")
+    .replace("<!--ENGINE-->", () => on ? engine() : "")
+    .replace("/*SCRIPT*/", () => "/* Parts of this script are other people's:\n\n" +
+      `${notice(names).replaceAll("*/", "* /")} */\n${script}`);
+  if (text.split("<!--AVATAR-->").length !== 2)
+    throw new Error("the page has no single place for the avatar");
+  writeFileSync(out, text);
+}
+
+await page(process.argv[2], false);
+await page(process.argv[3], true);

@@ -1,5 +1,6 @@
 // The page: unpacks the avatar, plays the drive, keeps what is shown and what
 // the controls say the same.
+import { Live } from "live";
 import { Archive } from "./archive.js";
 import { Motion } from "./motion.js";
 import { Panel } from "./panel.js";
@@ -103,6 +104,7 @@ class Player {
   }
 
   play(on) {
+    if (on) this.driver?.stop();
     this.playing = on && this.motion.frames > 1;
     this.last = null;
     this.panel.playing(this.playing);
@@ -111,11 +113,18 @@ class Player {
   // Frame i, standing still.
   seek(i) {
     const { motion } = this;
+    if (motion.live) this.driver.stop();
     this.time = motion.time(Math.max(0, Math.min(motion.frames - 1, i)));
     this.changed("pose");
   }
 
   frame() { return this.motion.frame(this.time); }
+
+  // A motion from elsewhere, until null.
+  live(row) {
+    this.motion.live = row;
+    this.changed("pose");
+  }
 
   // Seconds have passed.
   advance(now) {
@@ -148,6 +157,7 @@ class Player {
   take(found) {
     Object.assign(this.spare, this.view.take(found));
     this.cam = found.cam;
+    this.driver?.cost("pose", found.ms);
     this.busy = false;
     this.stale = true;
     $("wait").classList.add("done");
@@ -177,7 +187,10 @@ class Player {
       this.resize();
     }
     if ((this.stale || this.wanted.view) && this.cam) {
+      const began = performance.now();
       this.view.draw(this.cam);
+      this.driver?.cost("draw", performance.now() - began);
+      this.onDrawn?.();
       this.drawn++;
       this.stale = false;
       this.adapt(now);
@@ -202,6 +215,7 @@ function expose(player) {
       player.resize();
     },
     link: () => player.link(),
+    live: player.driver,
     values: () => player.now.values,
     camera: () => Array.from(view.through(player.cam)),
     settled: async () => {
@@ -212,6 +226,28 @@ function expose(player) {
   };
 }
 
+// A lost graphics context comes back by itself: three.js fills it again.
+function watchContext(player) {
+  const { canvas } = player.view;
+  canvas.addEventListener("webglcontextlost", () =>
+    player.panel.toast("The graphics card is gone; waiting for it"));
+  canvas.addEventListener("webglcontextrestored", () => {
+    player.panel.toast("The graphics card is back");
+    player.changed("view");
+  });
+}
+
+// An archive, or a sentence about it.
+function unpack() {
+  const text = $("avatar")?.textContent;
+  if (!text) throw new Error("there is none in it (spid-export --html puts one in)");
+  try {
+    return new Archive(text);
+  } catch {
+    throw new Error("it is damaged or cut short");
+  }
+}
+
 function fail(error) {
   $("wait").textContent = `This page cannot show the avatar: ${error.message}`;
   $("wait").className = "bad";
@@ -220,10 +256,13 @@ function fail(error) {
 
 addEventListener("DOMContentLoaded", () => setTimeout(() => {
   try {
-    const text = $("avatar")?.textContent;
-    if (!text) throw new Error("there is none in it (spid-export --html puts one in)");
-    const player = new Player(new Archive(text));
+    if (!document.createElement("canvas").getContext("webgl2"))
+      throw new Error("this browser has no WebGL 2, or has turned it off");
+    const archive = unpack();
+    const player = new Player(archive);
+    if (Live && archive.has("net.motion")) player.driver = new Live(player, archive);
     $("avatar").remove();
+    watchContext(player);
     expose(player);
   } catch (error) {
     fail(error);

@@ -17,6 +17,7 @@ export class Motion {
     this.frames = numbers.length / width;
     this.times = times;
     this.overrides = new Map();
+    this.live = null;           // a row that takes the drive's place
     const steps = Array.from(times).slice(1).map((t, i) => t - times[i]);
     this.step = steps.sort((a, b) => a - b)[steps.length >> 1] ?? 1 / 25;
     this.length = this.frames ? times[this.frames - 1] - times[0] + this.step : 0;
@@ -41,6 +42,7 @@ export class Motion {
 
   // The drive's own numbers at t, between frames when smooth.
   raw(t, smooth) {
+    if (this.live) return Array.from(this.live);
     const i = this.frame(t), a = this.row(i);
     if (!smooth || i + 1 >= this.frames) return a;
     const b = this.row(i + 1), gap = this.time(i + 1) - this.time(i);

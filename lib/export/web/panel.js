@@ -14,6 +14,7 @@ export class Panel {
   constructor(player, names, moving, facts) {
     this.player = player;
     this.sliders = [];
+    this.more = {};             // keys of others
     $("facts").textContent = facts;
     $("scrub").max = Math.max(0, player.motion.frames - 1);
     $("transport").classList.toggle("still", player.motion.frames < 2);
@@ -258,7 +259,7 @@ export class Panel {
     VIEWS.forEach((name, i) => {
       plain[i + 1] = () => { this.radio("view", name).click(); return true; };
     });
-    const act = plain[key.length === 1 ? key.toLowerCase() : key];
+    const act = { ...plain, ...this.more }[key.length === 1 ? key.toLowerCase() : key];
     return act ? (act(), true) : false;
   }
 }

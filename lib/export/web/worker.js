@@ -1,7 +1,8 @@
 // Off the main thread: poses the head, moves the Gaussians, sorts them.
 //   in   {setup: arrays}, then {pose, cam, view, spare}: pose null when only
 //        the view has changed; spare: buffers given back
-//   out  {order, means, mesh, mouth, cam}: means and mesh null when unchanged
+//   out  {order, means, mesh, mouth, cam, ms}: means and mesh null when
+//        unchanged; ms: what it took
 import { Drive } from "./drive.js";
 import { Head } from "./head.js";
 import { Order } from "./order.js";
@@ -19,6 +20,7 @@ function setup(a) {
 }
 
 function frame({ pose, cam, view, spare }) {
+  const began = performance.now();
   const out = { order: spare.order ?? new Uint32Array(texels), cam,
                 means: null, mesh: null };
   if (pose) {
@@ -30,6 +32,7 @@ function frame({ pose, cam, view, spare }) {
     out.means.set(means);
   }
   order.sort(out.order, drive.count, means, view);
+  out.ms = performance.now() - began;
   postMessage(out, [out.order, out.means, out.mesh].filter(Boolean)
     .map((x) => x.buffer));
 }

@@ -1,0 +1,44 @@
+/* Arrays on their way into the archive of a page (formats/pagefile.h), small:
+ * 16 bits between the ends of their range. */
+#ifndef SPID_EXPORT_PAGE_PACK_H
+#define SPID_EXPORT_PAGE_PACK_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "formats/safetensors.h"
+#include "lib/head/lbs.h"
+
+#define PACK_MOST 96            /* arrays of an archive */
+
+/* With the memory they own; zeroed: none. */
+struct pack {
+    struct st_tensor tensor[PACK_MOST];
+    size_t count;
+    char name[PACK_MOST][24];
+    void *owned[PACK_MOST];
+    bool failed;                /* memory was short */
+};
+
+/* Free what it holds. */
+void page_pack_release(struct pack *k);
+/* An array (d0, d1) of `bytes`, copied, or to be filled in where data is NULL;
+ * d1 0: one dimension.  NULL where memory is short, which *k remembers. */
+void *page_pack_add(struct pack *k, const char *name, enum st_dtype dtype,
+                    size_t d0, size_t d1, const void *data);
+/* Columns of x (n rows of `stride` numbers, the first K of them) one after the
+ * other: name (K,n) in 16 bits, from 0 for range[k][0] to 65534 for
+ * range[k][1] of name.range (K,2). */
+void page_pack_columns(struct pack *k, const char *name, const float *x,
+                       size_t n, size_t stride, size_t K);
+/* Pixels as what each differs by from the one on its left: half the size when
+ * deflated. */
+void page_pack_picture(struct pack *k, const char *name, const uint8_t *pixel,
+                       size_t S, size_t channels);
+/* What poses an identity's head (Eq. M with beta folded in): prefix + shaped,
+ * lids, exp_dirs, pose_dirs, weights, joints, joint_exp, parents. */
+void page_pack_head(struct pack *k, const char *prefix,
+                    const struct identity *id);
+
+#endif
