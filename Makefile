@@ -48,6 +48,7 @@ LIBS_media := -Wl,--as-needed -lOpenImageIO -lOpenImageIO_Util -lopencv_core \
 LIBS_video := -Wl,--as-needed -lavformat -lavcodec -lswscale -lswresample \
         -lavutil -lopencv_core -lopencv_imgproc -llcms2 -lm
 LIBS_filter := -Wl,--as-needed -lavfilter -lavutil
+LIBS_http := -Wl,--as-needed -lmicrohttpd -ljpeg
 
 # ---- sources: a new file is found by where it lies -------------------------
 
@@ -88,7 +89,7 @@ OBJS := $(PLAIN_C:%.c=$(BUILD)/obj/%.o) $(LIB_CC:%.cc=$(BUILD)/obj/%.o) \
         $(foreach i,$(ISAS),$(TMPL_C:%.c=$(BUILD)/obj/%.$(i).o))
 LIB  := $(BUILD)/libspid.a
 # The modules, and what they share with the programs.
-MODULES  := $(patsubst %,$(BUILD)/lib/spid/%.so,media video filter)
+MODULES  := $(patsubst %,$(BUILD)/lib/spid/%.so,media video filter http)
 module_o = $(patsubst %,$(BUILD)/obj/module/%.o,$(basename $(1)))
 DOOR     := $(addprefix formats/,door.c door_resize.cc colour.c) \
             lib/base/error.c
@@ -97,6 +98,8 @@ MEDIA_O  := $(call module_o,$(sort $(wildcard formats/media/*.c*)) $(DOOR) \
 VIDEO_O  := $(call module_o,$(sort $(wildcard formats/video/*.c)) $(DOOR) \
               formats/module.c formats/video_name.c lib/base/file.c)
 FILTER_O := $(call module_o,$(sort $(wildcard formats/filter/*.c)))
+HTTP_O   := $(call module_o,$(sort $(wildcard formats/http/*.c)) \
+              lib/base/error.c)
 CMD  := $(BUILD)/libcmd.a
 
 HEAD := $(BUILD)/share/spid/head.safetensors
@@ -167,6 +170,7 @@ $(BUILD)/obj/module/%.o: %.cc
 $(BUILD)/lib/spid/media.so: $(MEDIA_O)
 $(BUILD)/lib/spid/video.so: $(VIDEO_O)
 $(BUILD)/lib/spid/filter.so: $(FILTER_O)
+$(BUILD)/lib/spid/http.so: $(HTTP_O)
 $(MODULES):
 	@mkdir -p $(@D)
 	$(SAY) LD $@
@@ -229,7 +233,7 @@ DEPS := build-essential pkg-config libcjson-dev libxxhash-dev libpng-dev \
         libdnnl-dev libopenimageio-dev libopencv-dev opencv-data \
         libavformat-dev libavcodec-dev libswscale-dev libavfilter-dev \
         libswresample-dev liblcms2-dev libexif-dev libheif-dev libwebp-dev \
-        libtinygltf-dev libzip-dev libonnx-dev libprotobuf-dev \
+        libtinygltf-dev libzip-dev libonnx-dev libprotobuf-dev libmicrohttpd-dev \
         libopenmpi-dev openmpi-bin ffmpeg imagemagick liblcms2-utils \
         libheif-examples libimage-exiftool-perl \
         gnuplot-nox bats mandoc python3 python3-numpy python3-onnx

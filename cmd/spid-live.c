@@ -25,6 +25,8 @@ static const struct cli_option options[] = {
                 "pipe)"),
     OPTION_CALL("background", 'b', &opt.background, "WHAT", background_parse,
                 "R,G,B, a name or a picture (default black)"),
+    OPTION_FLAG("public", 0, &opt.sink.anyone,
+                "-o http://...: other machines may look, too"),
     OPTION_FLOAT("patience", 0, &patience, 0, 1e6, "SECONDS",
                  "wait so long for a source that stops (default 10)"),
     OPTION_INT("frames", 0, &most, 1, 1e15, "N", "end after so many frames"),
@@ -35,7 +37,7 @@ static const struct cli_option options[] = {
 };
 
 static const struct cli_usage usage = {
-    "spid-live", "[-s] [-p] [-f FORMAT] [-b WHAT] [--patience SECONDS] "
+    "spid-live", "[-s] [-p] [-f FORMAT] [-b WHAT] [--public] [--patience SECONDS] "
     "[--frames N] [--relative] [--smooth HZ] [--no-tta] [--no-align] "
     "[--fps RATE] "
     "[--bt601] [--roi] [--mask FILE] [--precision TYPE] [--head FILE] "

@@ -58,6 +58,8 @@ static enum framesink_format framesink_format_of(const char *path)
 
     if (strncmp(path, "/dev/video", 10) == 0)
         return FRAMESINK_DEVICE;
+    if (httpsink_is_address(path))
+        return FRAMESINK_HTTP;
     for (size_t i = 0; dot && i < sizeof names / sizeof *names; i++)
         if (strcasecmp(dot, names[i].end) == 0)
             return names[i].format;
@@ -84,7 +86,8 @@ static int framesink_check_options(const struct framesink_options *o,
                          " pipe (use -o FILE, or --format y4m)",
                          o->format == FRAMESINK_EXR ? "EXR" : "a video file");
     if (o->alpha && (o->format == FRAMESINK_Y4M
-                     || o->format == FRAMESINK_VIDEO))
+                     || o->format == FRAMESINK_VIDEO
+                     || o->format == FRAMESINK_HTTP))
         return error_set(err, EX_USAGE, "%s: no alpha in %s (expected "
                          "--format png, pam or exr)", o->path,
                          o->format == FRAMESINK_Y4M ? "Y4M" : "a video");
@@ -113,6 +116,10 @@ struct framesink *framesink_open(const struct framesink_options *opt,
     if (s->opt.format == FRAMESINK_STREAM) {
         s->stream = stream_create(s->path, err);
         if (!s->stream)
+            goto failed;
+    } else if (s->opt.format == FRAMESINK_HTTP) {
+        s->http = httpsink_open(s->path, s->opt.anyone, err);
+        if (!s->http)
             goto failed;
     } else if (strcmp(s->path, "-") == 0
                && s->opt.format != FRAMESINK_TERMINAL
@@ -171,6 +178,8 @@ static int framesink_write_any(struct framesink *s,
         return framesink_write_terminal(s, err);
     if (s->opt.format == FRAMESINK_DEVICE)
         return framesink_write_device(s, err);
+    if (s->opt.format == FRAMESINK_HTTP)
+        return httpsink_write(s->http, s->pixel, s->width, s->height, err);
     if (s->opt.format == FRAMESINK_EXR)
         return framesink_write_exr(s, f, err);
     return framesink_write_picture(s, f, err);
@@ -263,6 +272,7 @@ static void framesink_release(struct framesink *s)
     if (s->opt.format == FRAMESINK_TERMINAL && s->count)
         terminal_end(stdout);
     v4l2_close(s->device);
+    httpsink_close(s->http);
     free(s->pixel);
     free(s->planes);
     free(s->plane);

@@ -15,11 +15,12 @@
 enum framesink_format {
     FRAMESINK_AUTO,         /* by the name: .mp4 .mkv .avi .mov .webm video,
                              * .y4m .png .pam .ppm .exr, /dev/videoN,
-                             * else stream */
+                             * http://, else stream */
     FRAMESINK_STREAM, FRAMESINK_Y4M, FRAMESINK_PNG, FRAMESINK_PAM,
     FRAMESINK_EXR, FRAMESINK_VIDEO,
     FRAMESINK_TERMINAL,     /* drawn on standard output, whatever path says */
-    FRAMESINK_DEVICE        /* formats/v4l2.h */
+    FRAMESINK_DEVICE,       /* formats/v4l2.h */
+    FRAMESINK_HTTP          /* formats/httpsink.h */
 };
 
 /* What FRAMESINK_STREAM writes. */
@@ -67,6 +68,7 @@ struct framesink_options {
     bool alpha;             /* PNG, PAM, EXR, IMAG: straight RGBA, no
                              * background; Y4M and video refuse it */
     bool covered;           /* FEAT: only the pixels whose alpha is not 0 */
+    bool anyone;            /* HTTP: for other machines, too */
     bool bt601;             /* Y4M matrix, BT.709 otherwise */
     const struct background *background;    /* NULL: black; borrowed */
 };

@@ -7,6 +7,7 @@
 #include <stdint.h>
 
 #include "formats/framesink.h"
+#include "formats/httpsink.h"
 #include "formats/outfile.h"
 #include "formats/v4l2.h"
 #include "formats/video.h"
@@ -26,6 +27,7 @@ struct framesink {
     struct stream_writer *stream;
     struct video_writer *video;
     struct v4l2_sink *device;
+    struct httpsink *http;
     struct y4m y4m;
     uint8_t *pixel;                /* composed frame */
     uint8_t *planes;               /* Y4M */

@@ -30,6 +30,11 @@ static struct module module_filters = {
     .lock = PTHREAD_MUTEX_INITIALIZER
 };
 
+static struct module module_https = {
+    .file = "http.so", .symbol = "spid_http", .what = "HTTP",
+    .lock = PTHREAD_MUTEX_INITIALIZER
+};
+
 /* The table of the module in a folder, or NULL. */
 static const void *module_try(const struct module *m, const char *folder)
 {
@@ -96,6 +101,11 @@ const struct video_module *module_video(struct error *err)
 const struct filter_module *module_filter(struct error *err)
 {
     return module_load(&module_filters, err);
+}
+
+const struct http_module *module_http(struct error *err)
+{
+    return module_load(&module_https, err);
 }
 
 /* ---- ahead of time ------------------------------------------------------- */

@@ -5,6 +5,7 @@
 #ifndef SPID_FORMATS_MODULE_H
 #define SPID_FORMATS_MODULE_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -72,6 +73,18 @@ struct filter_module {
     void (*close)(struct filter *f);        /* NULL is allowed */
 };
 
+struct http_server;
+struct sockaddr_in;
+
+/* http.so, with libmicrohttpd: pictures for browsers (formats/httpsink.h). */
+struct http_module {
+    struct http_server *(*open)(const struct sockaddr_in *at, bool anyone,
+                                struct error *err);
+    int (*write)(struct http_server *s, const uint8_t *rgb, size_t width,
+                 size_t height, const char *mark, struct error *err);
+    void (*close)(struct http_server *s);
+};
+
 /* The modules' tables; NULL and EX_UNAVAILABLE when one cannot be loaded.
  * From any thread. */
 const struct media_module *module_media(struct error *err);
@@ -79,6 +92,8 @@ const struct media_module *module_media(struct error *err);
 const struct video_module *module_video(struct error *err);
 /* The same of filters. */
 const struct filter_module *module_filter(struct error *err);
+/* The same of HTTP. */
+const struct http_module *module_http(struct error *err);
 
 /* Start to load what these files (NULL: none) want by their names, in another
  * thread; whoever needs it first waits.  At exit, too. */
