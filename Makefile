@@ -304,6 +304,14 @@ install: all
 	install -D -t "$(DESTDIR)$(PREFIX)/lib/spid" $(MODULES)
 	install -m 644 $(wildcard man/*.1) "$(DESTDIR)$(PREFIX)/share/man/man1"
 	install -m 644 $(wildcard man/*.5) "$(DESTDIR)$(PREFIX)/share/man/man5"
+	install -m 644 $(wildcard man/*.3) -D -t "$(DESTDIR)$(PREFIX)/share/man/man3"
+	install -m 644 -D -t "$(DESTDIR)$(PREFIX)/include" lib/api/spid.h
+	install -m 644 -D -t "$(DESTDIR)$(PREFIX)/lib" $(LIB)
+	strip --strip-debug "$(DESTDIR)$(PREFIX)/lib/$(notdir $(LIB))"
+	install -d "$(DESTDIR)$(PREFIX)/lib/pkgconfig"
+	sed -e 's|@PREFIX@|$(PREFIX)|' -e 's|@VERSION@|$(VERSION)|' \
+	  -e 's|@LIBS@|$(LIBS) -lstdc++ -fopenmp -pthread|' lib/api/spid.pc.in \
+	  > "$(DESTDIR)$(PREFIX)/lib/pkgconfig/spid.pc"
 	for f in $(BUILD)/share/spid/* examples/model/*.safetensors \
 	  examples/model/README.md; do \
 	  [ ! -e "$$f" ] || install -m 644 "$$f" "$(DESTDIR)$(PREFIX)/share/spid"; \

@@ -12,7 +12,7 @@ for f in build/bin/*; do
     [ -x "$p" ] || { echo "FAILED not installed: $f"; exit 1; }
     [[ $("$p" --version) == "$(basename "$f") "* ]] || { echo "FAILED $p --version"; exit 1; }
 done
-for f in media.so video.so filter.so; do
+for f in media.so video.so filter.so http.so; do
     [ -x "$dir/opt/spid/lib/spid/$f" ] || { echo "FAILED not installed: the module $f"; exit 1; }
 done
 for f in man/*; do

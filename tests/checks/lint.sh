@@ -38,7 +38,7 @@ usage() {
     "$1" --help | sed -n '/^Usage: /,/^$/p' | sed 's/^Usage: //' | tr -s ' \n' ' ' | sed 's/^ //; s/ $//'
 }
 
-for page in man/*.[15]; do
+for page in man/*.[135]; do
     report "mandoc" < <(mandoc -T lint -W warning "$page")
 done
 for program in $(ls cmd/spid*.c cmd/lab/spid*.c | sed 's/.*\///; s/\.c$//'); do
@@ -62,5 +62,5 @@ done
 report "man/spid.1" < <(diff <(grep -oE '^\.It Xr spid-[a-z]+' man/spid.1 | sed 's/.* //' | sort) \
     <(ls cmd/spid-*.c cmd/lab/spid-*.c | sed 's/.*\///; s/\.c$//' | sort) | grep '^[<>]' |
     sed 's/^</listed but not there:/; s/^>/not listed:/')
-echo "$(wc -l <<<"$files") files, $all lines of C and C++ ($long over 80 columns), $(ls man/*.[15] | wc -l) pages"
+echo "$(wc -l <<<"$files") files, $all lines of C and C++ ($long over 80 columns), $(ls man/*.[135] | wc -l) pages"
 exit $fail
