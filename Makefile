@@ -338,10 +338,10 @@ FUZZ_READERS := $(wildcard lib/base/*.c lib/stream/*.c formats/record*.c \
 	  formats/glb_read.cc formats/glb_pose.cc)
 fuzz_objects = $(patsubst %,$(BUILD)/fuzz/obj/%.o,$(basename $(wildcard $(1))))
 
-fuzz: $(FUZZ:%=$(BUILD)/fuzz/%)
+fuzz: $(FUZZ:%=$(BUILD)/fuzz/bin/%)
 	set -e; mkdir -p tests/fuzz/found; for f in $(FUZZ); do \
 	  echo "$$f"; mkdir -p $(BUILD)/fuzz/$$f.corpus; \
-	  $(BUILD)/fuzz/$$f -max_total_time=$(FUZZ_SECONDS) -timeout=5 \
+	  $(BUILD)/fuzz/bin/$$f -max_total_time=$(FUZZ_SECONDS) -timeout=5 \
 	    -rss_limit_mb=1024 -artifact_prefix=tests/fuzz/found/$$f- \
 	    -print_final_stats=1 -verbosity=0 \
 	    $(BUILD)/fuzz/$$f.corpus tests/fuzz/seed/$$f; done
@@ -358,22 +358,26 @@ $(BUILD)/fuzz/readers.a: $(call fuzz_objects,$(FUZZ_READERS))
 	$(SAY) AR $@
 	$(AR) rcs $@ $^
 
-$(BUILD)/fuzz/%: tests/fuzz/%.c $(BUILD)/fuzz/readers.a \
-                 $(BUILD)/fuzz/video.so $(BUILD)/fuzz/media.so
+$(BUILD)/fuzz/bin/%: tests/fuzz/%.c $(BUILD)/fuzz/readers.a \
+                     $(BUILD)/fuzz/lib/spid/video.so \
+                     $(BUILD)/fuzz/lib/spid/media.so
+	@mkdir -p $(@D)
 	$(SAY) FUZZ $@
 	$(FUZZ_CC) -fsanitize=fuzzer,address,undefined $(filter %.c %.a,$^) \
 	  -Wl,--as-needed -lxxhash -lcjson -lpng -ljpeg -lexif -llcms2 \
 	  -lopencv_core -lopencv_imgproc -lzip -ltinygltf \
-	  -fsanitize-link-c++-runtime -lstdc++ -lm -o $@
+	  -fsanitize-link-c++-runtime -lstdc++ -lm -rdynamic -o $@
 
-# The modules, where formats/module.c looks for them.
+# The modules, where formats/module.c looks for them first: instrumented too.
 $(call fuzz_objects,formats/video/*.c): FUZZ_PART += -fopenmp
-$(BUILD)/fuzz/video.so: $(call fuzz_objects,formats/video/*.c \
+$(BUILD)/fuzz/lib/spid/video.so: $(call fuzz_objects,formats/video/*.c \
                           formats/module.c formats/video_name.c \
                           lib/base/file.c $(DOOR))
-$(BUILD)/fuzz/media.so: $(call fuzz_objects,formats/media/*.c* \
+$(BUILD)/fuzz/lib/spid/media.so: $(call fuzz_objects,formats/media/*.c* \
                           formats/exif.c formats/video_name.c $(DOOR))
-$(BUILD)/fuzz/%.so:
+$(BUILD)/fuzz/lib/spid/video.so $(BUILD)/fuzz/lib/spid/media.so: \
+    $(BUILD)/fuzz/lib/spid/%.so:
+	@mkdir -p $(@D)
 	$(SAY) FUZZ $@
 	$(FUZZ_CXX) $(FUZZ_PART) -shared -fopenmp $^ $(LIBS_$*) -o $@
 -include $(shell find $(BUILD)/fuzz -name '*.d' 2>/dev/null)
