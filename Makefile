@@ -108,6 +108,7 @@ HEAD := $(BUILD)/share/spid/head.safetensors
 # engine; without it, or without a network, all else is built.
 PLAYER   := $(BUILD)/share/spid/player.html
 PLAYER_SOURCES := $(sort $(wildcard lib/export/web/*))
+MODULE_SOURCES := $(sort $(wildcard examples/web/*))
 
 all: $(PROGRAMS) $(MODULES) $(HEAD) $(if $(shell command -v npm),$(BUILD)/web/tried)
 
@@ -116,19 +117,23 @@ $(HEAD): examples/model/head.safetensors
 	@mkdir -p $(@D)
 	cp $< $@
 
-$(PLAYER): $(PLAYER_SOURCES)
+$(PLAYER): $(PLAYER_SOURCES) $(MODULE_SOURCES)
 	@mkdir -p $(BUILD)/web $(@D)
 	$(SAY) WEB $@
 	cp $(PLAYER_SOURCES) $(BUILD)/web
 	cd $(BUILD)/web && npm install --silent --no-audit --no-fund \
 	  --fetch-retries=1 --fetch-timeout=30000
-	cd $(BUILD)/web && node build.mjs player.built live.built
+	cd $(BUILD)/web && node build.mjs player.built live.built \
+	  module.built
+	mkdir -p $(BUILD)/web-module
+	cp examples/web/* $(BUILD)/web-module
+	mv $(BUILD)/web/module.built $(BUILD)/web-module/spid-avatar.js
 	mv $(BUILD)/web/live.built $(@D)/player-live.html
 	mv $(BUILD)/web/player.built $@
 
 # Once for each change of the sources, so that a make without a network does
 # not wait for one every time.
-$(BUILD)/web/tried: $(PLAYER_SOURCES)
+$(BUILD)/web/tried: $(PLAYER_SOURCES) $(MODULE_SOURCES)
 	@mkdir -p $(@D)
 	@$(MAKE) $(PLAYER) || echo "no page for spid-export --html: npm installed \
 	  nothing (make web tries again)"

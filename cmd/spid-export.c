@@ -32,6 +32,8 @@ static const struct cli_option options[] = {
                   "OBJ of one frame's mesh; name_%06d.obj for every frame"),
     OPTION_STRING("html", 0, &opt.html, "FILE",
                   "a page that plays the driven avatar in a browser"),
+    OPTION_STRING("web", 0, &opt.web, "FILE",
+                  "the avatar for sites, driven from JavaScript"),
     OPTION_FLAG("live", 0, &live,
                 "--html: with a camera that drives it in the browser"),
     OPTION_STRING("onnx", 0, &onnx_path, "DIR",
@@ -57,7 +59,7 @@ static const struct cli_usage usage = {
     "spid-export",
     "[--ply FILE] [--ply-compressed FILE] [--splat FILE] "
     "[--glb-splats FILE] [--glb-head FILE] [--obj FILE] [--html FILE] "
-    "[--live] [--onnx DIR] [--frame N] [-i FILE] [--head FILE] "
+    "[--live] [--web FILE] [--onnx DIR] [--frame N] [-i FILE] [--head FILE] "
     "[--expressions N] [--correctives] [--model-space] [-o FILE] "
     "[-j N] [-m MODEL] [-q] [--stats FILE] [STREAM] | --lint FILE",
     "write Gaussians and the driven head for other programs", options
@@ -129,7 +131,7 @@ static void export_print_page(const struct export *x)
 static bool export_streams(void)
 {
     return opt.ply || opt.ply_packed || opt.splat || opt.glb_splats || opt.glb_head || opt.obj ||
-           opt.html;
+           opt.html || opt.web;
 }
 
 /* The model's networks: as files, and for a page that is live. */
@@ -174,7 +176,7 @@ static void export_open_all(struct export *x)
 
     if (!export_streams())
         die(EX_USAGE, "nothing to write (expected --ply, --splat, "
-            "--glb-splats, --glb-head, --obj, --html or --onnx)");
+            "--glb-splats, --glb-head, --obj, --html, --web or --onnx)");
     opt.head.expressions = (size_t)expressions;
     opt.head.clip = "driven";
     if (export_needs_head(&opt) && !head_path &&

@@ -4,7 +4,15 @@
     for rec in read_stream(sys.stdin.buffer):
         print(rec.type, rec.frame, rec.arrays["jaw"].values())
 
-Python's standard library only.  As a program it prints each record as
+Python's standard library only; where NumPy is installed, Array.numpy() is an
+array and Array.of(x) the way back, so that a stage in between is
+
+    for rec in read_stream(sys.stdin.buffer):
+        if rec.type == "MOTN":
+            rec.arrays["jaw"] = Array.of(1.2 * rec.arrays["jaw"].numpy())
+        out.write(rec)          # out = Writer(sys.stdout.buffer)
+
+As a program it prints each record as
 `spid-dump --json` does, or with --copy writes the stream again:
 
     spid-motion clip.mp4 | examples/spidstream.py
@@ -35,6 +43,25 @@ class Array:
         letter, size = next(d[1:] for d in DTYPES if d[0] == self.dtype)
         return struct.unpack("<%d%s" % (len(self.data) // size, letter),
                              self.data)
+
+    def numpy(self):
+        """The elements as a NumPy array of this shape, not to be written."""
+        import numpy
+        kind = {"u8": "u1", "i32": "<i4", "f16": "<f2", "f32": "<f4",
+                "f64": "<f8"}[self.dtype]
+        return numpy.frombuffer(self.data, kind).reshape(self.shape)
+
+    @classmethod
+    def of(cls, x):
+        """An Array of a NumPy array, whose type must be one of a stream's."""
+        import numpy
+        x = numpy.asarray(x)
+        names = {"u1": "u8", "i4": "i32", "f2": "f16", "f4": "f32",
+                 "f8": "f64"}
+        kind = x.dtype.str[1:]
+        _need(kind in names and x.ndim <= 4, "array of " + x.dtype.str)
+        return cls(names[kind], x.shape,
+                   x.astype("u1" if kind == "u1" else "<" + kind).tobytes())
 
 
 class Record:

@@ -311,7 +311,7 @@ static int export_write_obj(struct export *x, const struct record *rec,
 
 bool export_needs_head(const struct export_options *opt)
 {
-    return opt->obj || opt->glb_head || opt->html;
+    return opt->obj || opt->glb_head || opt->html || opt->web;
 }
 
 int export_init(struct export *x, const struct export_options *opt,
@@ -325,7 +325,8 @@ int export_init(struct export *x, const struct export_options *opt,
         export_check_name("--glb-splats", opt->glb_splats, true, err) ||
         export_check_name("--obj", opt->obj, true, err) ||
         export_check_name("--glb-head", opt->glb_head, false, err) ||
-        export_check_name("--html", opt->html, false, err))
+        export_check_name("--html", opt->html, false, err) ||
+        export_check_name("--web", opt->web, false, err))
         return -1;
     if (!export_needs_head(opt))
         return 0;
@@ -336,12 +337,18 @@ int export_init(struct export *x, const struct export_options *opt,
     return 0;
 }
 
+/* Whether what a page has is wanted. */
+static bool export_has_page(const struct export *x)
+{
+    return x->opt.html || x->opt.web;
+}
+
 int export_load_identity(struct export *x, const char *path,
                          struct error *err)
 {
     if (person_load(&x->person, path, x->head.nexp, err))
         return -1;
-    return x->opt.html ? page_load_avatar(&x->page, path, err) : 0;
+    return export_has_page(x) ? page_load_avatar(&x->page, path, err) : 0;
 }
 
 void export_release(struct export *x)
@@ -364,7 +371,7 @@ int export_record(struct export *x, const struct record *rec,
     bool own = record_is(rec, RECORD_MOTN) && x->person.rgb &&
                !x->person.has_source;
 
-    if (change < 0 || (x->opt.html && !own && page_record(&x->page, rec, err)))
+    if (change < 0 || (export_has_page(x) && !own && page_record(&x->page, rec, err)))
         return -1;
     if (change != SCENE_NONE)
         return export_write_gaussians(x, rec, err);
@@ -410,6 +417,12 @@ int export_finish(struct export *x, struct error *err)
         if (export_fold(x, err) ||
             page_write(&x->page, o->html, o->player, &x->id, &x->person,
                        &x->page_bytes, err))
+            return -1;
+        x->files++;
+    }
+    if (o->web) {
+        if (export_fold(x, err) ||
+            page_write(&x->page, o->web, NULL, &x->id, &x->person, NULL, err))
             return -1;
         x->files++;
     }

@@ -18,6 +18,7 @@
 struct export_options {
     const char *ply, *ply_packed, *splat, *glb_splats, *obj, *glb_head;
     const char *html, *player;  /* the page, and the template it is made of */
+    const char *web;            /* the page's arrays alone */
     long frame;             /* the frame for names without %d; -1: the first */
     bool model_space;       /* PLY: not turned to y down */
     struct export_head_options head;

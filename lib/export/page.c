@@ -9,6 +9,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "formats/outfile.h"
 #include "formats/pagefile.h"
 #include "lib/export/page_live.h"
 #include "lib/export/page_pack.h"
@@ -288,6 +289,21 @@ static int page_check(const struct page *p, const struct person *person,
     return 0;
 }
 
+/* The arrays alone. */
+static int page_write_archive(const char *path, const struct pack *k,
+                              const char *const *meta, struct error *err)
+{
+    struct outfile out = {0};
+
+    if (outfile_open(&out, path, err))
+        return -1;
+    if (st_write(out.file, k->tensor, k->count, meta, err)) {
+        outfile_abandon(&out);
+        return -1;
+    }
+    return outfile_close(&out, err);
+}
+
 int page_write(const struct page *p, const char *path,
                const char *template_path, const struct identity *id,
                const struct person *person, size_t *bytes, struct error *err)
@@ -309,10 +325,13 @@ int page_write(const struct page *p, const char *path,
     page_pack_mesh(k, id);
     page_pack_motion(k, p, person);
     const char *const meta[] = {"format", "spid-page", "names", names, NULL};
-    rc = k->failed
-             ? error_set(err, EX_OSERR, "out of memory for a page")
-             : pagefile_write(path, template_path, k->tensor, k->count, meta,
-                              bytes, err);
+    if (k->failed)
+        rc = error_set(err, EX_OSERR, "out of memory for a page");
+    else if (template_path)
+        rc = pagefile_write(path, template_path, k->tensor, k->count, meta,
+                            bytes, err);
+    else
+        rc = page_write_archive(path, k, meta, err);
 out:
     cJSON_free(names);
     if (k)

@@ -49,7 +49,8 @@ int page_record(struct page *p, const struct record *rec, struct error *err);
 /* The GAUS record of an avatar's file. */
 int page_load_avatar(struct page *p, const char *path, struct error *err);
 
-/* Write the page from the player's template (formats/pagefile.h).
+/* Write the page from the player's template (formats/pagefile.h); without one
+ * (NULL) its arrays alone, as safetensors, and *bytes stays.
  *   id      the identity folded into its head
  *   person  its photograph and own motion, where it has them
  * *bytes: how large the page became.  -1 and *err also when there was no

@@ -89,3 +89,28 @@ P
     run ./calm <cut.spid
     [ "$status" -eq 65 ]
 }
+
+@test "its arrays are NumPy's, there and back" {
+    need_numpy
+    cat >stage.py <<'P'
+import sys
+sys.path.insert(0, sys.argv[1])
+import numpy
+from spidstream import Array, Writer, read_stream
+out = Writer(sys.stdout.buffer)
+for rec in read_stream(sys.stdin.buffer):
+    for name, a in rec.arrays.items():
+        x = a.numpy()
+        assert x.shape == a.shape and tuple(x.reshape(-1)[:2]) == a.values()[:2] \
+            or numpy.isnan(x).any(), name
+        rec.arrays[name] = Array.of(x)
+    if rec.type == "MOTN":
+        rec.arrays["jaw"] = Array.of(2 * rec.arrays["jaw"].numpy())
+    out.write(rec)
+out.end()
+P
+    "$PYTHON" stage.py "$TOP/examples" <all.spid >twice.spid
+    spid-dump --only ABCD all.spid --json --values >a
+    spid-dump --only ABCD twice.spid --json --values | cmp a -
+    spid-dump --only MOTN --frames 2:3 --json --values twice.spid | grep -q '"jaw".*"data":\[0.04'
+}

@@ -18,15 +18,19 @@ export function bytesOf(base64) {
 export const inflate = unzlibSync;
 
 export class Archive {
-  constructor(base64) {
-    const bytes = inflate(bytesOf(base64));
+  // of a page's text, or of the file of spid-export --web
+  constructor(text) {
+    const bytes = typeof text === "string" ? inflate(bytesOf(text))
+                                           : new Uint8Array(text);
     const size = Number(new DataView(bytes.buffer, bytes.byteOffset)
       .getBigUint64(0, true));
-    const text = new TextDecoder().decode(bytes.subarray(8, 8 + size));
-    const { __metadata__, ...index } = JSON.parse(text);
+    const json = new TextDecoder().decode(bytes.subarray(8, 8 + size));
+    const { __metadata__, ...index } = JSON.parse(json);
     this.meta = __metadata__;
     this.index = index;
     this.data = bytes.subarray(8 + size);
+    if (Object.values(index).some(({ data_offsets: [, to] }) => to > this.data.length))
+      throw new Error("cut short");
   }
 
   has(name) { return name in this.index; }

@@ -1,7 +1,7 @@
-// node build.mjs OUT LIVE: the player as one file, OUT, that lacks only the
-// avatar (formats/pagefile.h); and LIVE, which a camera can drive, too.  make
-// web runs a copy of this folder, where npm has installed what package.json
-// names.
+// node build.mjs OUT LIVE MODULE: the player as one file, OUT, that lacks only
+// the avatar (formats/pagefile.h); LIVE, which a camera can drive, too; and
+// MODULE, for other people's sites (examples/web).  make web runs a copy of
+// this folder, where npm has installed what package.json names.
 import { build } from "esbuild";
 import { existsSync, readFileSync, writeFileSync } from "node:fs";
 import { deflateSync } from "node:zlib";
@@ -72,5 +72,15 @@ async function page(out, on) {
   writeFileSync(out, text);
 }
 
+// The module for sites, which bring their own three.js.
+async function module(out) {
+  const made = await build({
+    entryPoints: ["avatar.js"], bundle: true, minify: true, format: "esm",
+    target: "es2022", write: false, external: ["three", "three/*"],
+    banner: { js: `/* ${notice(["fflate"]).replaceAll("*/", "* /")} */` } });
+  writeFileSync(out, made.outputFiles[0].text);
+}
+
 await page(process.argv[2], false);
 await page(process.argv[3], true);
+await module(process.argv[4]);
