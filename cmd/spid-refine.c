@@ -56,6 +56,7 @@ struct program {
     struct ahead *ahead;
     struct framesink *out;
     struct refine_picture picture;
+    struct texture texture;     /* the photograph of SRCI */
     bool compared;
 };
 
@@ -145,6 +146,7 @@ static int refine_write_picture(struct program *p, const struct record *rec,
 
     if (refine_read_record(&in, rec, err))
         return -1;
+    made->texture = p->texture.levels ? &p->texture : NULL;
     begun = stats_begin();
     if (refine_picture_refine(made, &p->refine, &in, err))
         return -1;
@@ -175,7 +177,7 @@ static int refine_pass_record(struct program *p, const struct record *rec,
     if (record_is(rec, RECORD_FEAT))
         return refine_write_picture(p, rec, err);
     if (record_is(rec, RECORD_SRCI) && size &&
-        refine_picture_read_source(&p->picture, rec, err))
+        texture_read_record(&p->texture, rec, err))
         return -1;
     if (record_is(rec, RECORD_CONF))
         framesink_read_conf(p->out, rec);
@@ -207,6 +209,7 @@ static void refine_close_all(struct program *p)
     model_close(&p->model);
     background_release(&background);
     refine_picture_release(&p->picture);
+    texture_release(&p->texture);
 }
 
 int main(int argc, char **argv)

@@ -1,4 +1,4 @@
-/* Buffers of one picture. */
+/* Buffers of one picture, and what fills them (canvas.h). */
 #include "lib/animate/canvas.h"
 
 #include <stdlib.h>
@@ -6,7 +6,7 @@
 #include <sysexits.h>
 
 #include "lib/photo/place.h"
-#include "lib/photo/texture.h"
+#include "lib/splat/splat.h"
 
 static int canvas_too_large(const struct canvas *c, struct error *err)
 {
@@ -41,7 +41,9 @@ void canvas_release(struct canvas *c)
     memset(c, 0, sizeof *c);
 }
 
-int canvas_reserve(struct canvas *c, bool photo, struct error *err)
+/* Memory for places, and for what is looked up there if `photo`, unless it is
+ * there already. */
+static int canvas_reserve(struct canvas *c, bool photo, struct error *err)
 {
     const size_t pixels = c->size * c->size;
 
@@ -50,4 +52,24 @@ int canvas_reserve(struct canvas *c, bool photo, struct error *err)
     if (photo && !c->photo)
         c->photo = malloc(TEXTURE_PHOTO * pixels * sizeof *c->photo);
     return c->place && (!photo || c->photo) ? 0 : canvas_too_large(c, err);
+}
+
+int canvas_draw(struct canvas *c, struct splat *s,
+                const struct splat_camera *cam, const struct texture *t,
+                bool beside, struct error *err)
+{
+    const struct splat_place_view *v = &c->view;
+
+    if ((t && canvas_reserve(c, beside, err)) ||
+        splat_draw(s, &(struct splat_pictures){
+            .image = c->image, .half = c->half, .alpha = c->alpha,
+            .depth = c->depth, .place = t ? c->place : NULL
+        }, cam, v, NULL, err))
+        return -1;
+    if (t && beside)
+        texture_lookup(c->photo, t, v, c->place, c->alpha, c->size);
+    else if (t)
+        texture_apply(c->image, c->channels, c->alpha, t, v, c->place,
+                      c->size);
+    return 0;
 }

@@ -1,4 +1,5 @@
-/* What a picture is drawn into before it is written. */
+/* What Gaussians are drawn into: colours for a picture, or features for the
+ * refiner, with the photograph over or beside them. */
 #ifndef SPID_ANIMATE_CANVAS_H
 #define SPID_ANIMATE_CANVAS_H
 
@@ -7,6 +8,7 @@
 #include <stdint.h>
 
 #include "lib/base/error.h"
+#include "lib/photo/texture.h"
 #include "lib/splat/types.h"
 
 /* N = size; every buffer is owned. */
@@ -26,8 +28,11 @@ int canvas_init(struct canvas *c, size_t size, size_t channels, bool half,
                 bool depth, struct error *err);
 void canvas_release(struct canvas *c);  /* of a zeroed *c: nothing */
 
-/* Memory for places, and for what is looked up there if `photo`, unless it is
- * there already. */
-int canvas_reserve(struct canvas *c, bool photo, struct error *err);
+/* Eq. C: what s has loaded, seen by cam.  t (NULL: none) is the photograph
+ * that places are places of by c->view: over the colours, or beside features
+ * (beside), as c->photo, for the refiner.  EX_OSERR. */
+int canvas_draw(struct canvas *c, struct splat *s,
+                const struct splat_camera *cam, const struct texture *t,
+                bool beside, struct error *err);
 
 #endif

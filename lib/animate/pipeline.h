@@ -1,8 +1,9 @@
 /* Phase B of one frame: drive -> draw -> compose -> refine, from a motion to
  * the finished picture of a baked avatar.  Whoever draws avatars calls this:
  * spid animate and live (lib/animate/animate.h), the pictures of photographs
- * that act (lib/lab/fit), evaluation (lib/lab/eval).  The piped programs draw
- * from records, by the same functions of the stages. */
+ * that act (lib/lab/fit), evaluation (lib/lab/eval).  The piped programs take
+ * the same steps on records: spid-flame head_pose, spid-branches baked_drive,
+ * spid-splat canvas_draw, spid-refine refine_picture. */
 #ifndef SPID_ANIMATE_PIPELINE_H
 #define SPID_ANIMATE_PIPELINE_H
 
@@ -10,13 +11,14 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "lib/animate/canvas.h"
 #include "lib/animate/refine.h"
+#include "lib/animate/refine_picture.h"
 #include "lib/avatar/baked.h"
 #include "lib/base/error.h"
 #include "lib/head/lbs.h"
 #include "lib/head/motion.h"
 #include "lib/photo/texture.h"
-#include "lib/photo/zoom.h"
 #include "lib/splat/types.h"
 
 struct pipeline_options {
@@ -50,18 +52,11 @@ struct pipeline {
     struct pipeline_avatar avatar;
     struct splat splat;
     struct refine refine;
-    struct head_mouth mouth;    /* of the last frame */
-    float cam[12];              /* likewise */
+    float cam[12];              /* of the last frame */
     float *verts;               /* (V,3) */
     struct baked_move move;
-    float *image;               /* (S,S,3) drawn, or refined */
-    float *features;            /* (S,S,C) in float, */
-    uint16_t *features_half;    /* or in half precision; neither for SpiD* */
-    float *alpha;               /* (S,S) */
-    float *place;               /* (S,S,3) blended places, with a texture */
-    struct zoom zoom;           /* to the picture's size, when larger, and */
-    struct texture_field field; /* ... what the refiner says of it */
-    float *photo;               /* (S,S,5) what it shows, for the refiner */
+    struct canvas canvas;       /* drawn; the picture itself with star */
+    struct refine_picture refined;      /* the picture without */
 };
 
 /* Processor seconds of a frame's stages. */

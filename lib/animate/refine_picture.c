@@ -6,17 +6,6 @@
 #include <string.h>
 #include <sysexits.h>
 
-int refine_picture_read_source(struct refine_picture *p,
-                               const struct record *srci, struct error *err)
-{
-    if (person_read_record(&p->person, srci, 0, err) < 0)
-        return -1;
-    texture_release(&p->texture);
-    return p->person.back
-         ? texture_init(&p->texture, p->person.rgb, p->person.matte,
-                        p->person.back, p->person.size, err) : 0;
-}
-
 int refine_picture_refine(struct refine_picture *p, struct refine *r,
                           const struct refine_input *in, struct error *err)
 {
@@ -42,7 +31,7 @@ static int refine_picture_enlarge(struct refine_picture *p,
                                   struct error *err)
 {
     struct zoom *z = &p->zoom;
-    const bool photo = in->place && p->texture.levels;
+    const bool photo = in->place && p->texture;
     struct texture_field field;
 
     if (in->height != in->width || in->height > p->size || !in->alpha)
@@ -59,7 +48,7 @@ static int refine_picture_enlarge(struct refine_picture *p,
         return -1;
     texture_clamp_to_alpha(p->rgb, 3, in->alpha, in->height * in->width);
     zoom_picture(z, p->rgb, in->alpha, photo ? in->place : NULL, &in->view,
-                 &p->texture, &field);
+                 p->texture, &field);
     p->height = p->width = z->to;
     p->color = z->color;
     p->coverage = z->alpha;
@@ -116,8 +105,6 @@ int refine_picture_compare(double *largest, double *db,
 void refine_picture_release(struct refine_picture *p)
 {
     zoom_release(&p->zoom);
-    texture_release(&p->texture);
-    person_release(&p->person);
     free(p->rgb);
     free(p->alpha);
     memset(p, 0, sizeof *p);

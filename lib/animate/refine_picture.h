@@ -6,7 +6,6 @@
 #include <stddef.h>
 
 #include "lib/base/error.h"
-#include "lib/head/person.h"
 #include "lib/animate/refine.h"
 #include "lib/photo/texture.h"
 #include "lib/photo/zoom.h"
@@ -14,8 +13,8 @@
 struct refine_picture {
     size_t size;                /* set by the caller: pixels a side; 0: as many
                                  * as the features have */
-    struct person person;       /* whose photograph, from SRCI */
-    struct texture texture;     /* no levels: none */
+    const struct texture *texture;      /* the photograph, borrowed; NULL:
+                                         * none */
     struct zoom zoom;           /* to size */
     float *rgb, *alpha;         /* (height,width,3), (height,width) of the
                                  * features */
@@ -25,11 +24,6 @@ struct refine_picture {
     const float *color;         /* (height,width,3) premultiplied */
     const float *coverage;      /* (height,width), or NULL: opaque */
 };
-
-/* Take the photograph that places are places of; a record without one takes
- * the last away. */
-int refine_picture_read_source(struct refine_picture *p,
-                               const struct record *srci, struct error *err);
 
 /* Room for a frame, and r's refined colours into p->rgb. */
 int refine_picture_refine(struct refine_picture *p, struct refine *r,

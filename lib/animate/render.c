@@ -39,7 +39,6 @@ void render_release(struct render *r)
     canvas_release(&r->other);
     free(r->wide);
     texture_release(&r->texture);
-    person_release(&r->person);
 }
 
 /* The truth: no cut-offs, in double. */
@@ -80,26 +79,14 @@ static bool render_shows_photo(const struct render *r)
 static int render_fast(struct render *r, const struct splat_camera *cam,
                        struct error *err)
 {
-    struct canvas *c = &r->canvas;
-    struct splat_place_view *v = &c->view;
-    const bool photo = render_shows_photo(r);
+    struct splat_place_view *v = &r->canvas.view;
 
-    if (photo && canvas_reserve(c, r->opt.features, err))
-        return -1;
     place_view_make(v, r->scene.view, cam->rt);
     for (int i = 0; i < 4; i++)         /* of a picture with this focal's */
         v->A[i] *= CAMERA_FOCAL / r->opt.focal;
-    if (splat_draw(&r->splat, &(struct splat_pictures){
-            .image = c->image, .half = c->half, .alpha = c->alpha,
-            .depth = c->depth, .place = photo ? c->place : NULL
-        }, cam, v, NULL, err))
-        return -1;
-    if (photo && r->opt.features)
-        texture_lookup(c->photo, &r->texture, v, c->place, c->alpha, c->size);
-    else if (photo)
-        texture_apply(c->image, c->channels, c->alpha, &r->texture, v,
-                      c->place, c->size);
-    return 0;
+    return canvas_draw(&r->canvas, &r->splat, cam,
+                       render_shows_photo(r) ? &r->texture : NULL,
+                       r->opt.features, err);
 }
 
 /* The stream's camera: the last, or the source's own of an avatar that
@@ -178,18 +165,6 @@ static int render_flush(struct render *r, struct error *err)
     return r->pending ? render_draw(r, r->frame, r->time, err) : 0;
 }
 
-/* The photograph that places are places of. */
-static int render_photo(struct render *r, const struct record *rec,
-                        struct error *err)
-{
-    if (person_read_record(&r->person, rec, 0, err) < 0)
-        return -1;
-    texture_release(&r->texture);
-    return r->person.back
-         ? texture_init(&r->texture, r->person.rgb, r->person.matte,
-                        r->person.back, r->person.size, err) : 0;
-}
-
 /* A record that moves nothing. */
 static int render_pass(struct render *r, const struct record *rec,
                        struct error *err)
@@ -200,7 +175,7 @@ static int render_pass(struct render *r, const struct record *rec,
     if (async_write_wait(&r->writing, err))
         return -1;
     if (record_is(rec, RECORD_SRCI) && r->opt.splat.place &&
-        render_photo(r, rec, err))
+        texture_read_record(&r->texture, rec, err))
         return -1;
     if (record_is(rec, RECORD_CONF))
         framesink_read_conf(r->sink, rec);

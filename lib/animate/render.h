@@ -8,7 +8,6 @@
 #include <stdint.h>
 
 #include "formats/framesink.h"
-#include "lib/head/person.h"
 #include "lib/animate/async_write.h"
 #include "lib/animate/canvas.h"
 #include "lib/splat/scene.h"
@@ -38,8 +37,7 @@ struct render {
     struct canvas canvas, other; /* drawn next; on its way out, if it can be */
     struct async_write writing;
     double *wide;               /* (N,N,C + 2) in double for exact */
-    struct person person;       /* whose photograph, from SRCI */
-    struct texture texture;     /* no levels: none */
+    struct texture texture;     /* the photograph of SRCI; no levels: none */
     bool pending;               /* a GAUS without camera waits: drawn with
                                  * opt.camera or from where the source was
                                  * seen unless GMOV records follow */

@@ -8,6 +8,7 @@
 #include <sysexits.h>
 
 #include "lib/base/crop.h"
+#include "lib/head/person.h"
 #include "lib/photo/lookup.h"
 
 /* ---- the person alone -------------------------------------------------- */
@@ -113,6 +114,20 @@ int texture_init(struct texture *t, const uint8_t *rgb, const uint8_t *matte,
     texture_release(t);
     return error_set(err, EX_OSERR, "no memory for a texture of %zu pixels",
                      S);
+}
+
+int texture_read_record(struct texture *t, const struct record *srci,
+                        struct error *err)
+{
+    struct person p = {0};
+    int rc = person_read_record(&p, srci, 0, err) < 0 ? -1 : 0;
+
+    if (rc == 0) {
+        texture_release(t);
+        rc = p.back ? texture_init(t, p.rgb, p.matte, p.back, p.size, err) : 0;
+    }
+    person_release(&p);
+    return rc;
 }
 
 void texture_release(struct texture *t)

@@ -16,6 +16,7 @@
 
 #include "lib/base/error.h"
 #include "lib/splat/types.h"
+#include "lib/stream/stream.h"
 
 #define TEXTURE_LEVELS 6        /* at most */
 
@@ -37,6 +38,10 @@ struct texture {
  * without memory, EX_DATAERR if S is less than 2. */
 int texture_init(struct texture *t, const uint8_t *rgb, const uint8_t *matte,
                  const uint8_t *back, size_t S, struct error *err);
+/* Of a stream's source photograph in place of the last one; of a record without
+ * background none.  -1 when the record is damaged, and as above. */
+int texture_read_record(struct texture *t, const struct record *srci,
+                        struct error *err);
 /* Free what it holds; zeroed then. */
 void texture_release(struct texture *t);
 

@@ -121,8 +121,6 @@ static int reenactor_open_pipelines(struct reenactor *r, struct error *err)
     opt.star = true;
     if (pipeline_init(&r->star, &opt, &avatar, err))
         return -1;
-    r->coarse = r->star.image;
-    r->rgb = r->model->config.has_refiner ? r->full.image : r->coarse;
     avatar.texture = NULL;
     for (int b = 0; b < BRANCH_COUNT; b++) {
         opt.branches = 1u << b;
@@ -203,16 +201,20 @@ struct square reenactor_follow(const struct reenactor *r,
 int reenactor_draw(struct reenactor *r, const struct motion *m,
                    struct error *err)
 {
-    if (pipeline_draw(&r->star, NULL, m, err))
+    const bool refined = r->model->config.has_refiner;
+
+    if (pipeline_draw(&r->star, NULL, m, err) ||
+        (refined && pipeline_draw(&r->full, NULL, m, err)))
         return -1;
-    return r->model->config.has_refiner
-         ? pipeline_draw(&r->full, NULL, m, err) : 0;
+    r->coarse = r->star.canvas.image;
+    r->rgb = refined ? r->full.refined.rgb : r->coarse;
+    return 0;
 }
 
 int reenactor_draw_branch(const float **rgb, struct reenactor *r,
                           enum avatar_branch b, const struct motion *m,
                           struct error *err)
 {
-    *rgb = r->alone[b].image;
+    *rgb = r->alone[b].canvas.image;
     return pipeline_draw(&r->alone[b], NULL, m, err);
 }
