@@ -94,7 +94,7 @@ module_o = $(patsubst %,$(BUILD)/obj/module/%.o,$(basename $(1)))
 DOOR     := $(addprefix formats/,door.c door_resize.cc colour.c) \
             lib/base/error.c
 MEDIA_O  := $(call module_o,$(sort $(wildcard formats/media/*.c*)) $(DOOR) \
-              formats/exif.c formats/video_name.c)
+              formats/exif.c formats/video_name.c lib/base/file.c)
 VIDEO_O  := $(call module_o,$(sort $(wildcard formats/video/*.c)) $(DOOR) \
               formats/module.c formats/video_name.c lib/base/file.c)
 FILTER_O := $(call module_o,$(sort $(wildcard formats/filter/*.c)))
@@ -240,7 +240,7 @@ DEPS := build-essential pkg-config libcjson-dev libxxhash-dev libpng-dev \
         libswresample-dev liblcms2-dev libexif-dev libheif-dev libwebp-dev \
         libtinygltf-dev libzip-dev libonnx-dev libprotobuf-dev libmicrohttpd-dev \
         libopenmpi-dev openmpi-bin ffmpeg imagemagick liblcms2-utils \
-        libheif-examples libimage-exiftool-perl \
+        libheif-examples libimage-exiftool-perl webp \
         gnuplot-nox bats mandoc python3 python3-numpy python3-onnx
 
 tests: all $(UNIT) $(if $(GOLDEN_C),$(BUILD)/tests/golden)
@@ -379,7 +379,8 @@ $(BUILD)/fuzz/lib/spid/video.so: $(call fuzz_objects,formats/video/*.c \
                           formats/module.c formats/video_name.c \
                           lib/base/file.c $(DOOR))
 $(BUILD)/fuzz/lib/spid/media.so: $(call fuzz_objects,formats/media/*.c* \
-                          formats/exif.c formats/video_name.c $(DOOR))
+                          formats/exif.c formats/video_name.c \
+                          lib/base/file.c $(DOOR))
 $(BUILD)/fuzz/lib/spid/video.so $(BUILD)/fuzz/lib/spid/media.so: \
     $(BUILD)/fuzz/lib/spid/%.so:
 	@mkdir -p $(@D)

@@ -15,6 +15,7 @@
 #include "cmd/cli_parts.h"
 #include "formats/mark.h"
 #include "lib/base/cpu.h"
+#include "lib/base/file.h"
 #include "lib/stream/stream.h"
 
 struct cli cli = { .program = "spid", .output = "-" };
@@ -50,14 +51,14 @@ static int cli_option_no_mark(const char *value, void *dest, struct error *err)
 static long threads;           /* -j; 0: not given */
 static size_t max_bytes;       /* --max-bytes; 0: not given */
 static const struct cli_option shared[] = {
-    OPTION_STRING("output", 'o', &cli.output, "FILE",
+    OPTION_OUTPUT("output", 'o', &cli.output, "FILE",
                   "write to FILE (\"-\": standard output, the default)"),
     OPTION_INT("threads", 'j', &threads, 1, 1024, "THREADS",
                "use this many threads (default: all processors)"),
     OPTION_STRING("model", 'm', &cli.model, "MODEL",
                   "model file, or the directory that holds it"),
     OPTION_FLAG("quiet", 'q', &cli.quiet, "no warnings, no progress"),
-    OPTION_STRING("stats", 0, &cli.stats, "FILE",
+    OPTION_OUTPUT("stats", 0, &cli.stats, "FILE",
                   "write per-stage times to FILE as TSV"),
     OPTION_CALL("max-bytes", 0, &max_bytes, "SIZE", cli_option_bytes,
                 "refuse larger records (default 1G)"),
@@ -202,6 +203,17 @@ void cli_run_networks(char **argv)
     cli_reserve_heap();
 }
 
+struct stream_writer *cli_create_stream(const char *path, struct error *err)
+{
+    if (file_is_media_name(path)) {
+        error_set(err, EX_USAGE, "%s: records would be written under the name "
+                  "of a picture or a clip (expected a name such as x.spid)",
+                  path);
+        return NULL;
+    }
+    return stream_create(path, err);
+}
+
 /* What the shared options ask for. */
 static void cli_option_apply_shared(void)
 {
@@ -242,7 +254,12 @@ int cli_parse(const struct cli_usage *usage, int argc, char **argv)
             exit(fflush(stdout) ? EX_IOERR : 0);
         }
         cli_option_set(o, optarg);
+        if (optarg)
+            cli_name_file(o->name, optarg, o->written);
     }
+    for (int i = optind; i < argc; i++)
+        cli_name_file(NULL, argv[i], false);
+    cli_check_files();
     cli_option_apply_shared();
     return optind;
 }

@@ -37,20 +37,23 @@ struct cli_option {
     const char *arg;        /* "N", "FILE"; NULL for a flag */
     const char *help;       /* one line */
     int (*parse)(const char *value, void *dest, struct error *err);
+    bool written;           /* the value names a file that is written */
 };
 
 /* The rows of such a table: long name, letter or 0, where the value goes, and
  * what the kind needs. */
 #define OPTION_FLAG(name, letter, dest, help)                                 \
-    { name, letter, CLI_FLAG, dest, 0, 0, NULL, help, NULL }
+    { name, letter, CLI_FLAG, dest, 0, 0, NULL, help, NULL, false }
 #define OPTION_INT(name, letter, dest, min, max, arg, help)                   \
-    { name, letter, CLI_INT, dest, min, max, arg, help, NULL }
+    { name, letter, CLI_INT, dest, min, max, arg, help, NULL, false }
 #define OPTION_FLOAT(name, letter, dest, min, max, arg, help)                 \
-    { name, letter, CLI_FLOAT, dest, min, max, arg, help, NULL }
+    { name, letter, CLI_FLOAT, dest, min, max, arg, help, NULL, false }
 #define OPTION_STRING(name, letter, dest, arg, help)                          \
-    { name, letter, CLI_STRING, dest, 0, 0, arg, help, NULL }
+    { name, letter, CLI_STRING, dest, 0, 0, arg, help, NULL, false }
+#define OPTION_OUTPUT(name, letter, dest, arg, help)                          \
+    { name, letter, CLI_STRING, dest, 0, 0, arg, help, NULL, true }
 #define OPTION_CALL(name, letter, dest, arg, parse, help)                     \
-    { name, letter, CLI_CALL, dest, 0, 0, arg, help, parse }
+    { name, letter, CLI_CALL, dest, 0, 0, arg, help, parse, false }
 
 /* What --help says and cli_parse understands. */
 struct cli_usage {
@@ -70,6 +73,9 @@ int cli_parse(const struct cli_usage *usage, int argc, char **argv);
  * which its input is as much work (spid(1), OMP_WAIT_POLICY and -j). */
 int cli_parse_stage(const struct cli_usage *usage, int argc, char **argv,
                     bool hard_input);
+
+/* stream_create of -o, but not under the name of a picture or a clip. */
+struct stream_writer *cli_create_stream(const char *path, struct error *err);
 
 /* Before cli_parse, where the networks of Phase A are run: freed memory is kept
  * for them, and threads do not spin at every barrier, which on a busy machine

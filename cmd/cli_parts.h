@@ -8,6 +8,14 @@
 void cli_print_help(const struct cli_usage *u, const struct cli_option *all,
                     int n) __attribute__((noreturn));
 
+#define CLI_NAMES 1024          /* of files that are compared */
+
+/* Remember a name that an option (NULL: an operand) gives. */
+void cli_name_file(const char *option, const char *value, bool written);
+/* Die where one that is written is the same file as another, by device and
+ * inode. */
+void cli_check_files(void);
+
 /* Set cli.threads and OpenMP: wanted (-j), or when that is 0 OMP_NUM_THREADS,
  * or else one for every processor. */
 void cli_use_threads(long wanted);

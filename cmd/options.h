@@ -97,6 +97,10 @@ int option_model_open(struct model *m, struct error *err);
  * says; dies when they cannot be. */
 void option_animation_load(struct prepare *models,
                            struct animation_options *opt);
+/* What is to be said of a finished output: its size, and that the driver's
+ * sound is not in it. */
+struct animation;
+void option_animation_done(const struct animation *a);
 /* Say that a driver's face was lost, or found again, in this frame. */
 void option_animation_warn(const char *name, const struct animate_frame *f);
 

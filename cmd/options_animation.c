@@ -1,7 +1,10 @@
 /* What spid-animate and spid-live do with their options, apart from the others:
  * it links the whole of lib/animate. */
+#include <sys/stat.h>
+
 #include "cmd/options.h"
 #include "lib/animate/animation.h"
+#include "lib/base/file.h"
 #include "lib/base/parallel.h"
 
 void option_animation_load(struct prepare *models,
@@ -17,6 +20,21 @@ void option_animation_load(struct prepare *models,
         animation_load(models, opt, model, opt->head ? opt->head : head,
                        parallel_width(), &err))
         die_error(&err);
+}
+
+void option_animation_done(const struct animation *a)
+{
+    static const char *const ending[] = {".gif", ".webp", ".apng"};
+    struct stat st;
+
+    if (a->silent && !a->opt->no_sound)
+        notice("%s: without the sound of %s (%s)", a->output, a->driver_name,
+               a->opt->live ? "a live picture has none"
+                            : "expected .mp4 .mov .mkv or .webm for it");
+    for (size_t i = 0; i < sizeof ending / sizeof *ending; i++)
+        if (file_ends(a->output, ending[i]) && stat(a->output, &st) == 0)
+            notice("%s: %zu frames in %.1f MB", a->output, a->report.frames,
+                   (double)st.st_size / 1e6);
 }
 
 void option_animation_warn(const char *name, const struct animate_frame *f)

@@ -56,9 +56,11 @@ static const struct cli_option options[] = {
                 "photograph"),
     OPTION_CALL("format", 'f', &opt.sink.format, "FORMAT",
                 framesink_parse_format,
-                "stream, y4m, png, pam, exr or mp4 (default by the name)"),
+                FRAMESINK_FORMATS " (default by the name)"),
     OPTION_FLAG("alpha", 0, &opt.sink.alpha,
-                "keep the background clear (PNG, PAM, EXR, stream)"),
+                "keep the background clear (PNG, PAM, EXR, WebM, MOV, GIF, "
+                "WebP, APNG, stream)"),
+    OPTION_FLAG("no-sound", 0, &opt.no_sound, "leave the driver's sound out"),
     OPTION_FLAG("relative", 0, &relative,
                 "what the driver does since it was neutral, from the "
                 "source's rest (the default)"),
@@ -74,8 +76,8 @@ static const struct cli_option options[] = {
 static const struct cli_usage usage = {
     "spid-animate", "[-s] [--size N] [-l] [--without PART] [--prune EPS] "
     "[--no-photo] [--keep-clear] [--closed MM] [--mask FILE] [-b WHAT] "
-    "[--into-source] [--cut] [-f FORMAT] [--alpha] [--smooth HZ] [--no-tta] "
-    "[--no-align] "
+    "[--into-source] [--cut] [-f FORMAT] [--alpha] [--no-sound] "
+    "[--smooth HZ] [--no-tta] [--no-align] "
     "[--relative] [--absolute] [--neutral FRAME] [--fps RATE] [--bt601] "
     "[--roi] [--f32] [--precision TYPE] [--head FILE] [-o FILE] [-j N] "
     "[-m MODEL] [-q] [--stats FILE] [--list FILE | SOURCE DRIVER]",
@@ -158,6 +160,8 @@ static int animate_run_clip(const struct job *job, struct error *err)
     if (rc == 0 && !cli.quiet)
         animate_report_print(stderr, &a.report, &a.source,
                              cli.stats != NULL, opt.live);
+    if (rc == 0)
+        option_animation_done(&a);
     if (a.take)
         take_warn(a.take, job->driver);
     if (a.frames && framesource_damaged(a.frames))

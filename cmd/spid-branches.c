@@ -230,7 +230,7 @@ int main(int argc, char **argv)
 
     int first = cli_parse_stage(&usage, argc, argv, false);
     branches_check_options(argc - first);
-    struct stream_writer *out = stream_create(cli.output, &err);
+    struct stream_writer *out = cli_create_stream(cli.output, &err);
     if (!out)
         die_error(&err);
     if (bake_path)

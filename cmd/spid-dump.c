@@ -60,7 +60,7 @@ static const struct cli_option options[] = {
                   "write all arrays to one safetensors file"),
     OPTION_STRING("npy", 0, &npy_dir, "DIR",
                   "write all arrays to npy files, frames stacked"),
-    OPTION_STRING("ply", 0, &ply_path, "FILE",
+    OPTION_OUTPUT("ply", 0, &ply_path, "FILE",
                   "write the Gaussians as of the last record chosen"),
     OPTION_CALL("frames", 0, &frames, "A:B", dump_parse_frames,
                 "only frames A to B - 1"),

@@ -18,19 +18,19 @@ static bool live;
 static struct networks networks;
 
 static const struct cli_option options[] = {
-    OPTION_STRING("ply", 0, &opt.ply, "FILE",
+    OPTION_OUTPUT("ply", 0, &opt.ply, "FILE",
                   "3DGS PLY; name_%06d.ply for every frame"),
-    OPTION_STRING("ply-compressed", 0, &opt.ply_packed, "FILE",
+    OPTION_OUTPUT("ply-compressed", 0, &opt.ply_packed, "FILE",
                   "the same in SuperSplat's compressed form"),
-    OPTION_STRING("splat", 0, &opt.splat, "FILE", ".splat of the web viewers"),
-    OPTION_STRING("glb-splats", 0, &opt.glb_splats, "FILE",
+    OPTION_OUTPUT("splat", 0, &opt.splat, "FILE", ".splat of the web viewers"),
+    OPTION_OUTPUT("glb-splats", 0, &opt.glb_splats, "FILE",
                   "GLB with KHR_gaussian_splatting"),
-    OPTION_STRING("glb-head", 0, &opt.glb_head, "FILE",
+    OPTION_OUTPUT("glb-head", 0, &opt.glb_head, "FILE",
                   "GLB of the head: skin, morph targets, the motion as "
                   "animation"),
-    OPTION_STRING("obj", 0, &opt.obj, "FILE",
+    OPTION_OUTPUT("obj", 0, &opt.obj, "FILE",
                   "OBJ of one frame's mesh; name_%06d.obj for every frame"),
-    OPTION_STRING("html", 0, &opt.html, "FILE",
+    OPTION_OUTPUT("html", 0, &opt.html, "FILE",
                   "a page that plays the driven avatar in a browser"),
     OPTION_STRING("web", 0, &opt.web, "FILE",
                   "the avatar for sites, driven from JavaScript"),

@@ -130,7 +130,7 @@ int main(int argc, char **argv)
     struct stream_reader *in = stream_open(input, NULL, &err);
     if (!in)
         die_error(&err);
-    struct stream_writer *out = stream_create(cli.output, &err);
+    struct stream_writer *out = cli_create_stream(cli.output, &err);
     if (!out)
         die_error(&err);
     while ((rc = stream_read(in, &rec, &err)) > 0)

@@ -13,7 +13,7 @@ static struct animation_options opt = {
 };
 static struct prepare models = {.prune = -1};
 static double patience = 10;
-static long most;               /* frames; 0: no end */
+static long frames;             /* 0: no end */
 static bool preview;
 
 static const struct cli_option options[] = {
@@ -21,15 +21,14 @@ static const struct cli_option options[] = {
     OPTION_FLAG("preview", 'p', &preview, "show it in this terminal"),
     OPTION_CALL("format", 'f', &opt.sink.format, "FORMAT",
                 framesink_parse_format,
-                "y4m, png, pam, stream or mp4 (default by the name; y4m for a "
-                "pipe)"),
+                FRAMESINK_FORMATS " (default by the name; y4m for a pipe)"),
     OPTION_CALL("background", 'b', &opt.background, "WHAT", background_parse,
                 "R,G,B, a name or a picture (default black)"),
     OPTION_FLAG("public", 0, &opt.sink.anyone,
                 "-o http://...: other machines may look, too"),
     OPTION_FLOAT("patience", 0, &patience, 0, 1e6, "SECONDS",
                  "wait so long for a source that stops (default 10)"),
-    OPTION_INT("frames", 0, &most, 1, 1e15, "N", "end after so many frames"),
+    OPTION_INT("frames", 0, &frames, 1, 1e15, "N", "end after so many frames"),
     OPTION_FLAG("relative", 0, &opt.relative,
                 "do what the driver does since its first frame, from the "
                 "source's rest"),
@@ -76,6 +75,8 @@ static void live_open_output(struct program *p)
     if (animation_open(&p->animation, &opt, &models, cli.output, &err))
         die_error(&err);
     p->animation.report.program = usage.program;
+    if (framesink_takes_sound(p->animation.sink))
+        notice("%s: without sound: a live picture has none", cli.output);
 }
 
 /* The camera, once more; it is opened by its first frame. */
@@ -129,7 +130,7 @@ static void live_frame_done(void *program, const struct animate_frame *f)
     animate_report_frame(&a->report, f);
     if (cli.stats)
         animate_report_times(stats_begin, stats_end, f);
-    if (most && a->report.frames >= (size_t)most)
+    if (frames && a->report.frames >= (size_t)frames)
         stopped = 1;
 }
 
@@ -146,6 +147,7 @@ int main(int argc, char **argv)
         die(EX_USAGE, "%d operands (expected SOURCE and CAMERA)",
             argc - first);
     p.camera = argv[first + 1];
+    opt.animate.frames = (uint64_t)frames;
     models.once = true;
     models.soon[0] = argv[first];
     models.soon[1] = p.camera;

@@ -33,12 +33,12 @@ static const struct cli_option options[] = {
                   "movements since the neutral frame, from this identity's "
                   "own"),
     OPTION_NEUTRAL(&neutral),
-    OPTION_STRING("overlay", 0, &overlay_path, "FILE",
+    OPTION_OUTPUT("overlay", 0, &overlay_path, "FILE",
                   "write a video of crop, landmarks and mesh on the frames"),
-    OPTION_STRING("arkit", 0, &take_path, "FILE",
+    OPTION_OUTPUT("arkit", 0, &take_path, "FILE",
                   "write a take of Live Link Face (CSV), and no stream "
                   "without -o"),
-    OPTION_STRING("output", 'o', &stream_path, "FILE",
+    OPTION_OUTPUT("output", 'o', &stream_path, "FILE",
                   "write to FILE (\"-\": standard output, the default)"),
     OPTION_FLOAT("fps", 0, &source_options.rate, 0.001, 100000, "RATE",
                  "frames a second of pictures without times (default 25)"),

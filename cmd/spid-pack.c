@@ -34,9 +34,9 @@ static const struct cli_option options[] = {
                  "frames a second, for times not given (default 25) and "
                  "timecodes"),
     OPTION_FLAG("raw", 0, &raw, "do not put a CONF record in front"),
-    OPTION_STRING("ply", 0, &ply_path, "FILE",
+    OPTION_OUTPUT("ply", 0, &ply_path, "FILE",
                   "a Gaussian scene as a GAUS record, as SOURCE.ply does"),
-    OPTION_STRING("arkit", 0, &take_path, "FILE",
+    OPTION_OUTPUT("arkit", 0, &take_path, "FILE",
                   "a take of Live Link Face (CSV) as MOTN records"),
     OPTION_STRING("relative", 0, &relative_path, "FILE",
                   "its movements, from this identity's own motion"),
@@ -266,7 +266,7 @@ int main(int argc, char **argv)
     if (first == argc && !ply_path && !take_path)
         die(EX_USAGE, "nothing to pack (expected SOURCE ..., see --help)");
     cpu_keep_denormals();
-    p.out = stream_create(cli.output, &err);
+    p.out = cli_create_stream(cli.output, &err);
     if (!p.out)
         die_error(&err);
     if (ply_path)

@@ -26,7 +26,7 @@ static const struct cli_option options[] = {
                "pictures of N by N pixels (default FEAT's size)"),
     OPTION_CALL("format", 0, &sink_options.format, "FORMAT",
                 framesink_parse_format,
-                "stream, y4m, png, pam, exr or mp4 (default by the output's "
+                FRAMESINK_FORMATS " (default by the output's "
                 "name)"),
     OPTION_STRING("background", 0, &background_text, "WHAT",
                   "R,G,B, #RRGGBB, a name, a picture, or source (default "
@@ -34,7 +34,7 @@ static const struct cli_option options[] = {
     OPTION_STRING("identity", 'i', &identity_path, "FILE",
                   "identity whose picture --background source means"),
     OPTION_FLAG("alpha", 0, &sink_options.alpha,
-                "keep transparency: straight RGBA (png, pam, exr, stream)"),
+                "keep transparency: straight RGBA (not y4m and mp4)"),
     OPTION_FLOAT("fps", 0, &fps, 0.001, 100000, "RATE",
                  "frames a second of y4m and mp4 (default CONF's, else 25)"),
     OPTION_FLAG("bt601", 0, &sink_options.bt601,

@@ -25,7 +25,7 @@ static const struct cli_option options[] = {
     OPTION_STRING("mask", 0, &mask_path, "FILE",
                   "matte: a picture of the same size, white where the "
                   "person is"),
-    OPTION_STRING("overlay", 0, &overlay_path, "FILE.png",
+    OPTION_OUTPUT("overlay", 0, &overlay_path, "FILE.png",
                   "write crop, matte, mesh and landmarks drawn on the "
                   "picture"),
     OPTION_HEAD(&head_path),
@@ -106,7 +106,7 @@ static void shape_write_identity(const struct program *p)
 {
     struct error err = {0};
     double begun = stats_begin();
-    struct stream_writer *out = stream_create(cli.output, &err);
+    struct stream_writer *out = cli_create_stream(cli.output, &err);
     struct conf conf = {
         .producer = "spid-shape", .head = &p->head,
         .model = &p->model, .window = &p->source.window,

@@ -95,7 +95,7 @@ static const struct cli_option options[] = {
     OPTION_CALL("branch", 0, &branches, "LIST", splat_parse_branches,
                 "only these: dynamic,static,mouth"),
     OPTION_CALL("format", 'f', &format, "NAME", framesink_parse_format,
-                "stream, y4m, png, pam, exr or mp4 (by the name)"),
+                FRAMESINK_FORMATS " (by the name)"),
     OPTION_CALL("background", 'b', &background, "R,G,B|FILE", background_parse,
                 "behind the pictures (black)"),
     OPTION_FLAG("alpha", 0, &straight,

@@ -99,7 +99,7 @@ static double hlg_light(double v)
 struct colour_hdr {
     bool hlg;
     double peak;                /* cd/m2 */
-    cmsHTRANSFORM encode;       /* linear RGB of the primaries to sRGB, floats */
+    cmsHTRANSFORM encode;       /* linear RGB of the primaries to sRGB */
 };
 
 /* cd/m2 on the display that the signal is made for. */

@@ -13,6 +13,7 @@
 
 #include "formats/framesink_impl.h"
 #include "formats/mark.h"
+#include "formats/pattern.h"
 #include "formats/terminal.h"
 #include "lib/base/file.h"
 #include "lib/stream/conf_text.h"
@@ -29,6 +30,8 @@ int framesink_parse_format(const char *value, void *format,
         {"stream", FRAMESINK_STREAM}, {"y4m", FRAMESINK_Y4M},
         {"png", FRAMESINK_PNG}, {"pam", FRAMESINK_PAM},
         {"exr", FRAMESINK_EXR}, {"mp4", FRAMESINK_VIDEO},
+        {"gif", FRAMESINK_GIF}, {"webp", FRAMESINK_WEBP},
+        {"apng", FRAMESINK_APNG},
     };
 
     for (size_t i = 0; i < sizeof names / sizeof *names; i++)
@@ -36,12 +39,13 @@ int framesink_parse_format(const char *value, void *format,
             *(enum framesink_format *)format = names[i].format;
             return 0;
         }
-    return error_set(err, EX_USAGE, "unknown format (expected stream, y4m, "
-                     "png, pam, exr or mp4)");
+    return error_set(err, EX_USAGE, "unknown format (expected "
+                     FRAMESINK_FORMATS ")");
 }
 
-/* By the ending, FRAMESINK_AUTO when it says nothing. */
-static enum framesink_format framesink_format_of(const char *path)
+/* By the ending; a stream, unless the name is another file's. */
+static int framesink_format_of(enum framesink_format *format, const char *path,
+                               struct error *err)
 {
     static const struct {
         const char *end;
@@ -50,20 +54,27 @@ static enum framesink_format framesink_format_of(const char *path)
         {".mp4", FRAMESINK_VIDEO}, {".mkv", FRAMESINK_VIDEO},
         {".avi", FRAMESINK_VIDEO}, {".mov", FRAMESINK_VIDEO},
         {".webm", FRAMESINK_VIDEO}, {".m4v", FRAMESINK_VIDEO},
+        {".gif", FRAMESINK_GIF}, {".webp", FRAMESINK_WEBP},
+        {".apng", FRAMESINK_APNG},
         {".y4m", FRAMESINK_Y4M}, {".png", FRAMESINK_PNG},
         {".pam", FRAMESINK_PAM}, {".ppm", FRAMESINK_PAM},
         {".exr", FRAMESINK_EXR},
     };
     const char *dot = strrchr(path, '.');
 
-    if (strncmp(path, "/dev/video", 10) == 0)
-        return FRAMESINK_DEVICE;
-    if (httpsink_is_address(path))
-        return FRAMESINK_HTTP;
+    *format = !strncmp(path, "/dev/video", 10) ? FRAMESINK_DEVICE
+              : httpsink_is_address(path)      ? FRAMESINK_HTTP
+                                               : FRAMESINK_STREAM;
     for (size_t i = 0; dot && i < sizeof names / sizeof *names; i++)
-        if (strcasecmp(dot, names[i].end) == 0)
-            return names[i].format;
-    return FRAMESINK_STREAM;
+        if (*format == FRAMESINK_STREAM &&
+            strcasecmp(dot, names[i].end) == 0)
+            *format = names[i].format;
+    if (*format != FRAMESINK_STREAM || !file_is_media_name(path))
+        return 0;
+    return error_set(err, EX_USAGE, "%s: such a file cannot be written "
+                     "(expected .mp4 .mkv .mov .webm .avi, .gif .webp .apng, "
+                     ".png .pam .ppm .exr, .y4m, or .spid for a stream of "
+                     "records)", path);
 }
 
 /* What can be refused before the first frame. */
@@ -71,7 +82,7 @@ static int framesink_check_options(const struct framesink_options *o,
                                    struct error *err)
 {
     const bool pipe = strcmp(o->path, "-") == 0;
-    const int pattern = framesink_is_pattern(o->path);
+    const int pattern = pattern_count(o->path);
 
     if (pattern < 0 || pattern > 1)
         return error_set(err, EX_USAGE, "%s: bad pattern (expected one %%d "
@@ -81,16 +92,19 @@ static int framesink_check_options(const struct framesink_options *o,
         return error_set(err, EX_USAGE, "%s: a pattern makes pictures, not a"
                          " stream or video (expected --format png, pam or "
                          "exr)", o->path);
-    if (pipe && (o->format == FRAMESINK_EXR || o->format == FRAMESINK_VIDEO))
+    if (pipe && (o->format == FRAMESINK_EXR || framesink_is_video(o)))
         return error_set(err, EX_USAGE, "<stdout>: %s cannot be written to a"
                          " pipe (use -o FILE, or --format y4m)",
                          o->format == FRAMESINK_EXR ? "EXR" : "a video file");
-    if (o->alpha && (o->format == FRAMESINK_Y4M
-                     || o->format == FRAMESINK_VIDEO
-                     || o->format == FRAMESINK_HTTP))
+    if (o->alpha && (o->format == FRAMESINK_Y4M ||
+                     o->format == FRAMESINK_HTTP))
         return error_set(err, EX_USAGE, "%s: no alpha in %s (expected "
                          "--format png, pam or exr)", o->path,
-                         o->format == FRAMESINK_Y4M ? "Y4M" : "a video");
+                         o->format == FRAMESINK_Y4M ? "Y4M" : "a live video");
+    if (o->alpha && o->format == FRAMESINK_VIDEO && !video_has_alpha(o->path))
+        return error_set(err, EX_USAGE, "%s: no alpha in such a video "
+                         "(expected .webm, .mkv or .mov, .webp, .apng or .gif, or "
+                         "--format png, pam or exr)", o->path);
     return 0;
 }
 
@@ -109,8 +123,9 @@ struct framesink *framesink_open(const struct framesink_options *opt,
         return NULL;
     }
     s->opt.path = s->path;
-    if (s->opt.format == FRAMESINK_AUTO)
-        s->opt.format = framesink_format_of(s->path);
+    if (s->opt.format == FRAMESINK_AUTO &&
+        framesink_format_of(&s->opt.format, s->path, err) != 0)
+        goto failed;
     if (framesink_check_options(&s->opt, err) != 0)
         goto failed;
     if (s->opt.format == FRAMESINK_STREAM) {
@@ -145,6 +160,26 @@ void framesink_set_rate(struct framesink *s, int num, int den)
     }
 }
 
+bool framesink_takes_sound(const struct framesink *s)
+{
+    return s->opt.format == FRAMESINK_VIDEO && video_has_sound(s->path);
+}
+
+bool framesink_set_sound(struct framesink *s, const char *clip, double start)
+{
+    if (!framesink_takes_sound(s))
+        return false;
+    free(s->sound);
+    s->sound = strdup(clip);
+    s->start = start;
+    return s->sound;
+}
+
+void framesink_set_end(struct framesink *s, double end)
+{
+    s->end = end;
+}
+
 void framesink_read_conf(struct framesink *s, const struct record *conf)
 {
     size_t bytes;
@@ -172,7 +207,7 @@ static int framesink_write_any(struct framesink *s,
         return s->opt.record == FRAMESINK_IMAG
                    ? framesink_write_imag(s, f, err)
                    : framesink_write_feat(s, f, err);
-    if (s->opt.format == FRAMESINK_VIDEO)
+    if (framesink_is_video(&s->opt))
         return framesink_write_video(s, f->time, err);
     if (s->opt.format == FRAMESINK_TERMINAL)
         return framesink_write_terminal(s, err);
@@ -195,13 +230,16 @@ static int framesink_check_frame(const struct framesink *s,
     if (s->count == 0)
         return 0;
     if ((k == FRAMESINK_EXR || (k == FRAMESINK_PNG && s->out.file != stdout))
-        && framesink_is_pattern(s->path) == 0)
+        && pattern_count(s->path) == 0)
         return error_set(err, EX_USAGE, "%s: frame %llu: the file holds one "
                          "picture (expected a pattern such as "
-                         "frame-%%05d.%s)", s->path,
+                         "frame-%%05d.%s%s)", s->path,
                          (unsigned long long)f->frame,
-                         k == FRAMESINK_EXR ? "exr" : "png");
-    if ((k == FRAMESINK_Y4M || k == FRAMESINK_VIDEO || k == FRAMESINK_DEVICE)
+                         k == FRAMESINK_EXR ? "exr" : "png",
+                         k == FRAMESINK_EXR ? "" : ", or .apng for an "
+                         "animation");
+    if ((k == FRAMESINK_Y4M || framesink_is_video(&s->opt) ||
+         k == FRAMESINK_DEVICE)
         && (f->width != s->width || f->height != s->height))
         return error_set(err, EX_DATAERR, "%s: frame %llu: %zu x %zu pixels "
                          "(expected %zu x %zu, as the frames before)",
@@ -280,6 +318,7 @@ static void framesink_release(struct framesink *s)
     covered_release(&s->covered);
     free(s->photo);
     free(s->part);
+    free(s->sound);
     free(s->path);
     free(s);
 }
@@ -294,7 +333,7 @@ int framesink_finish(struct framesink *s, struct error *err)
     if (s->out.file)
         rc = outfile_close(&s->out, err);
     if (s->video) {
-        rc = video_finish(s->video, err);
+        rc = video_finish(s->video, s->end, err);
         s->video = NULL;
         if (rc == 0 && mark_video(s->part, err) < 0)
             rc = -1;
@@ -315,7 +354,7 @@ void framesink_abandon(struct framesink *s)
     if (s->stream)
         stream_abandon(s->stream);
     if (s->video) {
-        video_finish(s->video, NULL);
+        video_finish(s->video, 0, NULL);
         if (s->count == 0)
             unlink(s->part);
     }

@@ -14,10 +14,12 @@
 
 enum framesink_format {
     FRAMESINK_AUTO,         /* by the name: .mp4 .mkv .avi .mov .webm video,
-                             * .y4m .png .pam .ppm .exr, /dev/videoN,
-                             * http://, else stream */
+                             * .gif .webp .apng animation, .y4m .png .pam .ppm
+                             * .exr, /dev/videoN, http://, else stream, but not
+                             * under the name of a picture or a clip */
     FRAMESINK_STREAM, FRAMESINK_Y4M, FRAMESINK_PNG, FRAMESINK_PAM,
     FRAMESINK_EXR, FRAMESINK_VIDEO,
+    FRAMESINK_GIF, FRAMESINK_WEBP, FRAMESINK_APNG,
     FRAMESINK_TERMINAL,     /* drawn on standard output, whatever path says */
     FRAMESINK_DEVICE,       /* formats/v4l2.h */
     FRAMESINK_HTTP          /* formats/httpsink.h */
@@ -29,8 +31,9 @@ enum framesink_record {
     FRAMESINK_FEAT_F16, FRAMESINK_FEAT_F32  /* feat, alpha, depth */
 };
 
-/* Names "stream" "y4m" "png" "pam" "exr" "mp4" for --format; -1 and *err
- * (EX_USAGE) for any other. */
+#define FRAMESINK_FORMATS "stream, y4m, png, pam, exr, mp4, gif, webp or apng"
+
+/* These names for --format; -1 and *err (EX_USAGE) for any other. */
 int framesink_parse_format(const char *value, void *format,
                            struct error *err);
 
@@ -65,8 +68,8 @@ struct framesink_options {
     enum framesink_format format;
     enum framesink_record record;
     int rate_num, rate_den; /* frames a second; 0: 25 */
-    bool alpha;             /* PNG, PAM, EXR, IMAG: straight RGBA, no
-                             * background; Y4M and video refuse it */
+    bool alpha;             /* straight RGBA, no background; Y4M and videos
+                             * that video_has_alpha does not know refuse it */
     bool covered;           /* FEAT: only the pixels whose alpha is not 0 */
     bool anyone;            /* HTTP: for other machines, too */
     bool bt601;             /* Y4M matrix, BT.709 otherwise */
@@ -110,6 +113,16 @@ struct stream_writer *framesink_stream(struct framesink *s);
 /* Set the rate before the first frame (from CONF); ignored afterwards and
  * when the options gave one. */
 void framesink_set_rate(struct framesink *s, int num, int den);
+
+/* The clip whose sound goes along, and its time of the first frame; before the
+ * first frame.  False where the output takes no sound. */
+bool framesink_set_sound(struct framesink *s, const char *clip, double start);
+/* Whether it does. */
+bool framesink_takes_sound(const struct framesink *s);
+
+/* When the last frame ceases to be shown, in the times of the frames; for
+ * videos and animations, before the end. */
+void framesink_set_end(struct framesink *s, double end);
 
 /* The rate as CONF's "fps" gives it: [numerator, denominator] or a number. */
 void framesink_read_conf(struct framesink *s, const struct record *conf);

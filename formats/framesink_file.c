@@ -8,70 +8,28 @@
 
 #include "formats/exr.h"
 #include "formats/framesink_impl.h"
+#include "formats/pattern.h"
 #include "formats/png.h"
 #include "formats/pnm.h"
 #include "formats/terminal.h"
 #include "lib/base/file.h"
 
-int framesink_is_pattern(const char *path)
-{
-    int found = 0;
-
-    for (const char *p = path; (p = strchr(p, '%')) != NULL; p++) {
-        const char *q = p + 1;
-
-        if (*q == '%') {
-            p = q;
-            continue;
-        }
-        q += strspn(q, "0123456789");
-        if (*q != 'd' || q - p > 3)
-            return -1;
-        found++;
-    }
-    return found;
-}
-
-/* The name of frame n; the caller frees. */
-static char *framesink_file_name(const char *path, uint64_t n)
-{
-    size_t size = strlen(path) + 128, at = 0;
-    char *name = malloc(size);
-
-    for (const char *p = path; name && *p; p++) {
-        if (p[0] != '%') {
-            name[at++] = *p;
-        } else if (p[1] == '%') {
-            name[at++] = *++p;
-        } else {
-            int zero = p[1] == '0', width = atoi(p + 1);
-
-            at += (size_t)snprintf(name + at, size - at,
-                                   zero ? "%0*llu" : "%*llu", width,
-                                   (unsigned long long)n);
-            p = strchr(p, 'd');
-        }
-    }
-    if (name)
-        name[at] = 0;
-    return name;
-}
-
 /* "dir/out.mp4" is written as "dir/out.part.mp4": the writer goes by the
- * extension. */
-static char *framesink_video_part(const char *path)
+ * extension, which --format may say. */
+static char *framesink_video_part(const struct framesink_options *o)
 {
-    const char *dot = strrchr(path, '.'), *slash = strrchr(path, '/');
-    size_t n = strlen(path), stem = n;
-    char *part = malloc(n + sizeof ".part.mp4");
+    const char *path = o->path, *dot = strrchr(path, '.');
+    const char *slash = strrchr(path, '/'), *end;
+    const bool named = dot && (!slash || dot > slash);
+    char *part = NULL;
 
-    if (!part)
+    end = o->format == FRAMESINK_GIF    ? ".gif"
+          : o->format == FRAMESINK_WEBP ? ".webp"
+          : o->format == FRAMESINK_APNG ? ".apng"
+          : named                       ? dot : ".mp4";
+    if (asprintf(&part, "%.*s.part%s",
+                 named ? (int)(dot - path) : (int)strlen(path), path, end) < 0)
         return NULL;
-    if (dot && (!slash || dot > slash))
-        stem = (size_t)(dot - path);
-    memcpy(part, path, stem);
-    strcpy(part + stem, ".part");
-    strcat(part, stem < n ? path + stem : ".mp4");
     return part;
 }
 
@@ -109,7 +67,7 @@ int framesink_write_video(struct framesink *s, double time, struct error *err)
     if (s->count == 0) {
         FILE *fp;
 
-        s->part = framesink_video_part(s->path);
+        s->part = framesink_video_part(&s->opt);
         if (!s->part)
             return error_set(err, EX_OSERR, "out of memory");
         fp = fopen(s->part, "wb");     /* the writer would not say why not */
@@ -117,9 +75,10 @@ int framesink_write_video(struct framesink *s, double time, struct error *err)
             return error_set(err, EX_CANTCREAT, "%s: cannot create: %s",
                              s->path, strerror(errno));
         fclose(fp);
-        s->video = video_create(s->part, s->width, s->height,
-                                (double)s->opt.rate_num / s->opt.rate_den,
-                                err);
+        s->video = video_create(s->part, &(struct video_options){
+            .width = s->width, .height = s->height, .alpha = s->opt.alpha,
+            .rate = (double)s->opt.rate_num / s->opt.rate_den,
+            .sound = s->sound, .start = s->start}, err);
         if (!s->video) {
             unlink(s->part);
             return -1;
@@ -189,7 +148,7 @@ static int framesink_write_channels(struct framesink *s, const char *path,
 int framesink_write_exr(struct framesink *s, const struct framesink_frame *f,
                         struct error *err)
 {
-    char *name = framesink_file_name(s->path, f->frame);
+    char *name = pattern_name(s->path, f->frame);
     int rc = name ? framesink_write_channels(s, name, f, err)
                   : error_set(err, EX_OSERR, "out of memory");
 
@@ -203,11 +162,11 @@ int framesink_write_picture(struct framesink *s,
     const int C = s->opt.alpha ? 4 : 3;
     struct outfile one = {0}, *o = &s->out;
     const bool own = o->file != stdout && s->opt.format != FRAMESINK_Y4M
-                    && framesink_is_pattern(s->path) == 1;
+                    && pattern_count(s->path) == 1;
     int rc;
 
     if (own) {
-        char *name = framesink_file_name(s->path, f->frame);
+        char *name = pattern_name(s->path, f->frame);
 
         rc = name ? outfile_open(&one, name, err)
                   : error_set(err, EX_OSERR, "out of memory");

@@ -26,6 +26,8 @@ struct framesink {
     struct outfile out;            /* Y4M, PAM, PNG to one file or stdout */
     struct stream_writer *stream;
     struct video_writer *video;
+    char *sound;                   /* the clip it is of */
+    double start, end;             /* of the sound, of the last frame */
     struct v4l2_sink *device;
     struct httpsink *http;
     struct y4m y4m;
@@ -39,6 +41,13 @@ struct framesink {
     size_t photo_count;
 };
 
+/* Whether the file is one of formats/video.h. */
+static inline bool framesink_is_video(const struct framesink_options *o)
+{
+    return o->format == FRAMESINK_VIDEO || o->format == FRAMESINK_GIF ||
+           o->format == FRAMESINK_WEBP || o->format == FRAMESINK_APNG;
+}
+
 /* ---- records (framesink_record.c) --------------------------------------- */
 
 /* The composed frame as an IMAG record. */
@@ -50,9 +59,6 @@ int framesink_write_feat(struct framesink *s, const struct framesink_frame *f,
 
 /* ---- files (framesink_file.c) ------------------------------------------- */
 
-/* Placeholders in a pattern, a name with %d, %5d or %05d; %% is a percent
- * sign.  -1 for any other use of the sign. */
-int framesink_is_pattern(const char *path);
 /* The composed frame as PNG, PAM or a part of a Y4M: into the one file or
  * standard output, or by a pattern into a file of its own. */
 int framesink_write_picture(struct framesink *s,

@@ -2,31 +2,29 @@
  * after the other as one clip. */
 #include "formats/framesource.h"
 
-#include <dirent.h>
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <strings.h>
 #include <sys/stat.h>
 #include <sysexits.h>
 #include <unistd.h>
 
 #include "formats/door.h"
+#include "formats/inputs.h"
 #include "formats/livelink.h"
 #include "formats/png.h"
 #include "formats/pnm.h"
 #include "formats/video.h"
 #include "formats/y4m.h"
-#include "lib/base/list.h"
 
 enum kind { KIND_NONE, KIND_IMAGE, KIND_VIDEO, KIND_Y4M, KIND_PNM, KIND_PNG };
 
 struct framesource {
     struct framesource_options opt;
-    char **path;                   /* inputs, folders and lists spelled out */
-    size_t count, room, next;      /* next: the one to open */
+    struct inputs in;
+    size_t next;                   /* the one to open */
     enum kind kind;                /* of the open one */
     FILE *fp;
     struct video_reader *video;
@@ -34,8 +32,9 @@ struct framesource {
     const char *name;
     uint64_t frames;               /* delivered */
     size_t here;                   /* of the open input */
-    double start, last;            /* time of the open input's first frame,
-                                    * of the last one delivered */
+    double start, last, end;       /* time of the open input's first frame, of
+                                    * the last one delivered, of its end */
+    bool sounds;                   /* the one input has sound */
     int num, den;                  /* rate */
     uint8_t *rgb, *planes;
     size_t rgb_room, planes_room;
@@ -43,116 +42,6 @@ struct framesource {
     struct door door;              /* of Y4M whose pixels are not square */
     struct image square;
 };
-
-/* ---- the list of inputs ----------------------------------------------- */
-
-/* Append one input. */
-static int framesource_add_path(struct framesource *s, const char *path,
-                                struct error *err)
-{
-    char **p = list_grow(s->path, &s->room, s->count, sizeof *p);
-
-    if (!p)
-        return error_set(err, EX_OSERR, "out of memory");
-    s->path = p;
-    s->path[s->count] = strdup(path);
-    if (!s->path[s->count])
-        return error_set(err, EX_OSERR, "out of memory");
-    s->count++;
-    return 0;
-}
-
-/* By its ending; hidden files are none. */
-static bool framesource_is_picture_name(const char *name)
-{
-    static const char *const end[] = {
-        "png", "jpg", "jpeg", "tif", "tiff", "bmp", "webp", "exr", "ppm",
-        "pgm", "pam", "pnm", "tga", "hdr", "jp2", "gif", "heic", "psd", "dpx"
-    };
-    const char *dot = strrchr(name, '.');
-
-    if (!dot || name[0] == '.')
-        return false;
-    for (size_t i = 0; i < sizeof end / sizeof *end; i++)
-        if (strcasecmp(dot + 1, end[i]) == 0)
-            return true;
-    return false;
-}
-
-/* For scandir. */
-static int framesource_picture_filter(const struct dirent *e)
-{
-    return framesource_is_picture_name(e->d_name);
-}
-
-/* The pictures of a folder as a person counts them: 2 before 10. */
-static int framesource_add_folder(struct framesource *s, const char *path,
-                                  struct error *err)
-{
-    struct dirent **entry;
-    int n = scandir(path, &entry, framesource_picture_filter, versionsort),
-        rc = 0;
-
-    if (n < 0)
-        return error_set(err, EX_NOINPUT, "%s: cannot open: %s", path,
-                         strerror(errno));
-    if (n == 0)
-        rc = error_set(err, EX_DATAERR, "%s: no pictures in this directory "
-                       "(expected names such as 0001.png)", path);
-    for (int i = 0; i < n; i++) {
-        size_t size = strlen(path) + strlen(entry[i]->d_name) + 2;
-        char *full = malloc(size);
-
-        if (!full)
-            rc = error_set(err, EX_OSERR, "out of memory");
-        if (rc == 0) {
-            snprintf(full, size, "%s/%s", path, entry[i]->d_name);
-            rc = framesource_add_path(s, full, err);
-        }
-        free(full);
-        free(entry[i]);
-    }
-    free(entry);
-    return rc;
-}
-
-/* The lines of a file, one input each. */
-static int framesource_add_list(struct framesource *s, const char *path,
-                                struct error *err)
-{
-    FILE *fp = fopen(path, "r");
-    char *line = NULL;
-    size_t size = 0;
-    ssize_t n;
-    int rc = 0;
-
-    if (!fp)
-        return error_set(err, EX_NOINPUT, "%s: cannot open: %s", path,
-                         strerror(errno));
-    while (rc == 0 && (n = getline(&line, &size, fp)) >= 0) {
-        while (n > 0 && (line[n - 1] == '\n' || line[n - 1] == '\r'))
-            line[--n] = 0;
-        if (n > 0)
-            rc = framesource_add_path(s, line, err);
-    }
-    free(line);
-    fclose(fp);
-    return rc;
-}
-
-/* A list, a folder or the thing itself. */
-static int framesource_add_input(struct framesource *s, const char *path,
-                                 struct error *err)
-{
-    struct stat st;
-
-    if (path[0] == '@')
-        return framesource_add_list(s, path + 1, err);
-    if (strcmp(path, "-") != 0 && !video_is_live(path)
-        && stat(path, &st) == 0 && S_ISDIR(st.st_mode))
-        return framesource_add_folder(s, path, err);
-    return framesource_add_path(s, path, err);
-}
 
 struct framesource *framesource_open(const char *const *paths, size_t count,
                                      const struct framesource_options *opt,
@@ -170,11 +59,11 @@ struct framesource *framesource_open(const char *const *paths, size_t count,
         s->opt.max_pixels = IMAGE_MAX_PIXELS;
     s->name = "<no input>";
     for (size_t i = 0; i < count; i++)
-        if (framesource_add_input(s, paths[i], err) != 0) {
+        if (inputs_add(&s->in, paths[i], err) != 0) {
             framesource_close(s);
             return NULL;
         }
-    if (s->count == 0) {
+    if (s->in.count == 0) {
         error_set(err, EX_DATAERR, "no input frames");
         framesource_close(s);
         return NULL;
@@ -203,9 +92,13 @@ static void framesource_set_rate(struct framesource *s, double rate)
     }
 }
 
-/* What a pipe carries, by its first bytes. */
+/* What a file carries, by its first bytes. */
 static enum kind framesource_kind_of(const unsigned char *b, size_t n)
 {
+    if (n >= 6 && memcmp(b, "GIF8", 4) == 0)
+        return KIND_VIDEO;
+    if (video_is_webp(b, n))
+        return KIND_VIDEO;
     if (n >= 9 && memcmp(b, "YUV4MPEG2", 9) == 0)
         return KIND_Y4M;
     if (n >= 2 && b[0] == 'P' && b[1] >= '5' && b[1] <= '7')
@@ -285,7 +178,7 @@ static int framesource_open_stdin(struct framesource *s, struct error *err)
 static int framesource_open_file(struct framesource *s, const char *path,
                                  struct error *err)
 {
-    unsigned char b[16];
+    unsigned char b[32];
     struct stat st;
     size_t n;
     FILE *fp = fopen(path, "rb");
@@ -302,6 +195,7 @@ static int framesource_open_file(struct framesource *s, const char *path,
                          "or for spid-pack --arkit)", path);
     }
     n = fread(b, 1, sizeof b, fp);
+    rewind(fp);
     if (n == 0) {
         fclose(fp);
         return error_set(err, EX_DATAERR, "%s: empty file (expected frames)",
@@ -309,12 +203,14 @@ static int framesource_open_file(struct framesource *s, const char *path,
     }
     s->kind = framesource_kind_of(b, n);
     if (s->kind == KIND_Y4M || s->kind == KIND_PNM) {
-        rewind(fp);
         s->fp = fp;
         return s->kind == KIND_Y4M ? framesource_open_y4m(s, err) : 0;
     }
+    if (s->kind == KIND_PNG && png_is_animated(fp))
+        s->kind = KIND_VIDEO;
     fclose(fp);
-    if (s->kind == KIND_PNG || framesource_is_picture_name(path)) {
+    if (s->kind == KIND_PNG ||
+        (s->kind == KIND_NONE && inputs_is_picture(path))) {
         s->kind = KIND_IMAGE;
         return 0;
     }
@@ -329,7 +225,7 @@ static int framesource_open_file(struct framesource *s, const char *path,
 /* The next input of the list. */
 static int framesource_open_next(struct framesource *s, struct error *err)
 {
-    const char *path = s->path[s->next++];
+    const char *path = s->in.path[s->next++];
 
     s->name = path;
     s->here = 0;
@@ -508,13 +404,17 @@ static void framesource_stamp(struct framesource *s, struct frame *f)
         f->time = s->frames ? s->last + step : 0;
     else if (s->here == 0)
         s->start = f->time - (s->frames ? s->last + step : 0);
-    if (s->kind == KIND_VIDEO)
+    if (s->kind == KIND_VIDEO) {
         f->time -= s->start;
+        s->sounds = video_sounds(s->video);
+    }
     /* multiples of the frame time, not sums of rounding errors */
     if (s->kind != KIND_VIDEO && s->next == 1)
         f->time = (double)s->frames * s->den / s->num;
     f->index = s->frames++;
     s->last = f->time;
+    s->end = s->kind == KIND_VIDEO ? video_end(s->video) - s->start
+                                   : f->time + step;
     s->here++;
 }
 
@@ -525,7 +425,7 @@ int framesource_read(struct framesource *s, struct frame *f,
         int rc;
 
         if (s->kind == KIND_NONE) {
-            if (s->next == s->count)
+            if (s->next == s->in.count)
                 return 0;
             if (framesource_open_next(s, err) != 0)
                 return -1;
@@ -536,6 +436,8 @@ int framesource_read(struct framesource *s, struct frame *f,
             framesource_stamp(s, f);
         if (rc != 0)
             return rc;
+        if (s->kind == KIND_VIDEO)
+            s->end = video_end(s->video) - s->start;
         framesource_close_input(s);
     }
 }
@@ -546,11 +448,29 @@ void framesource_rate(const struct framesource *s, int *num, int *den)
     *den = s->num > 0 ? s->den : 1;
 }
 
+double framesource_end(const struct framesource *s)
+{
+    return s->end;
+}
+
+const char *framesource_sound(const struct framesource *s, double *start)
+{
+    if (s->in.count != 1 || !s->sounds || video_is_live(s->in.path[0]))
+        return NULL;
+    *start = s->start;
+    return s->in.path[0];
+}
+
+bool framesource_reads(const struct framesource *s, const char *name)
+{
+    return inputs_have(&s->in, name);
+}
+
 size_t framesource_total(const struct framesource *s)
 {
-    if (s->kind == KIND_VIDEO && s->count == 1)
+    if (s->kind == KIND_VIDEO && s->in.count == 1)
         return video_frames(s->video);
-    return s->kind == KIND_IMAGE ? s->count : 0;
+    return s->kind == KIND_IMAGE ? s->in.count : 0;
 }
 
 size_t framesource_damaged(const struct framesource *s)
@@ -568,9 +488,7 @@ void framesource_close(struct framesource *s)
     if (!s)
         return;
     framesource_close_input(s);
-    for (size_t i = 0; i < s->count; i++)
-        free(s->path[i]);
-    free(s->path);
+    inputs_release(&s->in);
     free(s->rgb);
     free(s->planes);
     door_release(&s->door);

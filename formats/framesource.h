@@ -48,6 +48,17 @@ int framesource_read(struct framesource *s, struct frame *f,
  * the input does not say. */
 void framesource_rate(const struct framesource *s, int *num, int *den);
 
+/* When the last frame delivered ceases to be shown, in the frames' times. */
+double framesource_end(const struct framesource *s);
+
+/* The clip that the frames are of, where it is one file that has sound, and
+ * the time in it of the first frame; NULL otherwise, and before that. */
+const char *framesource_sound(const struct framesource *s, double *start);
+
+/* Whether one of the inputs is the file of that name, or among the files of
+ * that pattern: what must not be written. */
+bool framesource_reads(const struct framesource *s, const char *name);
+
 /* Number of frames if it can be known, else 0 (for progress bars). */
 size_t framesource_total(const struct framesource *s);
 

@@ -23,6 +23,7 @@ struct video_reading {
     double (*rate)(const struct video_reader *v);
     size_t (*frames)(const struct video_reader *v);
     double (*end)(const struct video_reader *v);
+    bool (*sounds)(const struct video_reader *v);
     int (*read)(struct video_reader *v, const uint8_t **rgb, size_t *width,
                 size_t *height, double *time, struct error *err);
     void (*close)(struct video_reader *v);
@@ -45,12 +46,12 @@ struct media_module {
 struct video_module {
     struct video_reader *(*open)(const char *path, bool bt601,
                                  struct error *err);
-    struct video_writer *(*create)(const char *path, size_t width,
-                                   size_t height, double rate,
+    struct video_writer *(*create)(const char *path,
+                                   const struct video_options *opt,
                                    struct error *err);
-    int (*write)(struct video_writer *v, const uint8_t *rgb, double time,
+    int (*write)(struct video_writer *v, const uint8_t *pixel, double time,
                  struct error *err);
-    int (*finish)(struct video_writer *v, struct error *err);
+    int (*finish)(struct video_writer *v, double end, struct error *err);
     void (*abandon)(struct video_writer *v);
 };
 

@@ -102,6 +102,26 @@ int png_write_marked(FILE *fp, const uint8_t *pixel, size_t width,
     return png_write_picture(fp, pixel, width, height, channels, true, err);
 }
 
+/* APNG has a chunk of its own before the first pixels. */
+bool png_is_animated(FILE *fp)
+{
+    uint8_t b[8];
+    bool found = false;
+
+    if (fseek(fp, 8, SEEK_SET) == 0)
+        while (!found && fread(b, 1, sizeof b, fp) == sizeof b &&
+               memcmp(b + 4, "IDAT", 4)) {
+            const uint32_t n = (uint32_t)b[0] << 24 | (uint32_t)b[1] << 16 |
+                               (uint32_t)b[2] << 8 | b[3];
+
+            found = !memcmp(b + 4, "acTL", 4);
+            if (fseek(fp, (long)n + 4, SEEK_CUR))
+                break;
+        }
+    rewind(fp);
+    return found;
+}
+
 /* What is being read; lives outside the frame that longjmp returns to. */
 struct reading {
     png_structp png;

@@ -2,6 +2,7 @@
 #ifndef SPID_FORMATS_PNG_H
 #define SPID_FORMATS_PNG_H
 
+#include <stdbool.h>
 #include <stdint.h>
 #include <stdio.h>
 
@@ -16,6 +17,10 @@ int png_write(FILE *fp, const uint8_t *pixel, size_t width, size_t height,
 /* The same of what the toolkit drew: with its mark (formats/mark.h). */
 int png_write_marked(FILE *fp, const uint8_t *pixel, size_t width,
                      size_t height, int channels, struct error *err);
+
+/* Whether the PNG that fp begins with is an animation (APNG); fp is at its
+ * start again. */
+bool png_is_animated(FILE *fp);
 
 /* Read the next PNG of fp as image_read promises; at most `most` pixels. */
 int png_read_next(struct image *im, FILE *fp, size_t most, struct error *err);

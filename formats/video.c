@@ -2,21 +2,40 @@
  * promises. */
 #include "formats/video.h"
 
+#include <stdio.h>
+
 #include "formats/module.h"
+
+/* Whether the file is an animation of WebP, which is the other module's. */
+static bool video_file_is_webp(const char *path)
+{
+    uint8_t b[32];
+    FILE *f = fopen(path, "rb");
+    const size_t n = f ? fread(b, 1, sizeof b, f) : 0;
+
+    if (f)
+        fclose(f);
+    return video_is_webp(b, n);
+}
 
 struct video_reader *video_open(const char *path, bool bt601,
                                 struct error *err)
 {
-    if (video_is_live(path)) {
+    const bool live = video_is_live(path);
+
+    if (live || video_file_is_webp(path)) {
         const struct media_module *m = module_media(err);
 
-        return m ? m->camera_open(path, err)
-                 : (error_prefix(err, "%s", path), NULL);
-    }
-    const struct video_module *m = module_video(err);
+        if (m)
+            return live ? m->camera_open(path, err) : m->webp_open(path, err);
+    } else {
+        const struct video_module *m = module_video(err);
 
-    return m ? m->open(path, bt601, err)
-             : (error_prefix(err, "%s", path), NULL);
+        if (m)
+            return m->open(path, bt601, err);
+    }
+    error_prefix(err, "%s", path);
+    return NULL;
 }
 
 double video_rate(const struct video_reader *v)
@@ -34,6 +53,11 @@ double video_end(const struct video_reader *v)
     return v->by->end(v);
 }
 
+bool video_sounds(const struct video_reader *v)
+{
+    return v->by->sounds(v);
+}
+
 int video_read(struct video_reader *v, const uint8_t **rgb, size_t *width,
                size_t *height, double *time, struct error *err)
 {
@@ -46,27 +70,27 @@ void video_close(struct video_reader *v)
         v->by->close(v);
 }
 
-struct video_writer *video_create(const char *path, size_t width,
-                                  size_t height, double rate,
+struct video_writer *video_create(const char *path,
+                                  const struct video_options *opt,
                                   struct error *err)
 {
     const struct video_module *m = module_video(err);
 
-    return m ? m->create(path, width, height, rate, err)
+    return m ? m->create(path, opt, err)
              : (error_prefix(err, "%s", path), NULL);
 }
 
 /* Whoever has a writer has the module. */
 
-int video_write(struct video_writer *v, const uint8_t *rgb, double time,
+int video_write(struct video_writer *v, const uint8_t *pixel, double time,
                 struct error *err)
 {
-    return module_video(NULL)->write(v, rgb, time, err);
+    return module_video(NULL)->write(v, pixel, time, err);
 }
 
-int video_finish(struct video_writer *v, struct error *err)
+int video_finish(struct video_writer *v, double end, struct error *err)
 {
-    return module_video(NULL)->finish(v, err);
+    return module_video(NULL)->finish(v, end, err);
 }
 
 void video_abandon(struct video_writer *v)

@@ -15,6 +15,8 @@ bool video_is_camera(const char *path);
 /* Whether it is, or the address of a stream ("rtsp://..."): frames come when
  * they come, and it has no end. */
 bool video_is_live(const char *path);
+/* Whether a file that begins so is an animation of WebP. */
+bool video_is_webp(const uint8_t *begin, size_t n);
 /* Open a file, or what video_is_live says.  EX_NOINPUT when it is not there,
  * EX_DATAERR when no decoder takes it.  Frames leave through the door
  * (formats/door.h): turned or mirrored, with square pixels and cropped as the
@@ -30,6 +32,8 @@ double video_rate(const struct video_reader *v);
 size_t video_frames(const struct video_reader *v);
 /* When the last frame that was read ceases to be shown, seconds as its time. */
 double video_end(const struct video_reader *v);
+/* Whether the file has sound, too. */
+bool video_sounds(const struct video_reader *v);
 /* Next frame as RGB: 1 and *rgb (valid until the next call), the size and the
  * time in seconds of the container; 0 at the end; -1 on a fault, also where
  * the end is one: the file is shorter than it says, ends inside a packet, or
@@ -40,20 +44,38 @@ void video_close(struct video_reader *v);         /* NULL is allowed */
 
 struct video_writer;
 
+struct video_options {
+    size_t width, height;
+    double rate;                /* frames a second */
+    bool alpha;                 /* frames are RGBA, straight */
+    const char *sound;          /* a clip whose sound goes along, or NULL; */
+    double start;               /* ... its time of the first frame */
+};
+
+/* Whether such a video keeps alpha: WebM and Matroska (VP9), MOV (ProRes 4444),
+ * GIF, WebP and APNG do. */
+bool video_has_alpha(const char *path);
+/* Whether it takes sound: not the animations. */
+bool video_has_sound(const char *path);
 /* Write path (the container by its extension) as H.264, or MPEG-4 part 2
- * where there is no encoder for it (.webm: VP9).  Odd sizes get one more
- * column or row.  Colours by BT.601, or BT.709 where players assume it (see
- * video_open), and tagged so.  The file is complete after video_finish, and
- * the same bytes for any number of threads. */
-struct video_writer *video_create(const char *path, size_t width,
-                                  size_t height, double rate,
+ * where there is no encoder for it; .webm: VP9; .gif, .webp and .apng or .png:
+ * animations that repeat for ever.  Odd sizes of video get one more column or
+ * row.  Colours by BT.601, or BT.709 where players assume it (see video_open),
+ * and tagged so.  Sound is copied where the container takes it, or else coded
+ * as AAC (WebM: Opus, AVI: MP3), in step with the frames; what the clip has
+ * before its first picture stays before it.  The file is complete after
+ * video_finish, and the same bytes for any number of threads. */
+struct video_writer *video_create(const char *path,
+                                  const struct video_options *opt,
                                   struct error *err);
-/* One frame more, rgb (height,width,3), shown from `time` seconds on, in steps
- * of the rate: a driver whose rate varies is followed in its own time. */
-int video_write(struct video_writer *v, const uint8_t *rgb, double time,
+/* One frame more, (height,width,3 or 4), shown from `time` seconds on, in steps
+ * of the rate (animations: of their own): a driver whose rate varies is
+ * followed in its own time. */
+int video_write(struct video_writer *v, const uint8_t *pixel, double time,
                 struct error *err);
-/* Write what is left and close: -1 when not all could be written. */
-int video_finish(struct video_writer *v, struct error *err);
+/* Write what is left and close: -1 when not all could be written.  end: the
+ * time until which the last frame is shown; 0: for a step of the rate. */
+int video_finish(struct video_writer *v, double end, struct error *err);
 void video_abandon(struct video_writer *v);       /* NULL is allowed */
 
 #endif

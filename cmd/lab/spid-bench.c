@@ -17,7 +17,7 @@ static const struct cli_option options[] = {
     OPTION_FLAG("json", 0, &json, "machine-readable: one JSON object"),
     OPTION_FLAG("tsv", 0, &tsv,
                 "a row per line, tabs between, # before what is no row"),
-    OPTION_STRING("plot", 0, &plot, "FILE",
+    OPTION_OUTPUT("plot", 0, &plot, "FILE",
                   "also draw speed against error (.png, .svg, .pdf, or .gp: "
                   "the script)"),
     OPTION_FLOAT("seconds", 's', &seconds, 0.1, 3600, "S",

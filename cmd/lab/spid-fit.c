@@ -84,7 +84,7 @@ static const struct cli_option options[] = {
                   "also avatars of the people, acting as this stream's do"),
     OPTION_INT("acts", 0, &acts, 1, 100000, "N",
                "pictures of each avatar (default 20)"),
-    OPTION_STRING("agreement", 0, &agreement_path, "FILE",
+    OPTION_OUTPUT("agreement", 0, &agreement_path, "FILE",
                   "write how the fit follows the labels, by clip"),
     OPTION_HEAD(&head_path),
     {0}

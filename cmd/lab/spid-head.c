@@ -23,7 +23,7 @@ static const struct cli_option options[] = {
     OPTION_INT("people", 0, &people, 1, 10000, "N",
                "how many faces --check draws"),
     OPTION_HEAD(&head_path),
-    OPTION_STRING("sheet", 0, &sheet, "FILE",
+    OPTION_OUTPUT("sheet", 0, &sheet, "FILE",
                   "also draw views, people and expressions (PNG)"),
     OPTION_INT("size", 0, &size, 32, 1024, "N",
                "pixels across one picture of the sheet"),

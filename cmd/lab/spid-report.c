@@ -6,7 +6,7 @@
 static const char *sheet;
 
 static const struct cli_option options[] = {
-    OPTION_STRING("sheet", 0, &sheet, "FILE",
+    OPTION_OUTPUT("sheet", 0, &sheet, "FILE",
                   "also write a contact sheet (PNG)"),
     {0}
 };

@@ -72,8 +72,8 @@ static const struct cli_option options[] = {
     OPTION_CALL("without", 0, &without_mesh, "mesh", synth_parse_without,
                 "leave out the MESH records"),
     OPTION_CALL("format", 0, &format, "NAME", framesink_parse_format,
-                "stream, y4m, png, pam or mp4 instead of what -o's name says"),
-    OPTION_STRING("sheet", 0, &sheet_path, "FILE",
+                FRAMESINK_FORMATS " instead of what -o's name says"),
+    OPTION_OUTPUT("sheet", 0, &sheet_path, "FILE",
                   "write a contact sheet (PNG) of people, expressions and "
                   "lights"),
     OPTION_FLAG("statistics", 0, &statistics,

@@ -59,6 +59,11 @@ static double camera_end(const struct video_reader *v)
     return static_cast<const camera *>(v)->last;
 }
 
+static bool camera_sounds(const struct video_reader *)
+{
+    return false;
+}
+
 /* As video_read; a camera that sends nothing has ended. */
 static int camera_read(struct video_reader *v, const uint8_t **rgb,
                        size_t *width, size_t *height, double *time,
@@ -98,7 +103,8 @@ static void camera_close(struct video_reader *v)
 }
 
 static const struct video_reading camera_functions = {
-    camera_rate, camera_frames, camera_end, camera_read, camera_close
+    camera_rate, camera_frames, camera_end, camera_sounds, camera_read,
+    camera_close
 };
 
 struct video_reader *camera_open(const char *path, struct error *err)

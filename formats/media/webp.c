@@ -95,21 +95,27 @@ static struct animation *animation_of(const struct video_reader *v)
     return (struct animation *)(uintptr_t)v;
 }
 
-/* Frames a second in the mean: known at once, from all of the durations. */
+/* Frames a second of which all durations are whole ones, or their mean where
+ * that would be more than a hundred. */
 static double animation_rate(const struct video_reader *v)
 {
     const struct animation *a = animation_of(v);
-    WebPIterator it;
+    int common = 0;
     double ms = 0, n = 0;
+    WebPIterator it;
 
-    if (WebPDemuxGetFrame(WebPAnimDecoderGetDemuxer(a->decoder), 1, &it)) {
-        do {
-            ms += it.duration;
-            n++;
-        } while (WebPDemuxNextFrame(&it));
-        WebPDemuxReleaseIterator(&it);
-    }
-    return ms > 0 ? 1000 * n / ms : 0;
+    if (!WebPDemuxGetFrame(WebPAnimDecoderGetDemuxer(a->decoder), 1, &it))
+        return 0;
+    do {
+        for (int x = it.duration, y; x; x = y) {        /* Euclid's */
+            y = common % x;
+            common = x;
+        }
+        ms += it.duration;
+        n++;
+    } while (WebPDemuxNextFrame(&it));
+    WebPDemuxReleaseIterator(&it);
+    return common >= 10 ? 1000.0 / common : ms > 0 ? 1000 * n / ms : 0;
 }
 
 static size_t animation_frames(const struct video_reader *v)
@@ -120,6 +126,12 @@ static size_t animation_frames(const struct video_reader *v)
 static double animation_end(const struct video_reader *v)
 {
     return animation_of(v)->end / 1000.0;
+}
+
+static bool animation_sounds(const struct video_reader *v)
+{
+    (void)v;
+    return false;
 }
 
 /* As video_read. */
@@ -162,8 +174,8 @@ static void animation_close(struct video_reader *v)
 }
 
 static const struct video_reading animation_functions = {
-    animation_rate, animation_frames, animation_end, animation_read,
-    animation_close
+    animation_rate, animation_frames, animation_end, animation_sounds,
+    animation_read, animation_close
 };
 
 struct video_reader *webp_open(const char *path, struct error *err)

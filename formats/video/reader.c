@@ -72,9 +72,28 @@ static size_t reader_frames(const struct video_reader *v)
     return reader_of(v)->frames;
 }
 
+/* After the last frame the container knows better how long it stays. */
 static double reader_end(const struct video_reader *v)
 {
-    return reader_of(v)->end;
+    const struct reader *r = reader_of(v);
+    const AVStream *s = r->stream;
+    double end = 0;
+
+    if (!r->drained)
+        return r->end;
+    if (r->file->nb_streams == 1 && r->file->duration != AV_NOPTS_VALUE &&
+        r->file->start_time != AV_NOPTS_VALUE)
+        end = (double)(r->file->start_time + r->file->duration) /
+              AV_TIME_BASE;
+    else if (s->duration != AV_NOPTS_VALUE && s->start_time != AV_NOPTS_VALUE)
+        end = (double)(s->start_time + s->duration) * av_q2d(s->time_base);
+    return end > r->last ? end : r->end;
+}
+
+static bool reader_sounds(const struct video_reader *v)
+{
+    return av_find_best_stream(reader_of(v)->file, AVMEDIA_TYPE_AUDIO, -1, -1,
+                               NULL, 0) >= 0;
 }
 
 /* How many samples an index of all of them shows: those that an edit list
@@ -453,7 +472,8 @@ static int reader_read(struct video_reader *v, const uint8_t **rgb,
 }
 
 static const struct video_reading reader_functions = {
-    reader_rate, reader_frames, reader_end, reader_read, reader_close
+    reader_rate, reader_frames, reader_end, reader_sounds, reader_read,
+    reader_close
 };
 
 struct video_reader *reader_open(const char *path, bool bt601,

@@ -8,14 +8,14 @@
 struct video_reader *reader_open(const char *path, bool bt601,
                                  struct error *err);
 /* video_create's. */
-struct video_writer *writer_create(const char *path, size_t width,
-                                   size_t height, double rate,
+struct video_writer *writer_create(const char *path,
+                                   const struct video_options *opt,
                                    struct error *err);
 /* video_write's. */
-int writer_write(struct video_writer *v, const uint8_t *rgb, double time,
+int writer_write(struct video_writer *v, const uint8_t *pixel, double time,
                  struct error *err);
 /* video_finish's. */
-int writer_finish(struct video_writer *v, struct error *err);
+int writer_finish(struct video_writer *v, double end, struct error *err);
 /* video_abandon's. */
 void writer_abandon(struct video_writer *v);
 
@@ -25,6 +25,21 @@ struct AVFormatContext;
 struct AVStream;
 bool video_is_cut(const struct AVFormatContext *file,
                   const struct AVStream *stream);
+
+/* The sound of a clip on its way into a file that is written. */
+struct sound;
+/* Find the sound of the clip at path and give `file` a stream for it, before
+ * its header is written.  start: time in the clip of the first picture.  NULL
+ * where it has none, or none that can be carried. */
+struct sound *sound_open(const char *path, double start,
+                         struct AVFormatContext *file);
+/* How much later than the file's beginning the first picture is, seconds: what
+ * sounds before it. */
+double sound_lead(const struct sound *s);
+/* Write what sounds until so many seconds after the first picture (infinite:
+ * all).  A libav error number; a fault of the clip's sound ends it. */
+int sound_write(struct sound *s, double until);
+void sound_close(struct sound *s);                /* NULL is allowed */
 
 /* "file:" and the path, to be freed: a name with a colon is no address.  NULL
  * without memory. */

@@ -1,5 +1,6 @@
-/* Video files out by ffmpeg's libraries: H.264, or the next best that is
- * there, in the container that the name says. */
+/* Video files out by ffmpeg's libraries: the codec that its name asks for, or
+ * the next best that is there, with the sound of another clip; animations of
+ * GIF, WebP and APNG. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -14,18 +15,81 @@
 #include "formats/video/table.h"
 #include "lib/base/file.h"
 
+/* A codec as it is used, and how; ended by no codec. */
+struct writer_codec {
+    enum AVCodecID id;
+    enum AVPixelFormat pixels;
+    const char *name;           /* of the encoder, or NULL: the first */
+    const char *options;        /* key=value:... of the encoder */
+    int step;                   /* times in so many parts of a second; 0: in
+                                 * steps of the rate */
+};
+
+/* What a file of an ending is, the best first. */
+struct writer_kind {
+    const char *ending;
+    bool alpha;
+    const char *format;         /* muxer, or NULL: by the ending */
+    const char *muxer;          /* its options */
+    struct writer_codec codec[3];
+};
+
+#define CRF "preset=veryfast:crf=20"
+#define PALETTE "split[a][b];[a]palettegen=stats_mode=single[p];" \
+                "[b][p]paletteuse=new=1:dither=sierra2_4a"
+
+static const struct writer_kind kinds[] = {
+    {".webm", true, NULL, NULL,
+     {{AV_CODEC_ID_VP9, AV_PIX_FMT_YUVA420P, "libvpx-vp9", "auto-alt-ref=0",
+       0}}},
+    {".mkv", true, NULL, NULL,
+     {{AV_CODEC_ID_VP9, AV_PIX_FMT_YUVA420P, "libvpx-vp9", "auto-alt-ref=0",
+       0}}},
+    {".mov", true, NULL, NULL,
+     {{AV_CODEC_ID_PRORES, AV_PIX_FMT_YUVA444P10, "prores_ks",
+       "profile=4444", 0}}},
+    {".webm", false, NULL, NULL,
+     {{AV_CODEC_ID_VP9, AV_PIX_FMT_YUV420P, NULL, NULL, 0},
+      {AV_CODEC_ID_VP8, AV_PIX_FMT_YUV420P, NULL, NULL, 0}}},
+    {".gif", true, "gif", "loop=0",
+     {{AV_CODEC_ID_GIF, AV_PIX_FMT_PAL8, NULL, NULL, 100}}},
+    {".gif", false, "gif", "loop=0",
+     {{AV_CODEC_ID_GIF, AV_PIX_FMT_PAL8, NULL, NULL, 100}}},
+    {".webp", true, "webp", "loop=0",
+     {{AV_CODEC_ID_WEBP, AV_PIX_FMT_BGRA, "libwebp_anim", "quality=85", 1000}}},
+    {".webp", false, "webp", "loop=0",
+     {{AV_CODEC_ID_WEBP, AV_PIX_FMT_BGRA, "libwebp_anim", "quality=85", 1000}}},
+    {".apng", true, "apng", "plays=0",
+     {{AV_CODEC_ID_APNG, AV_PIX_FMT_RGBA, NULL, "pred=mixed", 1000}}},
+    {".apng", false, "apng", "plays=0",
+     {{AV_CODEC_ID_APNG, AV_PIX_FMT_RGB24, NULL, "pred=mixed", 1000}}},
+    {".png", true, "apng", "plays=0",
+     {{AV_CODEC_ID_APNG, AV_PIX_FMT_RGBA, NULL, "pred=mixed", 1000}}},
+    {".png", false, "apng", "plays=0",
+     {{AV_CODEC_ID_APNG, AV_PIX_FMT_RGB24, NULL, "pred=mixed", 1000}}},
+    {"", false, NULL, NULL,
+     {{AV_CODEC_ID_H264, AV_PIX_FMT_YUV420P, NULL, CRF, 0},
+      {AV_CODEC_ID_MPEG4, AV_PIX_FMT_YUV420P, NULL, NULL, 0}}}
+};
+
 struct video_writer {
     char *path;
-    size_t width, height, count;
+    const struct writer_kind *kind;
+    struct video_options opt;
+    size_t count;
     double first;               /* time of the first frame */
     int64_t next;               /* the earliest step of the next */
+    double lead;                /* seconds of the file before the first */
     AVFormatContext *file;
     AVCodecContext *codec;
     struct SwsContext *convert;
     AVStream *stream;
     AVPacket *packet;
-    AVFrame *frame;
-    uint8_t *even;              /* rgb of even sides, where they are odd */
+    AVFrame *frame;             /* the last one, until its duration is known */
+    AVFrame *plain;             /* as it came, for the palette's filter */
+    struct filter *palette;
+    struct sound *sound;
+    uint8_t *even;              /* pixels of even sides, where they are odd */
 };
 
 /* What libav says, with our path before it. */
@@ -40,10 +104,14 @@ static int writer_fault(const struct video_writer *v, int code, int number,
 
 void writer_abandon(struct video_writer *v)
 {
+    if (v->palette)
+        module_filter(NULL)->close(v->palette);
+    sound_close(v->sound);
     if (v->file && v->file->pb)
         avio_closep(&v->file->pb);
     sws_freeContext(v->convert);
     av_frame_free(&v->frame);
+    av_frame_free(&v->plain);
     av_packet_free(&v->packet);
     avcodec_free_context(&v->codec);
     avformat_free_context(v->file);
@@ -54,74 +122,92 @@ void writer_abandon(struct video_writer *v)
 
 /* ---- opening ------------------------------------------------------------- */
 
-/* An encoder as it will be used; a libav error number. */
-static int writer_try(struct video_writer *v, enum AVCodecID id, double rate)
+/* How frames lie: as they come. */
+static enum AVPixelFormat writer_plain(const struct video_writer *v)
 {
-    const AVCodec *codec = avcodec_find_encoder(id);
-    const AVRational step = av_inv_q(av_d2q(rate, 100000));
+    return v->opt.alpha ? AV_PIX_FMT_RGBA : AV_PIX_FMT_RGB24;
+}
+
+/* Whether the codec's frames are RGB, not YUV. */
+static bool writer_is_rgb(const struct writer_codec *w)
+{
+    return w->step > 0;
+}
+
+/* An encoder as it will be used; a libav error number. */
+static int writer_try(struct video_writer *v, const struct writer_codec *w)
+{
+    const AVCodec *codec = w->name ? avcodec_find_encoder_by_name(w->name)
+                                   : avcodec_find_encoder(w->id);
+    const AVRational rate = av_d2q(v->opt.rate, 100000);
     AVCodecContext *c = codec ? avcodec_alloc_context3(codec) : NULL;
+    AVDictionary *options = NULL;
     int rc;
 
     if (!c)
         return AVERROR_ENCODER_NOT_FOUND;
-    c->width = (int)(v->width + v->width % 2);
-    c->height = (int)(v->height + v->height % 2);
-    c->pix_fmt = AV_PIX_FMT_YUV420P;
-    c->time_base = step;
-    c->framerate = av_inv_q(step);
+    const bool even = !writer_is_rgb(w);
+
+    c->width = (int)(v->opt.width + (even && v->opt.width % 2));
+    c->height = (int)(v->opt.height + (even && v->opt.height % 2));
+    c->pix_fmt = w->pixels;
+    c->time_base = w->step ? (AVRational){1, w->step} : av_inv_q(rate);
+    c->framerate = rate;
     c->thread_count = 1;        /* the same bytes on any machine */
-    c->color_range = AVCOL_RANGE_MPEG;
-    c->colorspace = video_is_hd(c->width, c->height) ? AVCOL_SPC_BT709
-                                                     : AVCOL_SPC_SMPTE170M;
+    if (even) {
+        c->color_range = AVCOL_RANGE_MPEG;
+        c->colorspace = video_is_hd(c->width, c->height)
+                      ? AVCOL_SPC_BT709 : AVCOL_SPC_SMPTE170M;
+    }
     c->flags |= AV_CODEC_FLAG_BITEXACT;
     if (v->file->oformat->flags & AVFMT_GLOBALHEADER)
         c->flags |= AV_CODEC_FLAG_GLOBAL_HEADER;
-    if (id == AV_CODEC_ID_H264) {
-        av_opt_set(c->priv_data, "preset", "veryfast", 0);
-        av_opt_set(c->priv_data, "crf", "20", 0);
-    } else {
-        c->bit_rate = (int64_t)(4 * rate * c->width * c->height);
-    }
-    rc = avcodec_open2(c, codec, NULL);
+    if (!w->options || w->id == AV_CODEC_ID_VP9)
+        c->bit_rate = (int64_t)(4 * v->opt.rate * c->width * c->height);
+    rc = av_dict_parse_string(&options, w->options, "=", ":", 0);
+    if (rc >= 0)
+        rc = avcodec_open2(c, codec, &options);
+    av_dict_free(&options);
     if (rc < 0)
         avcodec_free_context(&c);
     v->codec = c;
     return rc;
 }
 
-/* The first codec that this machine has. */
-static int writer_open_codec(struct video_writer *v, double rate)
+/* The first codec of the kind that this machine has. */
+static int writer_open_codec(struct video_writer *v)
 {
-    static const enum AVCodecID any[] = {AV_CODEC_ID_H264, AV_CODEC_ID_MPEG4};
-    static const enum AVCodecID webm[] = {AV_CODEC_ID_VP9, AV_CODEC_ID_VP8};
-    const enum AVCodecID *id = file_ends(v->path, ".webm") ? webm : any;
-    int rc = writer_try(v, id[0], rate);
+    int rc = AVERROR_ENCODER_NOT_FOUND;
 
-    return rc < 0 ? writer_try(v, id[1], rate) : rc;
+    for (const struct writer_codec *w = v->kind->codec;
+         rc < 0 && w->id != AV_CODEC_ID_NONE; w++)
+        rc = writer_try(v, w);
+    return rc;
 }
 
-/* Stream, frame, file and header; a libav error number. */
+/* Stream, sound, file and header; a libav error number. */
 static int writer_begin(struct video_writer *v)
 {
     const AVCodecContext *c = v->codec;
+    AVDictionary *options = NULL;
     char *url;
     int rc;
 
     v->stream = avformat_new_stream(v->file, NULL);
     v->packet = av_packet_alloc();
-    v->frame = av_frame_alloc();
-    if (!v->stream || !v->packet || !v->frame)
+    if (!v->stream || !v->packet)
         return AVERROR(ENOMEM);
     v->stream->time_base = c->time_base;
     v->stream->avg_frame_rate = c->framerate;
     rc = avcodec_parameters_from_context(v->stream->codecpar, c);
-    v->frame->format = c->pix_fmt;
-    v->frame->width = c->width;
-    v->frame->height = c->height;
-    v->frame->color_range = c->color_range;
-    v->frame->colorspace = c->colorspace;
-    if (rc < 0 || (rc = av_frame_get_buffer(v->frame, 0)) < 0)
+    if (rc < 0)
         return rc;
+    if (v->kind->alpha && file_ends(v->path, ".webm"))
+        av_dict_set(&v->stream->metadata, "alpha_mode", "1", 0);
+    if (v->opt.sound && video_has_sound(v->path))
+        v->sound = sound_open(v->opt.sound, v->opt.start, v->file);
+    if (v->sound)
+        v->lead = sound_lead(v->sound);
     url = reader_url(v->path);
     rc = url ? avio_open(&v->file->pb, url, AVIO_FLAG_WRITE)
              : AVERROR(ENOMEM);
@@ -129,33 +215,78 @@ static int writer_begin(struct video_writer *v)
     if (rc < 0)
         return rc;
     v->file->flags |= AVFMT_FLAG_BITEXACT;
-    return avformat_write_header(v->file, NULL);
+    rc = av_dict_parse_string(&options, v->kind->muxer, "=", ":", 0);
+    if (rc >= 0)
+        rc = avformat_write_header(v->file, &options);
+    av_dict_free(&options);
+    return rc;
 }
 
-/* RGB to the encoder's pixels, by the matrix that is written. */
+/* A frame of these pixels with room; NULL without memory. */
+static AVFrame *writer_frame(const struct video_writer *v,
+                             enum AVPixelFormat pixels)
+{
+    AVFrame *f = av_frame_alloc();
+
+    if (!f)
+        return NULL;
+    f->format = pixels;
+    f->width = v->codec->width;
+    f->height = v->codec->height;
+    f->color_range = v->codec->color_range;
+    f->colorspace = v->codec->colorspace;
+    if (av_frame_get_buffer(f, 0) < 0)
+        av_frame_free(&f);
+    return f;
+}
+
+/* What comes to the encoder's pixels, by the matrix that is written. */
 static int writer_open_colours(struct video_writer *v)
 {
     const AVCodecContext *c = v->codec;
     const int *matrix = sws_getCoefficients(
         c->colorspace == AVCOL_SPC_BT709 ? SWS_CS_ITU709 : SWS_CS_ITU601);
+    const size_t bytes = v->opt.alpha ? 4 : 3;
+    const bool palette = c->pix_fmt == AV_PIX_FMT_PAL8;
 
-    if (v->width % 2 || v->height % 2) {
-        v->even = malloc(3 * (size_t)c->width * (size_t)c->height);
+    v->frame = writer_frame(v, palette ? AV_PIX_FMT_BGRA : c->pix_fmt);
+    if (!v->frame)
+        return AVERROR(ENOMEM);
+    if ((size_t)c->width != v->opt.width ||
+        (size_t)c->height != v->opt.height) {
+        v->even = malloc(bytes * (size_t)c->width * (size_t)c->height);
         if (!v->even)
             return AVERROR(ENOMEM);
     }
-    v->convert = sws_getContext(c->width, c->height, AV_PIX_FMT_RGB24,
-                                c->width, c->height, c->pix_fmt, SWS_BICUBIC,
-                                NULL, NULL, NULL);
+    v->convert = sws_getContext(c->width, c->height, writer_plain(v), c->width,
+                                c->height,
+                                (enum AVPixelFormat)v->frame->format,
+                                SWS_BICUBIC, NULL, NULL, NULL);
     if (!v->convert)
         return AVERROR(ENOMEM);
     sws_setColorspaceDetails(v->convert, matrix, 1, matrix, 0, 0, 1 << 16,
                              1 << 16);
-    return 0;
+    if (!palette)
+        return 0;
+    const struct filter_module *m = module_filter(NULL);
+
+    v->plain = av_frame_alloc();
+    v->palette = m ? m->open(PALETTE, v->frame, 1, 100) : NULL;
+    return v->plain && v->palette ? 0 : AVERROR_FILTER_NOT_FOUND;
 }
 
-struct video_writer *writer_create(const char *path, size_t width,
-                                   size_t height, double rate,
+/* What a file of that name is. */
+static const struct writer_kind *writer_kind_of(const char *path, bool alpha)
+{
+    const struct writer_kind *k = kinds;
+
+    while (*k->ending && !(file_ends(path, k->ending) && k->alpha == alpha))
+        k++;
+    return k;
+}
+
+struct video_writer *writer_create(const char *path,
+                                   const struct video_options *opt,
                                    struct error *err)
 {
     struct video_writer *v = calloc(1, sizeof *v);
@@ -166,10 +297,11 @@ struct video_writer *writer_create(const char *path, size_t width,
         error_set(err, EX_OSERR, "%s: out of memory", path);
         return NULL;
     }
-    v->width = width;
-    v->height = height;
-    if (avformat_alloc_output_context2(&v->file, NULL, NULL, path) < 0 ||
-        writer_open_codec(v, rate) < 0 || writer_begin(v) < 0 ||
+    v->opt = *opt;
+    v->kind = writer_kind_of(path, opt->alpha);
+    if (avformat_alloc_output_context2(&v->file, NULL, v->kind->format,
+                                       path) < 0 ||
+        writer_open_codec(v) < 0 || writer_begin(v) < 0 ||
         writer_open_colours(v) < 0) {
         writer_abandon(v);
         error_set(err, EX_CANTCREAT, "%s: cannot create a video (no encoder, "
@@ -181,40 +313,86 @@ struct video_writer *writer_create(const char *path, size_t width,
 
 /* ---- frames -------------------------------------------------------------- */
 
-/* What the encoder has ready goes into the file. */
-static int writer_drain(struct video_writer *v)
+/* What the encoder has ready goes into the file, and the sound up to there.
+ * hold: steps that the last frame is shown, once it is the last. */
+static int writer_drain(struct video_writer *v, int64_t hold)
 {
     int rc;
 
     while ((rc = avcodec_receive_packet(v->codec, v->packet)) >= 0) {
+        const double from = (double)v->packet->pts *
+                            av_q2d(v->codec->time_base);
+        const int64_t lead = llround(v->lead / av_q2d(v->stream->time_base));
+
+        if (hold && v->packet->pts == v->frame->pts)
+            v->packet->duration = hold;
+        rc = v->sound ? sound_write(v->sound, from) : 0;
         av_packet_rescale_ts(v->packet, v->codec->time_base,
                              v->stream->time_base);
         v->packet->stream_index = v->stream->index;
-        rc = av_interleaved_write_frame(v->file, v->packet);
+        v->packet->pts += lead;
+        v->packet->dts += lead;
+        if (rc >= 0)
+            rc = av_interleaved_write_frame(v->file, v->packet);
         if (rc < 0)
             return rc;
     }
     return rc == AVERROR(EAGAIN) || rc == AVERROR_EOF ? 0 : rc;
 }
 
-/* rgb with its last column and row once more. */
-static const uint8_t *writer_even(struct video_writer *v, const uint8_t *rgb)
+/* A frame to the encoder, or (NULL) that there is none; a libav error
+ * number. */
+static int writer_encode(struct video_writer *v, AVFrame *frame, int64_t hold)
+{
+    const int rc = avcodec_send_frame(v->codec, frame);
+
+    return rc < 0 ? rc : writer_drain(v, hold);
+}
+
+/* The same by way of the filter that makes palettes. */
+static int writer_encode_palette(struct video_writer *v, bool end, int64_t hold)
+{
+    const struct filter_module *m = module_filter(NULL);
+    AVFrame *copy = end ? NULL : av_frame_clone(v->frame);
+    int rc = copy || end ? m->send(v->palette, copy) : AVERROR(ENOMEM);
+
+    av_frame_free(&copy);
+    while (rc >= 0 && (rc = m->receive(v->palette, v->plain)) >= 0) {
+        rc = writer_encode(v, v->plain, hold);
+        av_frame_unref(v->plain);
+    }
+    return rc == AVERROR(EAGAIN) || rc == AVERROR_EOF ? 0 : rc;
+}
+
+/* The frame that was kept, which is shown until `until`. */
+static int writer_send(struct video_writer *v, int64_t until, int64_t hold)
+{
+    if (v->count == 0)
+        return 0;
+    v->frame->pkt_duration = until - v->frame->pts;
+    return v->palette ? writer_encode_palette(v, false, hold)
+                      : writer_encode(v, v->frame, hold);
+}
+
+/* Pixels with the last column and row once more. */
+static const uint8_t *writer_even(struct video_writer *v, const uint8_t *pixel)
 {
     const size_t W = (size_t)v->codec->width, H = (size_t)v->codec->height;
+    const size_t n = v->opt.alpha ? 4 : 3, w = v->opt.width;
 
     for (size_t y = 0; y < H; y++) {
-        const uint8_t *from = rgb + 3 * v->width *
-                              (y < v->height ? y : v->height - 1);
-        uint8_t *to = v->even + 3 * W * y;
+        const uint8_t *from = pixel + n * w *
+                              (y < v->opt.height ? y : v->opt.height - 1);
+        uint8_t *to = v->even + n * W * y;
 
-        memcpy(to, from, 3 * v->width);
-        if (W > v->width)
-            memcpy(to + 3 * v->width, from + 3 * (v->width - 1), 3);
+        memcpy(to, from, n * w);
+        if (W > w)
+            memcpy(to + n * w, from + n * (w - 1), n);
     }
     return v->even;
 }
 
-/* In steps of the rate from the first frame on; no frame before another. */
+/* In steps from the first frame on; no frame before another. */
 static int64_t writer_step(struct video_writer *v, double time)
 {
     if (v->count == 0)
@@ -227,33 +405,65 @@ static int64_t writer_step(struct video_writer *v, double time)
     return at;
 }
 
-int writer_write(struct video_writer *v, const uint8_t *rgb, double time,
+int writer_write(struct video_writer *v, const uint8_t *pixel, double time,
                  struct error *err)
 {
-    const uint8_t *from[4] = {v->even ? writer_even(v, rgb) : rgb};
-    const int stride[4] = {3 * v->codec->width};
-    int rc = av_frame_make_writable(v->frame);
+    const uint8_t *from[4] = {v->even ? writer_even(v, pixel) : pixel};
+    const int stride[4] = {(v->opt.alpha ? 4 : 3) * v->codec->width};
+    const int64_t at = writer_step(v, time);
+    int rc = writer_send(v, at, 0);
 
-    if (rc >= 0) {
-        sws_scale(v->convert, from, stride, 0, v->codec->height,
-                  v->frame->data, v->frame->linesize);
-        v->frame->pts = writer_step(v, time);
-        rc = avcodec_send_frame(v->codec, v->frame);
-    }
     if (rc >= 0)
-        rc = writer_drain(v);
+        rc = av_frame_make_writable(v->frame);
     if (rc < 0)
         return writer_fault(v, EX_IOERR, rc, err);
+    sws_scale(v->convert, from, stride, 0, v->codec->height, v->frame->data,
+              v->frame->linesize);
+    v->frame->pts = at;
     v->count++;
     return 0;
 }
 
-int writer_finish(struct video_writer *v, struct error *err)
+/* How many steps the last frame is shown. */
+static int64_t writer_hold(const struct video_writer *v, double end)
 {
-    int rc = avcodec_send_frame(v->codec, NULL), closed;
+    const double second = 1 / av_q2d(v->codec->time_base);
+    const double hold = end > 0 ? (end - v->first) * second -
+                                  (double)v->frame->pts
+                                : second / v->opt.rate;
 
+    return hold > 1 && hold < 1e9 ? llround(hold) : 1;
+}
+
+/* The muxers of animations are told how long the last frame is shown. */
+static void writer_tell_hold(struct video_writer *v, int64_t hold)
+{
+    char text[48];
+
+    if (v->codec->codec_id == AV_CODEC_ID_GIF)
+        av_opt_set_int(v->file->priv_data, "final_delay",
+                       hold < 65535 ? hold : 65535, 0);
+    if (v->codec->codec_id == AV_CODEC_ID_APNG) {
+        snprintf(text, sizeof text, "%lld/%d", (long long)hold,
+                 v->codec->time_base.den);
+        av_opt_set(v->file->priv_data, "final_delay", text, 0);
+    }
+}
+
+int writer_finish(struct video_writer *v, double end, struct error *err)
+{
+    const int64_t hold = v->count ? writer_hold(v, end) : 1;
+    int rc = v->count ? writer_send(v, v->frame->pts + hold, hold) : 0, closed;
+
+    if (rc >= 0 && v->palette)
+        rc = writer_encode_palette(v, true, hold);
     if (rc >= 0)
-        rc = writer_drain(v);
+        rc = writer_encode(v, NULL, hold);
+    if (rc >= 0 && v->sound)
+        rc = sound_write(v->sound, end != 0 ? INFINITY
+                                   : (double)v->next *
+                                     av_q2d(v->codec->time_base));
+    writer_tell_hold(v, hold);
     if (rc >= 0)
         rc = av_write_trailer(v->file);
     if (rc >= 0)

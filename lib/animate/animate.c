@@ -111,7 +111,7 @@ static int animate_take(struct animate *a, struct driver_frame *f,
     int rc = 0;
 
     pthread_mutex_lock(&a->in);
-    if (!a->ended) {
+    if (!a->ended && (!a->opt.frames || a->next_in < a->opt.frames)) {
         rc = driver_next(a->driver, f, &err);
         a->ended = rc <= 0;
         *ticket = a->next_in;

@@ -28,6 +28,7 @@ struct animate_part {
 struct animate_options {
     struct pipeline_options pipeline;   /* threads: set by animate_init */
     int workers;                /* frames in flight; at least 1 */
+    uint64_t frames;            /* so many and no more; 0: all */
     const struct inset *inset;          /* set the portrait into this
                                          * photograph; NULL: the portrait */
     const struct animate_part *part;    /* write only this; NULL: all of it */

@@ -40,7 +40,7 @@ int animation_open(struct animation *a, const struct animation_options *opt,
     a->opt = opt;
     a->models = models;
     a->background = opt->background;
-    sink.path = out;
+    a->output = sink.path = out;
     sink.bt601 = opt->source.bt601;
     sink.record = FRAMESINK_IMAG;
     sink.background = &a->background;
@@ -199,11 +199,27 @@ static int animation_open_records(struct animation *a, struct error *err)
     return opt->relative_records ? animation_set_relative(a, err) : 0;
 }
 
+/* The clip's sound goes along, where the output takes it.  Files that are read
+ * are not written. */
+static int animation_join_output(struct animation *a, struct error *err)
+{
+    double start = 0;
+    const char *clip = framesource_sound(a->frames, &start);
+    int num, den;
+
+    if (framesource_reads(a->frames, a->output))
+        return error_set(err, EX_USAGE, "%s: is read, too (expected another "
+                         "name for the output)", a->output);
+    a->silent = clip && (a->opt->live || a->opt->no_sound ||
+                         !framesink_set_sound(a->sink, clip, start));
+    framesource_rate(a->frames, &num, &den);
+    framesink_set_rate(a->sink, num, den);
+    return 0;
+}
+
 int animation_open_driver(struct animation *a, const char *path,
                           struct error *err)
 {
-    int num, den;
-
     a->driver_name = path;
     if (stream_probe(path))
         return animation_open_records(a, err);
@@ -224,9 +240,7 @@ int animation_open_driver(struct animation *a, const char *path,
     }
     if (a->opt->relative && animation_set_relative(a, err))
         return -1;
-    framesource_rate(a->frames, &num, &den);
-    framesink_set_rate(a->sink, num, den);
-    return 0;
+    return animation_join_output(a, err);
 }
 
 int animation_open_camera(struct animation *a, const char *name,
@@ -265,6 +279,8 @@ int animation_run(struct animation *a,
     a->report.dropped = a->live.dropped;
     if (rc)
         return -1;
+    if (a->frames && !a->live.started)
+        framesink_set_end(sink, framesource_end(a->frames));
     a->sink = NULL;
     return framesink_finish(sink, err);
 }

@@ -31,6 +31,7 @@ struct animation_options {
     double closed_mm;           /* lips closer than this hide the mouth;
                                  * negative: the model's own */
     bool live;                  /* drop frames instead of lagging */
+    bool no_sound;              /* the driver's is left out */
     bool relative;              /* a driver's motions are what it does since
                                  * it was neutral; ... */
     bool relative_records;      /* ... those of a stream, too */
@@ -39,7 +40,7 @@ struct animation_options {
 struct animation {
     const struct animation_options *opt;        /* borrowed, with models */
     struct prepare *models;
-    const char *driver_name;
+    const char *driver_name, *output;   /* borrowed */
     struct prepared source;
     struct animate_options animate;     /* opt's, for this source */
     struct framing framing;
@@ -58,6 +59,7 @@ struct animation {
     } look;
     struct animate workers;
     struct framesink *sink;
+    bool silent;                /* the driver has sound, the output none */
     struct animate_report report;
 };
 

@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 #include <sys/stat.h>
 #include <sysexits.h>
 
@@ -19,7 +20,32 @@ bool file_ends(const char *name, const char *ending)
 {
     size_t n = strlen(name), m = strlen(ending);
 
-    return n > m && strcmp(name + n - m, ending) == 0;
+    return n > m && strcasecmp(name + n - m, ending) == 0;
+}
+
+bool file_is_same(const char *a, const char *b)
+{
+    struct stat p, q;
+
+    return stat(a, &p) == 0 && stat(b, &q) == 0 && S_ISREG(p.st_mode) &&
+           p.st_dev == q.st_dev && p.st_ino == q.st_ino;
+}
+
+bool file_is_media_name(const char *name)
+{
+    static const char *const ending[] = {
+        ".png", ".apng", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp",
+        ".gif", ".exr", ".ppm", ".pgm", ".pam", ".pnm", ".tga", ".hdr", ".jp2",
+        ".jxl", ".heic", ".heif", ".avif", ".psd", ".dpx", ".svg", ".pdf",
+        ".y4m", ".mp4", ".m4v", ".mov", ".mkv", ".webm", ".avi", ".wmv", ".flv",
+        ".ts", ".mts", ".m2ts", ".mpg", ".mpeg", ".3gp", ".ogv", ".mp3", ".wav",
+        ".m4a", ".aac", ".flac", ".ogg", ".opus"
+    };
+
+    for (size_t i = 0; i < sizeof ending / sizeof *ending; i++)
+        if (file_ends(name, ending[i]))
+            return true;
+    return false;
 }
 
 int file_rename(const char *part, const char *path)

@@ -16,8 +16,15 @@ extern "C" {
  * Such a thing is written in place or not at all. */
 bool file_is_special(const char *path);
 
-/* Does the name end so, with something in front?  file_ends("a.ply", ".ply") */
+/* Are both the same regular file, under whatever names? */
+bool file_is_same(const char *a, const char *b);
+
+/* Does the name end so, in either case, with something in front?  file_ends("a.ply", ".ply") */
 bool file_ends(const char *name, const char *ending);
+
+/* Whether the name ends as that of a picture, a clip or a sound: what people
+ * open by a double click, and nothing else must be written under. */
+bool file_is_media_name(const char *name);
 
 /* rename(2), but fails with EEXIST rather than replace something special.
  * 0, or -1 and errno. */

@@ -147,8 +147,8 @@ static void test_fields(void)
                media_run("ffmpeg -v error -y -f lavfi -i testsrc2=s=64x48:r=50:"
                          "d=0.4 -vf interlace=lowpass=0 -c:v libx264 -flags "
                          "+ildct+ilme -x264opts tff=1 -qp 8 i.mp4 && ffmpeg -v "
-                         "error -y -i i.mp4 -vf bwdif=send_frame,scale -sws_flags "
-                         "bicubic -frames:v 5 -update 1 -f image2 want.ppm"));
+                         "error -y -i i.mp4 -vf bwdif=send_frame,scale "
+                         "-sws_flags bicubic -frames:v 5 -update 1 -f image2 want.ppm"));
     media_check("is woven", media_frame("i.mp4", 4),
                 media_picture("want.ppm"), 2);
     check_that("and complete",

@@ -67,10 +67,11 @@ static void to_ffmpeg(const char *dir)
     for (size_t i = 0; i < sizeof frame; i++)
         frame[i] = (uint8_t)colour[i % 3];
     snprintf(path, sizeof path, "%s/ours.mp4", dir);
-    struct video_writer *v = video_create(path, 1280, 720, 25, &err);
+    struct video_writer *v = video_create(path, &(struct video_options){
+        .width = 1280, .height = 720, .rate = 25}, &err);
     if (!v || video_write(v, frame, 0, &err) ||
         video_write(v, frame, 0.04, &err) ||
-        video_finish(v, &err)) {
+        video_finish(v, 0, &err)) {
         check_error("ours.mp4", false, &err);
         return;
     }

@@ -16,7 +16,8 @@ static void times_back(const char *what, const char *name,
     static uint8_t rgb[3 * SIDE * SIDE];
     const char *path = folder_at(name);
     struct error err = {0};
-    struct video_writer *w = video_create(path, SIDE, SIDE, 25, &err);
+    struct video_writer *w = video_create(path, &(struct video_options){
+        .width = SIDE, .height = SIDE, .rate = 25}, &err);
     double worst = 0;
     int count = 0;
 
@@ -25,7 +26,7 @@ static void times_back(const char *what, const char *name,
         rgb[3 * i] = 200;
         REQUIRE(video_write(w, rgb, time[i], &err) == 0, "%s", err.text);
     }
-    REQUIRE(video_finish(w, &err) == 0, "%s", err.text);
+    REQUIRE(video_finish(w, 0, &err) == 0, "%s", err.text);
 
     struct video_reader *r = video_open(path, false, &err);
     const uint8_t *seen;

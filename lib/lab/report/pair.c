@@ -81,7 +81,8 @@ static int pair_begin(struct pair *p, struct pairing *g,
         return error_set(err, EX_OSERR, "out of memory for a frame");
     if (pair_name(g, err))
         return -1;
-    g->video = video_create(g->path, 2 * p->size, p->size, p->rate, err);
+    g->video = video_create(g->path, &(struct video_options){
+        .width = 2 * p->size, .height = p->size, .rate = p->rate}, err);
     return g->video ? 0 : -1;
 }
 
@@ -139,7 +140,7 @@ int pair_make(struct pair *p, const char *driver, const char *result,
     if (rc >= 0 && !p->frames)
         rc = error_set(err, EX_DATAERR, "%s: no frames", result);
     if (rc >= 0) {
-        rc = video_finish(g.video, err) || pair_load(p, g.path, err) ? -1 : 0;
+        rc = video_finish(g.video, 0, err) || pair_load(p, g.path, err) ? -1 : 0;
         g.video = NULL;
     }
     video_abandon(g.video);
