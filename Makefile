@@ -287,6 +287,21 @@ deps:
 	    --prefix build/npm || \
 	  echo "make deps: npm installed nothing; tests that compare with it skip"; }
 
+# What optional tests want, one by one: what cannot be had is named, and its
+# tests skip.
+DEPS_TESTS := chromium blender python3-torch python3-scipy python3-onnx \
+        imagemagick libimage-exiftool-perl liblcms2-utils libheif-examples \
+        bsdutils
+deps-tests: deps
+	@sudo=; [ "$$(id -u)" = 0 ] || sudo=sudo; \
+	for p in $(DEPS_TESTS) $$(command -v npm >/dev/null || echo npm); do \
+	  dpkg-query -W -f '$${db:Status-Status}' $$p 2>/dev/null | \
+	    grep -qx installed || $$sudo env DEBIAN_FRONTEND=noninteractive \
+	    timeout 900 apt-get install -y -qq --no-install-recommends $$p \
+	    >/dev/null || echo "make deps-tests: no $$p: tests that want it skip"; \
+	done
+	@$(MAKE) deps
+
 # The shipped model from its seeds (hours; see spid-train(1)), and how it does
 # on people it has never seen.
 # ASSETS=DIR: for real people, from the scans and photographs there
@@ -401,4 +416,4 @@ clean:
 	rm -rf build
 
 .PHONY: tune all web tests check check-long check-arm soak bench model \
-        eval-model demo deps install fuzz clean
+        eval-model demo deps deps-tests install fuzz clean

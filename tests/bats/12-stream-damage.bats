@@ -53,7 +53,7 @@ overwrite() {
     has 'is a directory (expected a stream)'
     status 66 spid-dump no-such-file
     has 'no-such-file: cannot open'
-    command -v script >/dev/null || skip "no script(1)"
+    command -v script >/dev/null || skip "no script(1) (apt: bsdutils)"
     run script -qec 'spid-dump; echo "status $?"' /dev/null </dev/null
     has 'is a terminal'
     has 'status 64'
@@ -69,7 +69,7 @@ overwrite() {
 }
 
 @test "a full disk is an error" {
-    [ -w /dev/full ] || skip "no /dev/full"
+    [ -w /dev/full ] || skip "no /dev/full (Linux)"
     run bash -c 'spid-pack motion.spid >/dev/full'
     [ "$status" -eq 74 ]
     one_line

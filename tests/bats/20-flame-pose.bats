@@ -3,7 +3,7 @@ load helper
 
 prepare() {
     HEAD=$TOP/${BUILD:-build}/share/spid/head.safetensors
-    [ -e "$HEAD" ] || skip "no head model built"
+    [ -e "$HEAD" ] || skip "no head model built (make)"
     motion 3
 }
 
@@ -77,7 +77,7 @@ PY
 }
 
 @test "10,000 frames in under 64 MB, and no more than 10 frames take" {
-    [[ $BUILD != *sanitize* ]] || skip "a sanitizer's memory is not the program's"
+    [[ $BUILD != *sanitize* ]] || skip "a sanitizer's memory is not the program's (no SANITIZE)"
     need_numpy
     motion 10
     for _ in {1..1000}; do cat motion-src.json; done >long.json

@@ -3,7 +3,7 @@ load helper
 
 scans_head() {
     SCANS=$TOP/examples/model/head.safetensors
-    [ -e "$SCANS" ] || skip "no head of the scans"
+    [ -e "$SCANS" ] || skip "no head of the scans (make model)"
 }
 
 @test "the same head every time" {
@@ -25,7 +25,7 @@ scans_head() {
 }
 
 @test "a model refuses the sculpted head" {
-    [ -e "$TOP/examples/model/model.safetensors" ] || skip "no model shipped"
+    [ -e "$TOP/examples/model/model.safetensors" ] || skip "no model shipped (make model)"
     spid-head -o sculpted.safetensors
     status 78 spid-branches --head sculpted.safetensors --bake nothing.spid -o x.spid
     has "model was made for head"

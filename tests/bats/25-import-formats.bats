@@ -9,7 +9,7 @@ need_torch() {
     need_numpy
     PYTHON=/usr/bin/python3
     "$PYTHON" -c 'import torch, numpy' 2>/dev/null ||
-        skip "no torch to write checkpoints with"
+        skip "no torch to write checkpoints with (apt: python3-torch)"
 }
 
 # A checkpoint with every type, views of all sorts and things that are no
@@ -260,7 +260,7 @@ import_read.check(sys.argv[1], {"x": np.load("x.npy")})' $f.safetensors
 }
 
 @test "a full disk leaves nothing" {
-    [ -e /dev/full ] || skip "no /dev/full"
+    [ -e /dev/full ] || skip "no /dev/full (Linux)"
     need_numpy
     "$PYTHON" -c 'import numpy as np; np.save("a.npy", np.zeros(100000))'
     status 74 spid-import a.npy -o /dev/full

@@ -131,7 +131,7 @@ P
 }
 
 @test "smirk: its expression and shape encoders become a model that runs" {
-    [ -e "$HEAD" ] || skip "no head model built"
+    [ -e "$HEAD" ] || skip "no head model built (make)"
     # the names and shapes of the network from a model of the toolkit
     "$PYTHON" - >names.json <<'P'
 import json

@@ -67,7 +67,7 @@ P
 @test "scipy's sparse matrices of every form, in full" {
     need_numpy
     PYTHON=/usr/bin/python3
-    "$PYTHON" -c 'import scipy.sparse' 2>/dev/null || skip "no python3-scipy to pickle matrices with"
+    "$PYTHON" -c 'import scipy.sparse' 2>/dev/null || skip "no scipy to pickle matrices with (apt: python3-scipy)"
     "$PYTHON" - <<'P'
 import pickle
 import numpy as np, scipy.sparse as sp
@@ -129,7 +129,7 @@ import_read.check("b.safetensors", {"w": np.ones(1)})'
 @test "whole modules of PyTorch give what their state dictionaries give" {
     need_numpy
     PYTHON=/usr/bin/python3
-    "$PYTHON" -c 'import torch' 2>/dev/null || skip "no torch to write checkpoints with"
+    "$PYTHON" -c 'import torch' 2>/dev/null || skip "no torch to write checkpoints with (apt: python3-torch)"
     "$PYTHON" - <<'P'
 import argparse, collections, pathlib
 import torch

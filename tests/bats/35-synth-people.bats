@@ -111,7 +111,7 @@ P
 
 # With the assets at hand (SPID_ASSETS): the same promises for people of scans.
 @test "people of scans: same bytes for any threads, whole, finite, labelled" {
-    [ -n "$SPID_ASSETS" ] || skip "no SPID_ASSETS"
+    [ -n "$SPID_ASSETS" ] || skip "no shared assets (SPID_ASSETS)"
     for j in 1 2; do
         spid-synth --assets "$SPID_ASSETS" -n 2 --frames 2 --size 64 -s 5 \
             -j $j -o "$BATS_TEST_TMPDIR/$j"
@@ -122,7 +122,7 @@ P
 }
 
 @test "people of scans: a bad asset of each kind is refused by name" {
-    [ -n "$SPID_ASSETS" ] || skip "no SPID_ASSETS"
+    [ -n "$SPID_ASSETS" ] || skip "no shared assets (SPID_ASSETS)"
     for f in hdri/quarry_01_1k.hdr makehuman/base.obj ict/ict.safetensors \
              labels/photos.safetensors labels/mediapipe_to_ict.json \
              photos/london/001_neutral.jpg \

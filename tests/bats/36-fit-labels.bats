@@ -14,7 +14,7 @@ fit() {
 
 has_labels() {
     [ -e "$ASSETS/labels/photos.safetensors" ] && [ -e "$ASSETS/ict" ] &&
-        [ -e "$ASSETS/photos/cc0" ] || skip "no labels in ../shared/assets"
+        [ -e "$ASSETS/photos/cc0" ] || skip "no labels in the shared assets (SPID_ASSETS)"
 }
 
 @test "labelled photographs become people, the same for any thread count" {

@@ -39,7 +39,7 @@ crop=--crop=50,40,30
 }
 
 @test "a picture cut short is used, with a warning" {
-    command -v ffmpeg >/dev/null || skip "no ffmpeg"
+    command -v ffmpeg >/dev/null || skip "no ffmpeg (apt: ffmpeg)"
     ppm 100 80 abcdefg >me.ppm
     ppm 100 80 '~' >mask.ppm
     ffmpeg -v error -i me.ppm me.jpg

@@ -112,7 +112,7 @@ numbers() {
 
 @test "a take recorded elsewhere drives an avatar" {
     local build=$TOP/${BUILD:-build}
-    [ -x "$build/tests/unit/avatar_model" ] || skip "no model maker built"
+    [ -x "$build/tests/unit/avatar_model" ] || skip "no model maker built (make tests)"
     mkdir model
     cp "$SCANS" model/head.safetensors
     "$build/tests/unit/avatar_model" model/model.safetensors small "$SCANS"
@@ -158,7 +158,7 @@ numbers() {
 
 @test "a take drives a photograph in one command, as through the pipe" {
     local build=$TOP/${BUILD:-build}
-    [ -x "$build/tests/unit/avatar_model" ] || skip "no model maker built"
+    [ -x "$build/tests/unit/avatar_model" ] || skip "no model maker built (make tests)"
     mkdir model
     cp "$SCANS" model/head.safetensors
     "$build/tests/unit/avatar_model" model/model.safetensors small "$SCANS"

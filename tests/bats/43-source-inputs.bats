@@ -5,7 +5,7 @@ load animate
 
 prepare() {
     need_numpy
-    command -v ffmpeg >/dev/null || skip "no ffmpeg"
+    command -v ffmpeg >/dev/null || skip "no ffmpeg (apt: ffmpeg)"
     animate_files
     crop=--crop=128,128,110
 }
@@ -93,7 +93,7 @@ PY
         alike 8 $f
     done
     ffmpeg -v error -loop 1 -t 0.12 -i source.png -vf "$turn" \
-        -c:v libwebp_anim a.webp || skip "ffmpeg has no WebP"
+        -c:v libwebp_anim a.webp || skip "ffmpeg has no WebP (apt: ffmpeg)"
     identity a.webp
     alike 8 a.webp
 }

@@ -4,9 +4,9 @@ load helper
 
 need_sure() {
     MODEL=${SPID_MODEL:-$TOP/examples/model/model.safetensors}
-    [ -e "$MODEL" ] || skip "no model shipped"
+    [ -e "$MODEL" ] || skip "no model shipped (make model)"
     head -c 100000 "$MODEL" | grep -aq 'motion.sure.weight' ||
-        skip "the model does not say how sure it is"
+        skip "the model does not say how sure it is (make model)"
     need_numpy
 }
 

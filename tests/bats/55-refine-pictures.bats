@@ -67,7 +67,7 @@ PY
 }
 
 @test "pure red stays red through Y4M and ffmpeg" {
-    command -v ffmpeg >/dev/null || skip "no ffmpeg"
+    command -v ffmpeg >/dev/null || skip "no ffmpeg (apt: ffmpeg)"
     "$PYTHON" - <<'PY'
 import numpy as np
 np.save('feat.npy', np.zeros((128, 128, 32), 'f4'))
@@ -104,7 +104,7 @@ PY
 @test "8 bits: another picture, over 35 dB of f32, and reported" {
     spid-refine --precision int8 feat.spid -o a.spid 2>err
     cat err
-    ! grep -q 'no products of 8-bit' err || skip "no VNNI"
+    ! grep -q 'no products of 8-bit' err || skip "no products of 8-bit values (a processor with VNNI)"
     spid-refine --precision f32 -q feat.spid -o b.spid
     status 1 cmp -s a.spid b.spid
     sed -n 's/.*int8, .*largest error .*, \([0-9.]*\) dB against all of it in f32.*/\1/p' err >db

@@ -59,7 +59,7 @@ piped() {
 }
 
 @test "driven by their own picture, people are that picture" {
-    command -v ffmpeg >/dev/null || skip "no ffmpeg"
+    command -v ffmpeg >/dev/null || skip "no ffmpeg (apt: ffmpeg)"
     export SPID_MODEL=$TOP/examples/model
     for seed in 1 8; do
         spid-synth -q -n 1 -s $seed --effects 0 --size 512 --head "$HEAD" \
@@ -225,7 +225,7 @@ contrasts() {
 }
 
 @test "closed lids are skin: neither pupil nor white shows through" {
-    command -v ffmpeg >/dev/null || skip "no ffmpeg"
+    command -v ffmpeg >/dev/null || skip "no ffmpeg (apt: ffmpeg)"
     export SPID_MODEL=$TOP/examples/model
     spid-shape -q "$TOP/examples/photo.jpg" -o own.spid
     posed lid 0 1
@@ -237,7 +237,7 @@ contrasts() {
 }
 
 @test "a dropped jaw shows lit teeth, and no black hole" {
-    command -v ffmpeg >/dev/null || skip "no ffmpeg"
+    command -v ffmpeg >/dev/null || skip "no ffmpeg (apt: ffmpeg)"
     export SPID_MODEL=$TOP/examples/model
     spid-shape -q "$TOP/examples/photo.jpg" -o own.spid
     posed jaw 0.1 0.2 0.3
@@ -247,7 +247,7 @@ contrasts() {
 }
 
 @test "a dropped jaw leaves neither notch nor spur beside the neck" {
-    command -v ffmpeg >/dev/null || skip "no ffmpeg"
+    command -v ffmpeg >/dev/null || skip "no ffmpeg (apt: ffmpeg)"
     export SPID_MODEL=$TOP/examples/model
     spid-shape -q "$TOP/examples/photo.jpg" -o own.spid
     posed jaw 0 0.35
@@ -263,7 +263,7 @@ PY
 }
 
 @test "eyes that the photograph shows shut open onto iris and white" {
-    command -v ffmpeg >/dev/null || skip "no ffmpeg"
+    command -v ffmpeg >/dev/null || skip "no ffmpeg (apt: ffmpeg)"
     export SPID_MODEL=$TOP/examples/model
     spid-synth -q --first 1 -s 20 --frames 21 --fps 12 --effects 0 \
         --head "$HEAD" -o blink%d.png
@@ -274,7 +274,7 @@ PY
 }
 
 @test "twice the focal length shows the middle, the photograph too" {
-    command -v ffmpeg >/dev/null || skip "no ffmpeg"
+    command -v ffmpeg >/dev/null || skip "no ffmpeg (apt: ffmpeg)"
     piped avatar.spid source.png
     spid-splat -q --size 256 gaus.spid -o whole.png
     spid-splat -q --size 128 --focal 24 gaus.spid -o near.png

@@ -11,7 +11,7 @@ prepare() {
 
 # pixels FILE.png: its RGB bytes as FILE.npy (height, width, 3).
 pixels() {
-    command -v ffmpeg >/dev/null || skip "no ffmpeg"
+    command -v ffmpeg >/dev/null || skip "no ffmpeg (apt: ffmpeg)"
     ffmpeg -v error -y -i "$1" -f rawvideo -pix_fmt rgb24 raw
     "$PYTHON" - "$1" "${1%.png}.npy" <<'PY'
 import struct

@@ -40,8 +40,8 @@ train() {
 }
 
 @test "two processes give the loss curve of one" {
-    command -v mpirun || skip "no mpirun"
-    ldd "$(command -v spid-train)" | grep -q libmpi || skip "built without MPI"
+    command -v mpirun || skip "no mpirun (apt: openmpi-bin)"
+    ldd "$(command -v spid-train)" | grep -q libmpi || skip "built without MPI (apt: libopenmpi-dev, then make)"
     # sums in another order differ in the last digit; short steps keep it small
     sed 's/"rate":1e-3/"rate":1e-4/' "$DIR/m.json" >"$DIR/slow.json"
     train -q -c "$DIR/slow.json" -o "$DIR/one" "$DIR/p.spid"
@@ -118,8 +118,8 @@ J
 }
 
 @test "two processes teach one discriminator" {
-    command -v mpirun || skip "no mpirun"
-    ldd "$(command -v spid-train)" | grep -q libmpi || skip "built without MPI"
+    command -v mpirun || skip "no mpirun (apt: openmpi-bin)"
+    ldd "$(command -v spid-train)" | grep -q libmpi || skip "built without MPI (apt: libopenmpi-dev, then make)"
     cd "$BATS_TEST_TMPDIR"
     spid-synth --people 3 --frames 2 --size 64 --seed 7 -q -o p.spid
     small_avatar ',"adversarial":0.1' | sed 's/1e-3/1e-4/' >with.json

@@ -5,7 +5,7 @@ load helper
 # names; clips a and b of aligned faces; want: torch's cosines, a line a frame.
 prepare() {
     PYTHON=/usr/bin/python3
-    "$PYTHON" -c 'import torch, numpy' 2>/dev/null || skip "no torch to compare with"
+    "$PYTHON" -c 'import torch, numpy' 2>/dev/null || skip "no torch to compare with (apt: python3-torch)"
     cat >net.py <<'PY'
 import json, struct, sys
 import numpy as np, torch

@@ -5,7 +5,7 @@ load animate
 prepare() { animate_files; }
 
 @test "two clips: each drives itself and the other, the table says how" {
-    command -v ffmpeg >/dev/null || skip "no ffmpeg"
+    command -v ffmpeg >/dev/null || skip "no ffmpeg (apt: ffmpeg)"
     export SPID_MODEL=$PWD/model
     spid-synth -q -n 1 --frames 3 -s 31 --first 2 --effects 0 --size 256 \
         --head "$HEAD" -o other.y4m
@@ -25,7 +25,7 @@ prepare() { animate_files; }
 }
 
 @test "a clip shorter than -n is taken whole" {
-    command -v ffmpeg >/dev/null || skip "no ffmpeg"
+    command -v ffmpeg >/dev/null || skip "no ffmpeg (apt: ffmpeg)"
     export SPID_MODEL=$PWD/model
     status 0 "$TOP/examples/reenact.sh" -s -n 50 -o short drive.y4m
     [ "$(ls short/self/drive | wc -l)" -eq "$(ls short/truth/drive | wc -l)" ]
@@ -33,7 +33,7 @@ prepare() { animate_files; }
 }
 
 @test "--turned: a clip starts at its most turned frame and goes to the farther end" {
-    command -v ffmpeg >/dev/null || skip "no ffmpeg"
+    command -v ffmpeg >/dev/null || skip "no ffmpeg (apt: ffmpeg)"
     export SPID_MODEL=$PWD/model
     spid-synth -q -n 1 --frames 4 -s 31 --first 2 --effects 0 --size 256 --fps 20 \
         --turn 0,5,10,25 --head "$HEAD" -o turns.y4m

@@ -41,7 +41,7 @@ PY
     one_line
     has "gnuplot-nox"
     [ ! -e cost.png ] && [ ! -e cost.part.png ]
-    command -v gnuplot >/dev/null || skip "no gnuplot"
+    command -v gnuplot >/dev/null || skip "no gnuplot (apt: gnuplot-nox)"
     "${HARD[@]}" --plot cost.png -o /dev/null
     [ "$(head -c 4 cost.png | tail -c 3)" = PNG ]
 }

@@ -16,7 +16,7 @@ np.save("color.npy", rng.uniform(0, 1, (n, 5)).astype("f4"))
 np.save("branch.npy", np.zeros(n, "u1"))
 np.save("cam.npy", np.array([[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 12]], "f4"))
 PY
-    /usr/bin/python3 -c 'import numpy' 2>/dev/null || skip "no numpy"
+    /usr/bin/python3 -c 'import numpy' 2>/dev/null || skip "no numpy (apt: python3-numpy)"
     /usr/bin/python3 make.py
     spid-pack -t GAUS mean.npy scale.npy quat.npy opacity.npy color.npy \
         branch.npy cam.npy -o scene.spid
@@ -45,7 +45,7 @@ PY
 
 @test "an independent reader opens the PLY" {
     spid-export -q scene.spid --ply face.ply
-    [ -d "$TOP/build/npm/node_modules/@loaders.gl/ply" ] || skip "no loaders.gl (make deps with npm)"
+    [ -d "$TOP/build/npm/node_modules/@loaders.gl/ply" ] || skip "no loaders.gl (apt: npm, then make deps)"
     /usr/bin/python3 -c 'import numpy as n
 m = n.load("mean.npy") * [-1, -1, 1]
 print("400 vertices, mean %.5f" % m.mean())' >expected
@@ -70,7 +70,7 @@ print("400 vertices, mean %.5f" % m.mean())' >expected
 }
 
 @test "three hundred frames take the memory of ten" {
-    [[ $BUILD != *sanitize* ]] || skip "a sanitizer's memory is not the program's"
+    [[ $BUILD != *sanitize* ]] || skip "a sanitizer's memory is not the program's (no SANITIZE)"
     cat >frames.py <<'PY'
 import numpy as np
 for n in (10, 300):
@@ -105,7 +105,7 @@ PY
 @test "a GLB of Gaussians is clean to our lint and to the Khronos validator" {
     spid-export -q scene.spid --glb-splats face.glb
     spid-export --lint face.glb
-    [ -d "$TOP/build/npm/node_modules/gltf-validator" ] || skip "no gltf-validator (make deps with npm)"
+    [ -d "$TOP/build/npm/node_modules/gltf-validator" ] || skip "no gltf-validator (apt: npm, then make deps)"
     node "$TOP/tests/npm/validate.cjs" face.glb
 }
 
@@ -128,7 +128,7 @@ PY
 
 @test "a GLB of the head is clean to the Khronos validator, and the same bytes twice" {
     HEAD=$TOP/${BUILD:-build}/share/spid/head.safetensors
-    [ -e "$HEAD" ] || skip "no head model built"
+    [ -e "$HEAD" ] || skip "no head model built (make)"
     moving 30
     spid-export -q --head "$HEAD" motion.spid --glb-head a.glb
     spid-export -q --head "$HEAD" --expressions 100 --correctives motion.spid --glb-head b.glb
@@ -147,13 +147,13 @@ for s in sparse:
 PY
     /usr/bin/python3 sparse.py a.glb
     /usr/bin/python3 sparse.py b.glb
-    [ -d "$TOP/build/npm/node_modules/gltf-validator" ] || skip "no gltf-validator (make deps with npm)"
+    [ -d "$TOP/build/npm/node_modules/gltf-validator" ] || skip "no gltf-validator (apt: npm, then make deps)"
     node "$TOP/tests/npm/validate.cjs" a.glb b.glb
 }
 
 @test "a GLB of the head is read back, and the difference to our mesh printed" {
     HEAD=$TOP/${BUILD:-build}/share/spid/head.safetensors
-    [ -e "$HEAD" ] || skip "no head model built"
+    [ -e "$HEAD" ] || skip "no head model built (make)"
     moving 3
     spid-export --head "$HEAD" motion.spid --glb-head few.glb >out
     spid-export --head "$HEAD" --expressions 198 --correctives motion.spid --glb-head all.glb >>out
@@ -315,7 +315,7 @@ PY
 
 @test "SuperSplat's own tool reads both forms of PLY and writes what we read" {
     tool=$TOP/build/npm/node_modules/@playcanvas/splat-transform/bin/cli.mjs
-    [ -e "$tool" ] || skip "no npm @playcanvas/splat-transform (make deps with npm)"
+    [ -e "$tool" ] || skip "no npm @playcanvas/splat-transform (apt: npm, then make deps)"
     spid-export -q scene.spid --ply a.ply --ply-compressed c.ply
     node "$tool" -w a.ply theirs.compressed.ply
     node "$tool" -w c.ply theirs.ply

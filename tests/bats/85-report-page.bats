@@ -5,7 +5,7 @@ TOP=${TOP:-$(cd "$BATS_TEST_DIRNAME/../.." && pwd)}
 
 setup() {
     cd "$BATS_TEST_TMPDIR"
-    command -v ffmpeg >/dev/null || skip "no ffmpeg"
+    command -v ffmpeg >/dev/null || skip "no ffmpeg (apt: ffmpeg)"
     mkdir run
     ffmpeg -nostdin -v error -f lavfi -i testsrc=size=64x64:rate=10 -frames:v 12 \
         -pix_fmt yuv420p run/driver.mp4
@@ -68,9 +68,9 @@ turning() {
 }
 
 @test "a browser without a network plays it, wipes it and follows its charts" {
-    CHROMIUM=$(command -v chromium || command -v chromium-browser) || skip "no chromium"
+    CHROMIUM=$(command -v chromium || command -v chromium-browser) || skip "no chromium (apt: chromium)"
     export CHROMIUM
-    [ -d "$TOP/build/npm/node_modules/playwright-core" ] || skip "no playwright-core (make deps with npm)"
+    [ -d "$TOP/build/npm/node_modules/playwright-core" ] || skip "no playwright-core (apt: npm, then make deps)"
     for c in driver=0xc82828 avatar=0x283cc8; do
         ffmpeg -nostdin -v error -y -f lavfi -i color=${c#*=}:size=64x64:rate=10 -frames:v 12 \
             -pix_fmt yuv420p run/${c%%=*}.mp4

@@ -36,13 +36,13 @@ setup() {
     ln -s "$BATS_FILE_TMPDIR"/*.spid .
 }
 
-need_player() { [ -e "$PLAYER" ] || skip "no player.html (make web, with npm)"; }
+need_player() { [ -e "$PLAYER" ] || skip "no player.html (apt: npm, then make web)"; }
 
 need_browser() {
     need_player
-    CHROMIUM=$(command -v chromium || command -v chromium-browser) || skip "no chromium"
+    CHROMIUM=$(command -v chromium || command -v chromium-browser) || skip "no chromium (apt: chromium)"
     export CHROMIUM
-    [ -d "$TOP/build/npm/node_modules/playwright-core" ] || skip "no playwright-core (make deps with npm)"
+    [ -d "$TOP/build/npm/node_modules/playwright-core" ] || skip "no playwright-core (apt: npm, then make deps)"
 }
 
 # refused CODE TEXT COMMAND...: one line with TEXT, and no page.

@@ -10,7 +10,7 @@ MODEL=$TOP/examples/model/model.safetensors
         "$python" -c 'import onnx' 2>/dev/null && break
         python=
     done
-    [ -n "$python" ] || skip "no python3-onnx"
+    [ -n "$python" ] || skip "no onnx (apt: python3-onnx)"
     spid-export -m "$MODEL" --onnx nets
     [ "$(ls nets | wc -l)" -eq 9 ]
     "$python" - nets/*.onnx <<'PY'

@@ -23,14 +23,14 @@ setup_file() {
 
 setup() {
     cd "$BATS_TEST_TMPDIR"
-    [ -e "$SHARE/player-live.html" ] || skip "no player-live.html (make web, with npm)"
+    [ -e "$SHARE/player-live.html" ] || skip "no player-live.html (apt: npm, then make web)"
     ln -s "$BATS_FILE_TMPDIR"/*.* .
 }
 
 need_browser() {
-    CHROMIUM=$(command -v chromium || command -v chromium-browser) || skip "no chromium"
+    CHROMIUM=$(command -v chromium || command -v chromium-browser) || skip "no chromium (apt: chromium)"
     export CHROMIUM
-    [ -d "$TOP/build/npm/node_modules/playwright-core" ] || skip "no playwright-core (make deps with npm)"
+    [ -d "$TOP/build/npm/node_modules/playwright-core" ] || skip "no playwright-core (apt: npm, then make deps)"
 }
 
 @test "the page finds the motion that spid-motion finds, within 2 % of its range" {

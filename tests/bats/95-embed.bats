@@ -3,8 +3,8 @@
 load helper
 
 @test "examples/embed.c builds against what is installed and draws a head that turns" {
-    command -v pkg-config >/dev/null || skip "no pkg-config"
-    [ -z "${BUILD##build}" ] || [ -z "$BUILD" ] || skip "only for the plain build"
+    command -v pkg-config >/dev/null || skip "no pkg-config (apt: pkg-config)"
+    [ -z "${BUILD##build}" ] || [ -z "$BUILD" ] || skip "only for the plain build (no SANITIZE)"
     make -s -C "$TOP" install DESTDIR="$PWD/root" PREFIX=/opt/spid
     export PKG_CONFIG_PATH=$PWD/root/opt/spid/lib/pkgconfig
     flags=$(pkg-config --define-variable=prefix="$PWD/root/opt/spid" --cflags --libs spid)

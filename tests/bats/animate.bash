@@ -3,8 +3,8 @@
 animate_files() {
     local build=$TOP/${BUILD:-build}
     HEAD=$build/share/spid/head.safetensors
-    [ -e "$HEAD" ] || skip "no head model built"
-    [ -x "$build/tests/unit/avatar_model" ] || skip "no model maker built"
+    [ -e "$HEAD" ] || skip "no head model built (make)"
+    [ -x "$build/tests/unit/avatar_model" ] || skip "no model maker built (make tests)"
     local dir=$BATS_FILE_TMPDIR
     if [ ! -e "$dir/ready" ]; then
         mkdir -p "$dir/model"
@@ -33,6 +33,6 @@ camera() {
 
 # What the tests of spid-live start with.
 live_files() {
-    command -v ffmpeg >/dev/null || skip "no ffmpeg"
+    command -v ffmpeg >/dev/null || skip "no ffmpeg (apt: ffmpeg)"
     animate_files
 }

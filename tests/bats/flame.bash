@@ -2,7 +2,7 @@
 # The built-in head $HEAD as FLAME's files are: flame.pkl in Python 2's manner
 # with chumpy and scipy, the landmark embedding, the lids of SMIRK.
 flame_files() {
-    [ -e "$HEAD" ] || skip "no head model built"
+    [ -e "$HEAD" ] || skip "no head model built (make)"
     "$PYTHON" - "$HEAD" <<'P'
 import pickle, sys
 import numpy as np

@@ -57,5 +57,5 @@ need_numpy() {
     for PYTHON in python3 /usr/bin/python3; do
         "$PYTHON" -c 'import numpy' 2>/dev/null && return
     done
-    skip "no numpy"
+    skip "no numpy (apt: python3-numpy)"
 }

@@ -28,6 +28,9 @@ report "longer than 300 lines" < <(longer 300 '^cmd/.*\.c$')
 report "longer than 600 lines" < <(longer 600 '^(lib|formats)/.*\.(c|cc|h)$')
 report "longer than 700 lines" < <(longer 700 '^tests/.*\.c$')
 
+# make check prints why a test was skipped, so that must say what would run it.
+report "skip without (what would run it)" < <(grep -nE '\bskip "[^"]*"' tests/bats/*.ba* | grep -v '("\?[^")]*)"')
+
 # The words of SYNOPSIS on one line, as --help prints them after "Usage:".
 synopsis() {
     mandoc -T utf8 -O width=1000 "$1" | col -bx | sed 's/‐/-/g' |

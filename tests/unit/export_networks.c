@@ -359,7 +359,7 @@ int main(void)
     char command[200];
 
     if (access(VERSION, R_OK) || system("command -v node >/dev/null")) {
-        printf("no onnxruntime-node (make deps with npm)\n");
+        printf("no onnxruntime-node (apt: npm, then make deps)\n");
         return 77;
     }
     folder_make();

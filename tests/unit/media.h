@@ -37,8 +37,11 @@ media_run(const char *format, ...)
 /* Whether all of these programs are there; says which is not. */
 static inline bool media_have(const char *programs)
 {
-    return media_run("for p in %s; do command -v $p >/dev/null || "
-                     "{ echo \"$p is not there\"; exit 1; }; done", programs);
+    return media_run(
+        "for p in %s; do command -v $p >/dev/null || { case $p in "
+        "convert) d=imagemagick ;; exiftool) d=libimage-exiftool-perl ;; "
+        "jpgicc|tificc) d=liblcms2-utils ;; heif-enc) d=libheif-examples ;; "
+        "*) d=$p ;; esac; echo \"no $p (apt: $d)\"; exit 1; }; done", programs);
 }
 
 /* A picture by our reader; width 0 where it fails, and the test with it. */

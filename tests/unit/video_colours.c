@@ -135,7 +135,7 @@ int main(void)
                           "-color_primaries smpte170m -color_trc smpte170m";
 
     if (system("ffmpeg -version > /dev/null 2>&1") != 0) {
-        printf("no ffmpeg\n");
+        printf("no ffmpeg (apt: ffmpeg)\n");
         return 77;
     }
     folder_make();
