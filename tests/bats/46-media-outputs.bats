@@ -5,7 +5,7 @@ load animate
 
 prepare() {
     animate_files
-    command -v ffmpeg >/dev/null || skip "no ffmpeg"
+    command -v ffmpeg >/dev/null || skip "no ffmpeg (apt: ffmpeg)"
 }
 
 # animate DRIVER -o OUT ...: SpiD* on the baked avatar.

@@ -40,7 +40,7 @@ need_module() {
 
 @test "its example drives an avatar in a browser's three.js scene" {
     need_module
-    CHROMIUM=$(command -v chromium || command -v chromium-browser) || skip "no chromium"
+    CHROMIUM=$(command -v chromium || command -v chromium-browser) || skip "no chromium (apt: chromium)"
     export CHROMIUM
     [ -d "$TOP/build/npm/node_modules/playwright-core" ] || skip "no playwright-core (make deps with npm)"
     timeout 300 node "$TOP/tests/npm/site.cjs" site >out 2>&1 || { cat out; false; }
