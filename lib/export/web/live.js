@@ -59,9 +59,13 @@ export class Live {
     addEventListener("dragover", (e) => e.preventDefault());
     addEventListener("drop", (e) => {
       e.preventDefault();
-      const file = [...e.dataTransfer.files].find((f) => f.type.startsWith("video/"));
-      if (file) this.openFile(file);
-      else this.say("That is no video.");
+      const files = [...e.dataTransfer.files];
+      const video = files.find((f) => f.type.startsWith("video/"));
+      if (video) this.openFile(video);
+      else this.say(files.some((f) => f.type.startsWith("image/"))
+        ? "A photograph becomes an avatar in the spid programs, not in this page; " +
+          "drop a video to drive this one."
+        : "That is no video.");
     });
   }
 
