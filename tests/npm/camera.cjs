@@ -60,6 +60,24 @@ async function driven(page) {
   console.log(costs);
 }
 
+// What is kept does not grow with the frames: megabytes of the heap after a
+// collection, and again sixty pictures later.
+async function flat(page) {
+  const cdp = await page.context().newCDPSession(page);
+  const heap = async () => {
+    await cdp.send("HeapProfiler.collectGarbage");
+    return await page.evaluate(() => performance.memory.usedJSHeapSize) / 1e6;
+  };
+  const pictures = (n) => page.waitForFunction((until) => spid.drawn() >= until, n);
+  const drawn = () => page.evaluate(() => spid.drawn());
+  await pictures(await drawn() + 10);
+  const before = await heap();
+  await pictures(await drawn() + 60);
+  const after = await heap();
+  console.log(`heap ${before.toFixed(1)} MB, sixty pictures later ${after.toFixed(1)}`);
+  check(after - before < 2, "memory is flat");
+}
+
 // The mouth alone over black: the mark's letters are all that is light below.
 async function recorded(page) {
   await page.evaluate(() => document.querySelector("input[value=mouth]").click());
@@ -99,6 +117,7 @@ run(async () => {
   const { page, errors, requests, close } =
     await ready(file, { flags, width: 1100, height: 620, acceptDownloads: true });
   await driven(page);
+  await flat(page);
   await recorded(page);
   await page.click("#camera");
   check(await page.evaluate(() => !spid.live.open && !spid.live.stream), "the camera stops");
