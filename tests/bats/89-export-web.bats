@@ -22,7 +22,7 @@ setup() {
 }
 
 need_module() {
-    [ -e "$MODULE/spid-avatar.js" ] || skip "no web-module (make web, with npm)"
+    [ -e "$MODULE/spid-avatar.js" ] || skip "no web-module (apt: npm, then make web)"
     mkdir -p site/node_modules
     cp "$MODULE"/* site
     ln -s "$NPM/three" site/node_modules/three
@@ -42,7 +42,7 @@ need_module() {
     need_module
     CHROMIUM=$(command -v chromium || command -v chromium-browser) || skip "no chromium (apt: chromium)"
     export CHROMIUM
-    [ -d "$TOP/build/npm/node_modules/playwright-core" ] || skip "no playwright-core (make deps with npm)"
+    [ -d "$TOP/build/npm/node_modules/playwright-core" ] || skip "no playwright-core (apt: npm, then make deps)"
     timeout 300 node "$TOP/tests/npm/site.cjs" site >out 2>&1 || { cat out; false; }
     cat out
 }
