@@ -128,7 +128,8 @@ static double livelink_parse(char *text, char **end)
     return strtod(text, end);
 }
 
-/* "HH:MM:SS:FF.fff" as frames since midnight; -1: it is none. */
+/* "HH:MM:SS:FF.fff" as frames since midnight, or "HH:MM:SS.mmm" as the same; -1:
+ * it is none. */
 static double livelink_timecode_parse(char *text, double rate)
 {
     unsigned h, m, s;
@@ -137,10 +138,13 @@ static double livelink_timecode_parse(char *text, double rate)
     char last, *end;
 
     if (sscanf(text, "%2u:%2u:%2u%c%n", &h, &m, &s, &last, &used) != 4 ||
-        (last != ':' && last != ';') || h > 23 || m > 59 || s > 59 ||
+        !strchr(":;.,", last) || h > 23 || m > 59 || s > 59 ||
         !isdigit((unsigned char)text[used]))
         return -1;
-    f = livelink_parse(text + used, &end);
+    if (last == '.' || last == ',')
+        f = rate * livelink_parse(text + used - 1, &end);
+    else
+        f = livelink_parse(text + used, &end);
     if (*end || !(f < 1e4))
         return -1;
     return ((h * 60.0 + m) * 60.0 + s) * rate + f;

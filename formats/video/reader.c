@@ -143,6 +143,8 @@ static int reader_open_codec(struct reader *r)
     if (rc < 0)
         return rc;
     r->stream = r->file->streams[rc];
+    if (r->stream->disposition & AV_DISPOSITION_ATTACHED_PIC)
+        return AVERROR_STREAM_NOT_FOUND;        /* sound, and its cover */
     for (unsigned i = 0; i < r->file->nb_streams; i++)
         if ((int)i != rc)
             r->file->streams[i]->discard = AVDISCARD_ALL;

@@ -198,3 +198,13 @@ person() {
     [ "$(grep -c '"name":"lost"' <<<"$output")" -eq 2 ]
     [ "$(ls seen-*.png | wc -l)" -eq 4 ]
 }
+
+@test "a sound file is no clip, whatever picture lies in it" {
+    command -v ffmpeg >/dev/null || skip "no ffmpeg (apt: ffmpeg)"
+    ffmpeg -v error -f lavfi -i sine=d=0.2 -i "$TOP/examples/photo.jpg" -map 0 \
+        -map 1 -c:v mjpeg -disposition:v attached_pic cover.mp3
+    status 65 spid-motion cover.mp3 -o out.spid
+    one_line
+    has 'cover.mp3: not a video or picture'
+    [ ! -e out.spid ]
+}

@@ -140,10 +140,17 @@ numbers() {
         if (NF > 2) $0 = $0 OFS (NR == 1 ? "CheekPuff_R" : $49); print }' take.csv |
         sed '1s/CheekPuff,/CheekPuff_L,/' >sides.csv
     spid-pack -q --arkit take.csv --head "$SCANS" -o want.spid
+    # thousandths of a second in place of frames
+    awk -F, -v OFS=, 'NR > 1 { split($1, t, /[:.]/)
+        $1 = sprintf("%s:%s:%s.%06d", t[1], t[2], t[3], (t[4] + t[5] / 1000) / 60 * 1000000 + 0.5) } { print }' take.csv >clock.csv
     for f in semicolon excel tab letters small sides; do
         spid-pack -q --arkit $f.csv --head "$SCANS" -o got.spid
         cmp want.spid got.spid || { echo $f; false; }
     done
+    spid-pack -q --arkit clock.csv --head "$SCANS" -o got.spid
+    times() { spid-dump --only MOTN "$1" | sed -n 's/^MOTN frame [0-9]*, \([0-9.]*\) s.*/\1/p'; }
+    paste <(times want.spid) <(times got.spid) |
+        awk '{ d = $1 - $2; if (d < 0) d = -d; if (d > 1e-4) bad = 1 } END { exit bad || NR != 12 }'
 }
 
 @test "rows of a timecode that was there are left out and counted" {
