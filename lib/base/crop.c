@@ -87,6 +87,18 @@ void square_inside(uint8_t *inside, size_t n, size_t W, size_t H,
         }
 }
 
+void square_repeat_edges(float *rgb, size_t n, size_t step, const size_t x[2],
+                         const size_t y[2])
+{
+    for (size_t i = 0; i < n * n; i++) {
+        const size_t u = i % n < x[0] ? x[0] : i % n < x[1] ? i % n : x[1] - 1;
+        const size_t v = i / n < y[0] ? y[0] : i / n < y[1] ? i / n : y[1] - 1;
+
+        if (v * n + u != i)
+            memcpy(rgb + step * i, rgb + step * (v * n + u), 3 * sizeof *rgb);
+    }
+}
+
 /* ---- what the network's translation means ----------------------------- */
 
 /* The networks see the crop as if it were a whole picture of S pixels with

@@ -38,6 +38,13 @@ struct square square_out_of(struct square q, struct square window, double S);
 void square_inside(uint8_t *inside, size_t n, size_t W, size_t H,
                    struct square q);
 
+/* Pixels of rgb (n,n,step), of which the first three numbers count, that are
+ * not in columns x[0] to x[1] - 1 and rows y[0] to y[1] - 1 become the nearest
+ * one that is: what the matte network sees beyond a picture's edges.  Neither
+ * is empty. */
+void square_repeat_edges(float *rgb, size_t n, size_t step, const size_t x[2],
+                         const size_t y[2]);
+
 /* The network's translation t' (relative to the crop, as if the crop were a
  * whole picture of S pixels) to the portrait window's t, and back.  crop is in
  * window pixels, focal = 12 S / 2.  Exact inverses of each other; see crop.c

@@ -5,7 +5,10 @@
 #include <string.h>
 
 enum shape_form { SHAPE_BOX, SHAPE_OVAL, SHAPE_BAR, SHAPE_FORMS };
-enum shape_fill { FILL_SLOPE, FILL_STRIPES, FILL_RIPPLE, FILL_PATCH };
+enum shape_fill {
+    FILL_SLOPE, FILL_STRIPES, FILL_RIPPLE, FILL_PATCH,
+    FILL_GRAIN                  /* streaks, as wood, curtains and hair have */
+};
 
 struct shape {
     enum shape_form form;
@@ -70,9 +73,10 @@ static void clutter_shape_draw(struct shape *h, size_t n, float largest,
 
     clutter_shape_place(h, n, largest, r);
     clutter_shape_colour(h, own, r);
-    h->fill = fill < 0.45f ? FILL_SLOPE
-              : fill < 0.6f ? FILL_STRIPES
-              : fill < 0.75f || !patch->rgb ? FILL_RIPPLE : FILL_PATCH;
+    h->fill = fill < 0.35f ? FILL_SLOPE
+              : fill < 0.45f ? FILL_STRIPES
+              : fill < 0.65f ? FILL_GRAIN
+              : fill < 0.8f || !patch->rgb ? FILL_RIPPLE : FILL_PATCH;
     h->ku = wave * random_float(r, -1, 1);
     h->kv = wave * random_float(r, -1, 1);
     h->phase = random_float(r, 0, 6.28);
@@ -94,6 +98,33 @@ static const float *clutter_patch_at(const struct clutter_patch *p, float x,
     return p->rgb + p->step * ((size_t)v * p->n + (size_t)u);
 }
 
+/* Noise of period 1 between whole numbers, -1 to 1. */
+static float clutter_noise(float x)
+{
+    const float cell = floorf(x), t = x - cell;
+    float end[2];
+
+    for (int i = 0; i < 2; i++) {
+        uint32_t k = (uint32_t)((int32_t)cell + i) * 0x9e3779b9u;
+
+        k = (k ^ k >> 15) * 0x85ebca6bu;
+        k = (k ^ k >> 13) * 0xc2b2ae35u;
+        end[i] = (float)(k >> 8) / 0x800000p0f - 1;
+    }
+    return end[0] + t * (end[1] - end[0]);
+}
+
+/* Streaks along v, which wander: four octaves of noise across them. */
+static float clutter_grain(const struct shape *h, float u, float v)
+{
+    const float wander = 3 * sinf(0.03f * v + h->phase);
+    float x = (u + wander) * (0.05f + 0.1f * fabsf(h->ku)), w = 0, a = 0.6f;
+
+    for (int octave = 0; octave < 4; octave++, x *= 2.3f, a *= 0.7f)
+        w += a * clutter_noise(x + 100 * h->phase);
+    return w;
+}
+
 /* The shape's colour at (u,v), pixels along its own axes. */
 static void clutter_shape_at(float to[3], const struct shape *h,
                              const struct clutter_patch *patch, float u,
@@ -105,6 +136,8 @@ static void clutter_shape_at(float to[3], const struct shape *h,
         w = sinf(h->ku * u + h->kv * v + h->phase) > 0 ? 0.8f : -0.8f;
     if (h->fill == FILL_RIPPLE)
         w = sinf(h->ku * u + h->phase + 2 * sinf(h->kv * v));
+    if (h->fill == FILL_GRAIN)
+        w = clutter_grain(h, u, v);
     for (int c = 0; c < 3; c++)
         to[c] = h->base[c] + w * h->second[c];
     if (h->fill == FILL_PATCH)

@@ -270,6 +270,37 @@ static void portrait_compose(struct portrait *p, const struct light *l)
     }
 }
 
+/* The photograph ends where its frame does, or sooner, while the person goes
+ * on: beyond it are its last pixels. */
+static void portrait_end(struct portrait *p, bool sooner, struct random *r)
+{
+    const size_t n = p->n, room = n * 28 / 100;
+    size_t x[2] = {n, 0}, y[2] = {n, 0};
+
+    for (size_t i = 0; i < n * n; i++)
+        if (p->truth[4 * i + 1] > 0.99f) {
+            const size_t u = i % n, v = i / n;
+
+            x[0] = u < x[0] ? u : x[0];
+            x[1] = u >= x[1] ? u + 1 : x[1];
+            y[0] = v < y[0] ? v : y[0];
+            y[1] = v >= y[1] ? v + 1 : y[1];
+        }
+    for (int k = 0; k < 4 && sooner; k++) {
+        const size_t cut = random_below(r, (uint32_t)room + 1);
+        size_t *end = k < 2 ? x : y;
+
+        if (!random_chance(r, 0.4))
+            continue;
+        if (k % 2)
+            end[1] = end[1] < n - cut ? end[1] : n - cut;
+        else
+            end[0] = end[0] > cut ? end[0] : cut;
+    }
+    if (x[0] < x[1] && y[0] < y[1])
+        square_repeat_edges(p->picture, n, 4, x, y);
+}
+
 /* p->picture with its colours changed: rgb (n,n,3). */
 static int portrait_finish(float *rgb, const struct portrait *p, bool mirror,
                            const struct data_augment *how, struct random *r,
@@ -344,6 +375,7 @@ int portrait_sample(float *rgb, float *alpha, float *weight, size_t n,
         portrait_light_draw(&l, how->colour, r);
         portrait_compose(&p, &l);
     }
+    portrait_end(&p, how->jitter > 0 && random_chance(r, 0.5), r);
     portrait_truth(alpha, weight, &p, mirror);
     rc = portrait_finish(rgb, &p, mirror, how, r, err);
 out:

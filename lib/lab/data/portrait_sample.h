@@ -8,9 +8,11 @@
 
 /* A portrait of f's person, n x n pixels, perhaps mirrored, with colours
  * changed as data_sample changes them:
- *   rgb (n,n,3)   in [0,1], black outside of the picture
+ *   rgb (n,n,3)   in [0,1]; the picture's edges outside of it
  *   alpha (n,n)   the person's coverage
  *   weight (n,n)  0 where something hides the person and outside, else 1
+ * With how->jitter every other picture ends sooner than its frame, where the
+ * person's coverage is known still.
  * It shows the whole picture; with how->jitter mostly the portrait window
  * that a tracker would cut, and that not precisely.  A share how->background
  * of them stands before something else, in another light: a plain wall, often
