@@ -38,7 +38,7 @@ endif
 CFLAGS_ALL   += $(JSON_CFLAGS)
 CXXFLAGS_ALL += $(JSON_CFLAGS) $(OPENCV_CFLAGS) $(OIIO_CFLAGS)
 LIBS := -Wl,--as-needed -lcjson -lxxhash -lpng -ljpeg -lexif -llcms2 -lz -ldnnl -lopencv_core \
-        -lopencv_imgproc -lopencv_objdetect -lopencv_photo -ltinygltf -lzip \
+        -lopencv_imgproc -lopencv_objdetect -ltinygltf -lzip \
         -lonnx_proto -lprotobuf $(MPI_LIBS) -lm
 # These bring 250 and 130 others along, so they come with modules
 # (formats/module.h).

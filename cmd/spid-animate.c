@@ -109,9 +109,9 @@ static void animate_report_source(const struct prepared *s, const char *name)
     if (s->damaged)
         warn("%s: the picture is damaged or cut short: what is missing is grey",
              name);
-    if (s->disc)
-        warn("%s: no outline of the person found: the matte is a disc about "
-             "the head (--mask FILE gives a better one)", name);
+    if (s->guessed)
+        warn("%s: the matte is by the head's outline and the colours alone "
+             "(--mask FILE gives a better one)", name);
     if (cli.stats) {
         stats_end("A: shape", stats_begin() - s->shape_s);
         stats_end("A: branches", stats_begin() - s->bake_s);

@@ -8,6 +8,7 @@
 #include "lib/head/person.h"
 #include "lib/animate/refine_picture.h"
 #include "lib/animate/refine_record.h"
+#include "lib/photo/backdrop.h"
 #include "lib/stream/ahead.h"
 
 static enum nn_type precision = OPTION_PRECISION_DEFAULT;
@@ -87,8 +88,7 @@ static void refine_open_background(void)
             "-i FILE)");
     } else {
         rc = person_load_picture(&source, identity_path, &err) ||
-             background_from_source(&background, source.rgb, source.matte,
-                                    source.back, source.size, &err);
+             backdrop_of_person(&background, &source, &err);
         person_release(&source);
     }
     if (rc) {

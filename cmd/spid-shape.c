@@ -96,9 +96,9 @@ static void shape_make_identity(struct program *p, const char *path)
     if (s->turned)
         warn("%s: the face lay on its side or upside down: turned by %d "
              "degrees clockwise", path, 90 * s->turned);
-    if (s->how == SOURCE_DISC)
-        warn("%s: no outline of the person found: the matte is a disc about "
-             "the head (--mask FILE gives a better one)", path);
+    if (s->how == SOURCE_HEAD)
+        warn("%s: the matte is by the head's outline and the colours alone "
+             "(--mask FILE gives a better one)", path);
 }
 
 /* CONF, SRCI, SHAP and MOTN. */

@@ -7,7 +7,6 @@
 
 #include "formats/framesink.h"
 #include "formats/image.h"
-#include "formats/layers.h"
 #include "lib/base/crop.h"
 
 /* "white", "#rrggbb" or "r,g,b". */
@@ -89,25 +88,5 @@ int background_fit(struct background *out, const struct background *bg,
     }
     out->rgb = rgb;
     out->width = out->height = size;
-    return 0;
-}
-
-int background_from_source(struct background *bg, const uint8_t *rgb,
-                           const uint8_t *matte, const uint8_t *back,
-                           size_t n, struct error *err)
-{
-    uint8_t *out = malloc(3 * n * n);
-
-    if (!out)
-        return error_set(err, EX_OSERR, "no memory for the background");
-    if (back)
-        memcpy(out, back, 3 * n * n);
-    else if (layers_fill(out, rgb, matte, NULL, n, err)) {
-        free(out);
-        return -1;
-    }
-    background_release(bg);
-    bg->rgb = out;
-    bg->width = bg->height = n;
     return 0;
 }

@@ -54,12 +54,6 @@ void background_release(struct background *bg);
  * that is not square.  The caller releases out. */
 int background_fit(struct background *out, const struct background *bg,
                    size_t size, struct error *err);
-/* --background source: a picture rgb [n,n,3] with the person, its matte [n,n],
- * filled in from around him, or its background back [n,n,3] (NULL: filled in
- * here). */
-int background_from_source(struct background *bg, const uint8_t *rgb,
-                           const uint8_t *matte, const uint8_t *back,
-                           size_t n, struct error *err);
 
 struct framesink_options {
     const char *path;       /* "-": standard output; for PNG and EXR a

@@ -5,6 +5,8 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/photo/backdrop.h"
+
 /* SpiD* draws pictures as large as they are; the refiner works at the model's
  * size at most, and what it gives is enlarged. */
 static void framing_choose_size(struct pipeline_options *opt,
@@ -63,7 +65,7 @@ static int framing_background(struct framing *f,
 
     if (!p->rgb)
         return error_set(err, EX_DATAERR, "no picture for the background");
-    if (background_from_source(&own, p->rgb, p->matte, p->back, p->size, err))
+    if (backdrop_of_person(&own, p, err))
         return -1;
     int rc = background_fit(&f->background, &own, n, err);
     background_release(&own);

@@ -141,7 +141,7 @@ static int prepare_read_picture(struct prepared *s, struct prepare *p,
         error_prefix(err, "%s", path);
         goto out;
     }
-    s->disc = src.how == SOURCE_DISC;
+    s->guessed = src.how == SOURCE_HEAD;
     s->person = source_move_person(&src);
     s->damaged = s->picture.damaged;
     rc = 0;

@@ -48,7 +48,7 @@ struct prepared {
                                  * none */
     struct prune_report report; /* views is 0 without pruning */
     double shape_s, bake_s;     /* Phase A: crop to beta; branches */
-    bool disc;                  /* no outline found: the matte is a disc */
+    bool guessed;               /* the matte: SOURCE_HEAD */
     bool damaged;               /* the picture is, see struct image */
 };
 

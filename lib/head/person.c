@@ -66,27 +66,33 @@ static int person_read_picture(struct person *p, const struct record *rec,
     size_t S = record_find(rec, "rgb")->dim[0];
     size_t square[3] = {S, S, 3};
     const uint8_t *matte = record_get(rec, "matte", DTYPE_U8, 2, square, err);
-    const uint8_t *back = NULL;
+    const uint8_t *back = NULL, *sure = NULL;
     if (!matte || !record_get(rec, "rgb", DTYPE_U8, 3, square, err) ||
         (record_find(rec, "crop") &&
          (record_check_finite(rec, err) ||
           !(crop = record_get(rec, "crop", DTYPE_F32, 1, three, err)))) ||
         (record_find(rec, "back") &&
-         !(back = record_get(rec, "back", DTYPE_U8, 3, square, err))))
+         !(back = record_get(rec, "back", DTYPE_U8, 3, square, err))) ||
+        (record_find(rec, "sure") &&
+         !(sure = record_get(rec, "sure", DTYPE_U8, 2, square, err))))
         return -1;
     if (crop)
         memcpy(p->crop, crop, sizeof p->crop);
     free(p->rgb);
     free(p->matte);
     free(p->back);
+    free(p->sure);
     p->size = S;
     p->rgb = malloc(3 * S * S + 1);
     p->matte = malloc(S * S + 1);
     p->back = back ? malloc(3 * S * S + 1) : NULL;
-    if (!p->rgb || !p->matte || (back && !p->back))
+    p->sure = sure ? malloc(S * S + 1) : NULL;
+    if (!p->rgb || !p->matte || (back && !p->back) || (sure && !p->sure))
         return error_set(err, EX_OSERR, "no memory for the source picture");
     if (back)
         memcpy(p->back, back, 3 * S * S);
+    if (sure)
+        memcpy(p->sure, sure, S * S);
     memcpy(p->rgb, rgb, 3 * S * S);
     memcpy(p->matte, matte, S * S);
     return 1;
@@ -165,14 +171,14 @@ int person_resize(struct person *q, const struct person *p, size_t size,
     const size_t from = p->size;
     const double side = (double)from;
     const struct square all = {side / 2, side / 2, side};
-    const uint8_t *in[3] = {p->rgb, p->matte, p->back};
-    uint8_t **out[3] = {&q->rgb, &q->matte, &q->back};
+    const uint8_t *in[4] = {p->rgb, p->back, p->matte, p->sure};
+    uint8_t **out[4] = {&q->rgb, &q->back, &q->matte, &q->sure};
     bool done = true;
 
     memset(q, 0, sizeof *q);
     q->size = size;
-    for (int k = 0; k < 3 && done; k++) {
-        const int channels = k == 1 ? 1 : 3;
+    for (int k = 0; k < 4 && done; k++) {
+        const int channels = k < 2 ? 3 : 1;
 
         if (!in[k])
             continue;
@@ -190,14 +196,19 @@ int person_resize(struct person *q, const struct person *p, size_t size,
 int person_write_picture(struct stream_writer *w, const struct person *p,
                          struct error *err)
 {
-    struct array a[4] = {
-        array_make("rgb", DTYPE_U8, p->rgb, 3, p->size, p->size, 3, 0),
-        array_make("matte", DTYPE_U8, p->matte, 2, p->size, p->size, 0, 0),
-        array_make("crop", DTYPE_F32, p->crop, 1, 3, 0, 0, 0),
-        array_make("back", DTYPE_U8, p->back, 3, p->size, p->size, 3, 0)
+    const size_t S = p->size;
+    struct array a[5] = {
+        array_make("rgb", DTYPE_U8, p->rgb, 3, S, S, 3, 0),
+        array_make("matte", DTYPE_U8, p->matte, 2, S, S, 0, 0),
+        array_make("crop", DTYPE_F32, p->crop, 1, 3, 0, 0, 0)
     };
+    size_t n = 3;
 
-    return stream_write(w, RECORD_SRCI, 0, 0, a, p->back ? 4 : 3, err);
+    if (p->back)
+        a[n++] = array_make("back", DTYPE_U8, p->back, 3, S, S, 3, 0);
+    if (p->sure)
+        a[n++] = array_make("sure", DTYPE_U8, p->sure, 2, S, S, 0, 0);
+    return stream_write(w, RECORD_SRCI, 0, 0, a, n, err);
 }
 
 int person_write(struct stream_writer *w, const struct person *p, size_t nexp,
@@ -218,6 +229,7 @@ void person_release(struct person *p)
     free(p->rgb);
     free(p->matte);
     free(p->back);
+    free(p->sure);
     memset(p, 0, sizeof *p);
 }
 

@@ -22,6 +22,8 @@ struct person {
     size_t nshape;
     uint8_t *rgb, *matte;       /* (size,size,3), (size,size) */
     uint8_t *back;              /* (size,size,3) what the person hides */
+    uint8_t *sure;              /* (size,size) certainty of the matte: 255 less
+                                 * twice its standard deviation; NULL: sure */
     size_t size;                /* the window's in the source picture, from
                                  * what the networks see up to
                                  * PERSON_LARGEST */

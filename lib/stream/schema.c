@@ -15,6 +15,8 @@ static const struct schema table[] = {
     { RECORD_SRCI, "crop", "f32", "3", true, "centre x, y and size, pixels" },
     { RECORD_SRCI, "back", "u8", "H,H,3", false,
       "what the person hides, sRGB" },
+    { RECORD_SRCI, "sure", "u8", "H,H", false,
+      "certainty of matte: 255 less twice its standard deviation" },
     { RECORD_SHAP, "shape", "f32", "*", true, "beta, standard deviations" },
     { RECORD_SHAP, "person", "i32", "1", false, "number of the person" },
     { RECORD_MOTN, "rot", "f32", "3,3", true, "R of x_cam = R x + t" },

@@ -61,7 +61,8 @@ static int clip_state_init(struct clip_state *s, size_t frames,
 static int clip_resize(struct person *p, size_t size, struct error *err)
 {
     struct person small = {0}, own = {.rgb = p->rgb, .matte = p->matte,
-                                      .back = p->back, .size = p->size};
+                                      .back = p->back, .sure = p->sure,
+                                      .size = p->size};
 
     if (p->size == size)
         return 0;
@@ -70,6 +71,7 @@ static int clip_resize(struct person *p, size_t size, struct error *err)
     p->rgb = small.rgb;
     p->matte = small.matte;
     p->back = small.back;
+    p->sure = small.sure;
     p->size = small.size;
     person_release(&own);
     return 0;
@@ -125,7 +127,7 @@ static int clip_add_frame(struct clip_state *s, struct clip_report *r,
     s->width = f->width;
     s->height = f->height;
     s->good++;
-    s->outlined += src.how != SOURCE_DISC;
+    s->outlined += src.how != SOURCE_HEAD;
     s->face += face;
     s->time[r->kept] = f->time;
     s->index[r->kept] = f->index;

@@ -7,11 +7,8 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "formats/layers.h"
-#include "formats/matte.h"
 #include "lib/base/cpu.h"
-#include "lib/photo/beyond.h"
-#include "lib/photo/network_matte.h"
+#include "lib/photo/matte.h"
 #include "lib/photo/outline.h"
 #include "lib/photo/overlay.h"
 #include "lib/track/tta.h"
@@ -24,7 +21,7 @@ const char *source_matte_name(enum source_matte how)
 {
     static const char *const name[] = {
         "the file's alpha", "the mask file", "the model's matte network",
-        "GrabCut", "a disc about the head (GrabCut found no outline)"
+        "the head's outline and the colours"
     };
 
     return name[how];
@@ -178,6 +175,15 @@ out:
     return rc;
 }
 
+static void source_forget_window(struct source *s)
+{
+    free(s->person.rgb);
+    free(s->person.matte);
+    free(s->person.back);
+    free(s->person.sure);
+    free(s->inside);
+}
+
 /* The portrait window at S x S pixels, and which of them the picture has. */
 static int source_cut_window(struct source *s, const struct image *im,
                              size_t S, struct error *err)
@@ -185,13 +191,15 @@ static int source_cut_window(struct source *s, const struct image *im,
     double begun = cpu_seconds();
     int rc;
 
+    source_forget_window(s);
     s->person.size = S;
     s->person.rgb = malloc(3 * S * S);
     s->person.matte = malloc(S * S);
     s->person.back = malloc(3 * S * S);
-    free(s->inside);
+    s->person.sure = malloc(S * S);
     s->inside = malloc(S * S);
-    if (!s->person.rgb || !s->person.matte || !s->person.back || !s->inside)
+    if (!s->person.rgb || !s->person.matte || !s->person.back ||
+        !s->person.sure || !s->inside)
         return error_set(err, EX_OSERR, "no memory for the source crop");
     square_inside(s->inside, S, im->width, im->height, s->window);
     rc = crop_resize_u8(s->person.rgb, S, im->rgb, im->width, im->height,
@@ -217,34 +225,18 @@ static int source_matte_plane(struct source *s, const uint8_t *plane, size_t W,
     return rc == 0 ? 0 : error_set(err, EX_OSERR, "no memory for the matte");
 }
 
-/* Whether the matte was found in the picture, not given. */
-static bool source_matte_estimated(const struct source *s)
+/* The person's picture, as matting has it. */
+static struct matting source_matting(const struct source *s)
 {
-    return s->how >= SOURCE_NETWORK;
+    const struct person *p = &s->person;
+
+    return (struct matting){p->size, p->rgb, s->inside, p->matte, p->sure,
+                            p->back};
 }
 
-/* Person and background apart, and both beyond the picture's edges.  Only a
- * matte that was guessed is changed at its border. */
-static int source_split(struct source *s, struct error *err)
-{
-    struct person *p = &s->person;
-    int rc;
-
-    for (size_t i = 0; i < p->size * p->size; i++)
-        if (!s->inside[i])
-            p->matte[i] = 0;
-    rc = source_matte_estimated(s)
-             ? layers_split(p->matte, p->back, p->rgb, s->inside, p->size,
-                            err)
-             : layers_fill(p->back, p->rgb, p->matte, s->inside, p->size,
-                           err);
-    if (rc == 0)
-        beyond_continue(p, s->inside);
-    return rc;
-}
-
-/* silhouette [S,S]: 255 where the projected head lands. */
-static int source_project_head(uint8_t *silhouette, const struct source *s,
+/* silhouette (n,n): 255 where the projected head lands. */
+static int source_project_head(uint8_t *silhouette, size_t n,
+                               const struct source *s,
                                const struct head *head, struct error *err)
 {
     struct identity id = {0};
@@ -253,47 +245,31 @@ static int source_project_head(uint8_t *silhouette, const struct source *s,
              overlay_init(&o, &id, err) ? -1 : 0;
 
     if (rc == 0)
-        overlay_silhouette(silhouette, &o, &s->person.source, s->person.size);
+        overlay_silhouette(silhouette, &o, &s->person.source, n);
     overlay_release(&o);
     identity_release(&id);
     return rc;
 }
 
-/* By the matte network: 1, 0 where it sees no person about the head, -1. */
-static int source_matte_network(struct source *s, const uint8_t *silhouette,
-                                struct encoders *nets, struct error *err)
+/* By the model's network or by the projected head; known: beyond the picture's
+ * edges only. */
+static int source_find_matte(struct source *s, const struct head *head,
+                             struct encoders *nets, bool known,
+                             struct error *err)
 {
-    bool absurd = false;
-
-    s->how = SOURCE_NETWORK;
-    return network_matte(s->person.matte, &absurd, s->person.rgb, silhouette,
-                         s->inside, s->person.size, &nets->matte, err)
-               ? -1 : !absurd;
-}
-
-/* From the picture: by the model's network, else by GrabCut, from the
- * projected head's silhouette. */
-static int source_matte_found(struct source *s, const struct head *head,
-                              struct encoders *nets, struct error *err)
-{
-    const size_t S = s->person.size;
-    uint8_t *silhouette = malloc(S * S);
-    bool fallback = false;
-    int found = 0, rc = -1;
+    static const size_t side = MATTE_SIDE;
+    uint8_t *silhouette = malloc(side * side);
+    struct matting m = source_matting(s);
+    bool seen = false;
+    int rc = -1;
 
     if (!silhouette)
         return error_set(err, EX_OSERR, "no memory for the matte");
-    if (source_project_head(silhouette, s, head, err))
-        goto out;
-    if (nets->has_matte && S >= MATTE_SIDE)
-        found = source_matte_network(s, silhouette, nets, err);
-    rc = found < 0 ? -1 : 0;
-    if (!found) {
-        rc = matte_grabcut(s->person.matte, &fallback, s->person.rgb,
-                           silhouette, s->inside, S, err);
-        s->how = fallback ? SOURCE_DISC : SOURCE_GRABCUT;
-    }
-out:
+    if (source_project_head(silhouette, side, s, head, err) == 0)
+        rc = matte_find(&m, &seen, silhouette,
+                        nets->has_matte ? &nets->matte : NULL, known, err);
+    if (!known)
+        s->how = seen ? SOURCE_NETWORK : SOURCE_HEAD;
     free(silhouette);
     return rc;
 }
@@ -302,10 +278,12 @@ out:
 static int source_matte_given(struct source *s, const struct image *im,
                               const struct image *mask, struct error *err)
 {
-    if (mask && !mask->alpha)
-        return source_matte_plane(s, mask->rgb, im->width, im->height, 3, err);
-    return source_matte_plane(s, mask ? mask->alpha : im->alpha, im->width,
-                              im->height, 1, err);
+    const bool grey = mask && !mask->alpha;
+    const uint8_t *plane = grey ? mask->rgb : mask ? mask->alpha : im->alpha;
+
+    s->how = mask ? SOURCE_MASK : SOURCE_ALPHA;
+    return source_matte_plane(s, plane, im->width, im->height, grey ? 3 : 1,
+                              err);
 }
 
 /* The mask's, the file's own, or one found in the picture. */
@@ -313,75 +291,50 @@ static int source_make_matte(struct source *s, const struct image *im,
                              const struct image *mask, const struct head *head,
                              struct encoders *nets, struct error *err)
 {
-    double begun = cpu_seconds();
-    int rc;
+    const double begun = cpu_seconds();
+    const bool given = mask || im->alpha;
 
-    if (mask) {
-        if (mask->width != im->width || mask->height != im->height)
-            return error_set(err, EX_DATAERR, "mask of %zu x %zu pixels "
-                             "(expected %zu x %zu, as the picture)",
-                             mask->width, mask->height, im->width,
-                             im->height);
-        s->how = SOURCE_MASK;
-        rc = source_matte_given(s, im, mask, err);
-    } else if (im->alpha) {
-        s->how = SOURCE_ALPHA;
-        rc = source_matte_given(s, im, mask, err);
-    } else {
-        rc = source_matte_found(s, head, nets, err);
-    }
-    if (rc == 0)
-        rc = source_split(s, err);
-    s->matte_s = cpu_seconds() - begun;
+    if (mask && (mask->width != im->width || mask->height != im->height))
+        return error_set(err, EX_DATAERR, "mask of %zu x %zu pixels "
+                         "(expected %zu x %zu, as the picture)", mask->width,
+                         mask->height, im->width, im->height);
+    const int rc = (given && source_matte_given(s, im, mask, err)) ||
+                   source_find_matte(s, head, nets, given, err) ? -1 : 0;
+
+    s->matte_s += cpu_seconds() - begun;
     return rc;
 }
 
-/* The shape once more, by the matte. */
-static int source_fit_outline(struct source *s, const struct head *head,
-                              struct error *err)
+/* The shape once more, by the matte at the networks' size n. */
+static int source_fit_outline(struct source *s, size_t n,
+                              const struct head *head, struct error *err)
 {
+    struct person *p = &s->person, small;
     struct outline_report found;
     const double begun = cpu_seconds();
-    const int rc = outline_fit(&found, &s->person, head, err);
 
+    if (person_resize(&small, p, n, err))
+        return -1;
+    small.source = p->source;
+    small.has_source = p->has_source;
+    small.shape = p->shape;
+    small.nshape = p->nshape;
+    const int rc = outline_fit(&found, &small, head, err);
+
+    small.shape = NULL;
+    person_release(&small);
     s->shape_s += cpu_seconds() - begun;
     return rc;
 }
 
-/* The window's picture as fine as it is in the photograph, from what was
- * found at the networks' size (small). */
-static int source_refine(struct source *s, const struct person *small,
-                         const struct image *im, const struct image *mask,
-                         struct error *err)
-{
-    struct person *p = &s->person;
-
-    if (!source_matte_estimated(s) && source_matte_given(s, im, mask, err))
-        return -1;
-    return layers_enlarge(p->matte, p->back, p->rgb, p->size, small->matte,
-                          small->back, small->rgb, small->size, s->inside,
-                          !source_matte_estimated(s), err);
-}
-
-/* Where the photograph is finer than what networks see, all of it once more at
- * its own resolution. */
+/* The window's picture as fine as it is in the photograph. */
 static int source_enlarge(struct source *s, const struct image *im,
-                          const struct image *mask, struct error *err)
+                          struct error *err)
 {
     const double own = fmin(round(s->window.size), PERSON_LARGEST);
-    struct person *p = &s->person;
-    struct person small = {.rgb = p->rgb, .matte = p->matte, .back = p->back,
-                           .size = p->size};
-    double begun = cpu_seconds();
 
-    if (!(own > (double)p->size))
-        return 0;
-    p->rgb = p->matte = p->back = NULL;
-    int rc = source_cut_window(s, im, (size_t)own, err) ||
-             source_refine(s, &small, im, mask, err) ? -1 : 0;
-    person_release(&small);
-    s->matte_s += cpu_seconds() - begun;
-    return rc;
+    return own > (double)s->person.size
+               ? source_cut_window(s, im, (size_t)own, err) : 0;
 }
 
 int source_find(struct source *s, struct image *im, struct image *mask,
@@ -415,9 +368,11 @@ int source_cut_out(struct source *s, const struct image *im,
                    const struct image *mask, const struct head *head,
                    struct encoders *nets, struct error *err)
 {
-    if (source_make_matte(s, im, mask, head, nets, err) == 0 &&
-        source_fit_outline(s, head, err) == 0 &&
-        source_enlarge(s, im, mask, err) == 0)
+    const size_t n = s->person.size;
+
+    if (source_enlarge(s, im, err) == 0 &&
+        source_make_matte(s, im, mask, head, nets, err) == 0 &&
+        source_fit_outline(s, n, head, err) == 0)
         return 0;
     source_release(s);
     return -1;

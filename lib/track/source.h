@@ -15,8 +15,7 @@ enum source_matte {
     SOURCE_ALPHA,               /* the file's own alpha */
     SOURCE_MASK,                /* a mask file */
     SOURCE_NETWORK,             /* the model's matte network */
-    SOURCE_GRABCUT,             /* from colours, seeded by the head */
-    SOURCE_DISC                 /* GrabCut failed: about the head */
+    SOURCE_HEAD                 /* the head's outline and the colours */
 };
 
 struct source {

@@ -1,18 +1,16 @@
 /* The matte network about its convolutions: its loss against one computed
  * plainly, the gradient against differences, what it learns from (the picture
- * is the truth's composite, rooms and windows), and a coarse matte brought to
- * the picture's size. */
+ * is the truth's composite, rooms and windows). */
 #include <math.h>
 #include <string.h>
 
-#include "formats/matte.h"
 #include "lib/base/random.h"
 #include "lib/lab/data/clutter.h"
 #include "lib/lab/data/portrait_sample.h"
 #include "lib/net/matte_net.h"
 #include "tests/check.h"
 
-enum { N = 64, BIG = 256 };
+enum { N = 64 };
 
 static void test_loss(void)
 {
@@ -180,65 +178,11 @@ static void test_clutter(void)
     check_that("a room has edges, a blurred one less", after < 0.7 * before);
 }
 
-static void test_refine(void)
-{
-    static uint8_t rgb[3 * BIG * BIG], head[BIG * BIG], out[BIG * BIG];
-    static float coarse[N * N];
-    struct error err = {0};
-    double error = 0, elsewhere = 0;
-    bool absurd = false;
-
-    for (int i = 0; i < BIG * BIG; i++) {
-        double x = i % BIG, y = i / BIG;
-        double in = fmin(1, fmax(0, 80.5 - hypot(x - 127.5, y - 127.5)));
-        head[i] = hypot(x - 127.5, y - 127.5) < 50 ? 255 : 0;
-        memset(rgb + 3 * i, (int)(30 + 200 * in), 3);
-    }
-    /* the disc four times smaller, and a piece of somebody else */
-    for (int i = 0; i < N * N; i++) {
-        double x = i % N, y = i / N;
-        coarse[i] = (float)fmin(1, fmax(0, 20.5 - hypot(x - 31.5, y - 31.5)));
-        if (x < 6 && y < 6)
-            coarse[i] = 1;
-    }
-    REQUIRE(!matte_refine(out, &absurd, coarse, N, rgb, head, NULL, BIG, &err),
-            "%s", err.text);
-    for (int i = 0; i < BIG * BIG; i++) {
-        double want = (rgb[3 * i] - 30) / 200.0, got = out[i] / 255.0;
-        if (i % BIG < 24 && i / BIG < 24)
-            elsewhere = fmax(elsewhere, got);
-        error += fabs(got - want) / (BIG * BIG);
-    }
-    check_that("a sensible matte", !absurd);
-    check("what hangs together with no head is left out", elsewhere, 0.01);
-    check("mean distance from the fine outline", error, 0.006);
-    /* undecided to the right, inside and outside of the disc */
-    error = 0;
-    for (int i = 0; i < N * N; i++) {
-        double x = i % N, y = i / N;
-        coarse[i] = x > 38 && y > 20 && y < 44 ? 0.5f
-                    : hypot(x - 31.5, y - 31.5) < 20 ? 1 : 0;
-    }
-    REQUIRE(!matte_refine(out, &absurd, coarse, N, rgb, head, NULL, BIG, &err),
-            "%s", err.text);
-    for (int i = 0; i < BIG * BIG; i++)
-        error += fabs(out[i] / 255.0 - (rgb[3 * i] - 30) / 200.0) /
-                 (BIG * BIG);
-    check_that("undecided, but not absurd", !absurd);
-    check("the colours settle it, mean distance", error, 0.012);
-    for (int i = 0; i < N * N; i++)
-        coarse[i] = 0;
-    REQUIRE(!matte_refine(out, &absurd, coarse, N, rgb, head, NULL, BIG, &err),
-            "%s", err.text);
-    check_that("nobody about the head is absurd", absurd);
-}
-
 int main(void)
 {
     test_loss();
     test_sample();
     test_window();
     test_clutter();
-    test_refine();
     return check_status();
 }

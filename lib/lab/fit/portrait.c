@@ -6,10 +6,11 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "formats/layers.h"
-#include "formats/matte.h"
-#include "lib/photo/network_matte.h"
+#include "lib/photo/matte.h"
 #include "lib/photo/overlay.h"
+
+/* Mean certainty of a mask, of 255, from which on its wall is plain. */
+#define PLAIN 252
 
 int portrait_init(struct portrait *p, size_t size, struct error *err)
 {
@@ -20,7 +21,7 @@ int portrait_init(struct portrait *p, size_t size, struct error *err)
     p->mask = malloc(n);
     p->back = malloc(3 * n);
     p->alone = malloc(3 * n);
-    p->scratch = malloc(2 * n);
+    p->scratch = malloc(2 * n + MATTE_SIDE * MATTE_SIDE);
     if (p->rgb && p->mask && p->back && p->alone && p->scratch)
         return 0;
     portrait_release(p);
@@ -52,43 +53,16 @@ static int portrait_silhouette(uint8_t *silhouette, size_t size,
     return 0;
 }
 
-/* Mask and back from the posed head's silhouette, by the matte network where it
- * is there and sees somebody, else by GrabCut. */
-static int portrait_estimate(struct portrait *p, const uint8_t *silhouette,
-                             const uint8_t *inside, struct error *err)
+/* Mean certainty of a mask, 0 to 255, where the picture is. */
+static double portrait_certainty(const struct matting *m)
 {
-    bool absurd = true, fallback;
+    double sum = 0, all = 0;
 
-    if (p->net && p->size >= MATTE_SIDE &&
-        network_matte(p->mask, &absurd, p->rgb, silhouette, inside, p->size,
-                      p->net, err))
-        return -1;
-    if (absurd && matte_grabcut(p->mask, &fallback, p->rgb, silhouette, inside,
-                                p->size, err))
-        return -1;
-    for (size_t i = 0; i < p->size * p->size; i++)
-        if (!inside[i])
-            p->mask[i] = 0;
-    return layers_split(p->mask, p->back, p->rgb, inside, p->size, err);
-}
-
-/* Mask and back by the colour of a plain wall, else estimated. */
-static int portrait_split(struct portrait *p, const uint8_t *silhouette,
-                          const uint8_t *inside, struct error *err)
-{
-    bool plain;
-
-    if (matte_wall(p->mask, &plain, p->rgb, silhouette, inside, p->size, err))
-        return -1;
-    p->plain = plain;
-    if (!plain)
-        return portrait_estimate(p, silhouette, inside, err);
-    if (layers_fill(p->back, p->rgb, p->mask, inside, p->size, err))
-        return -1;
-    for (size_t i = 0; i < p->size * p->size; i++)
-        if (!inside[i])
-            memcpy(p->rgb + 3 * i, p->back + 3 * i, 3);
-    return 0;
+    for (size_t i = 0; i < m->n * m->n; i++) {
+        sum += m->sure[i];
+        all += m->inside[i] > 0;
+    }
+    return all > 0 ? sum / all : 0;
 }
 
 /* The person over black: what of rgb is not what the matte lets through. */
@@ -105,17 +79,23 @@ static void portrait_part(struct portrait *p)
 
 int portrait_cut(struct portrait *p, const uint8_t *rgb, size_t W, size_t H,
                  struct square window, const struct identity *id,
-                 const struct motion *m, struct error *err)
+                 const struct motion *motion, struct error *err)
 {
     const size_t n = p->size * p->size;
-    uint8_t *silhouette = p->scratch, *inside = silhouette + n;
+    uint8_t *sure = p->scratch, *inside = sure + n, *head = inside + n;
+    struct matting m = {p->size, p->rgb, inside, p->mask, sure, p->back};
+    bool seen;
 
     if (crop_resize_u8(p->rgb, p->size, rgb, W, H, 3 * W, 3, window))
         return error_set(err, EX_OSERR, "out of memory (window)");
     square_inside(inside, p->size, W, H, window);
-    if (portrait_silhouette(silhouette, p->size, id, m, err) ||
-        portrait_split(p, silhouette, inside, err))
+    if (portrait_silhouette(head, MATTE_SIDE, id, motion, err) ||
+        matte_find(&m, &seen, head, p->net, false, err))
         return -1;
+    p->plain = portrait_certainty(&m) >= PLAIN;
+    for (size_t i = 0; i < n; i++)
+        if (!inside[i])
+            p->mask[i] = 0;
     portrait_part(p);
     return 0;
 }

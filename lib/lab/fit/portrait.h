@@ -19,8 +19,8 @@ struct portrait {
     uint8_t *mask;              /* (size,size) 255 person, soft at the rim */
     uint8_t *back;              /* (size,size,3) what the person hides */
     uint8_t *alone;             /* (size,size,3) the person over black */
-    bool plain;                 /* the mask is by a plain wall's colour */
-    uint8_t *scratch;           /* silhouette, inside */
+    bool plain;                 /* the mask is sure nearly everywhere */
+    uint8_t *scratch;           /* certainty, inside, head */
     struct matte_net *net;      /* borrowed, set by the caller, or NULL */
 };
 
@@ -29,13 +29,11 @@ int portrait_init(struct portrait *p, size_t size, struct error *err);
 /* Free what it holds; zeroed then. */
 void portrait_release(struct portrait *p);
 
-/* Fill all from the window of a picture rgb (H,W,3).  The mask is made by the
- * colour of a plain wall where there is one; else by p->net, from portraits of
- * MATTE_SIDE on; without it, or where it sees nobody, by GrabCut about the head
- * that m poses id into, softened by the colours.  It is 0 beyond the picture's
- * border, where rgb goes on as background. */
+/* Fill all from the window of a picture rgb (H,W,3).  The mask is matte_find's,
+ * with p->net or, without it, by the head that motion poses id into.  It is 0
+ * beyond the picture's border. */
 int portrait_cut(struct portrait *p, const uint8_t *rgb, size_t W, size_t H,
                  struct square window, const struct identity *id,
-                 const struct motion *m, struct error *err);
+                 const struct motion *motion, struct error *err);
 
 #endif

@@ -1,0 +1,328 @@
+/* The background behind a person: patches of what is seen of it, put where they
+ * continue it best (Wexler et al. 2007, with the search of Barnes et al. 2009),
+ * in cells; then the picture's own pixels from there, with what they are off by
+ * at the edge of the hole taken out (as in Perez et al. 2003). */
+#include "lib/photo/backdrop.h"
+
+#include <math.h>
+#include <stdbool.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "lib/photo/pyramid.h"
+
+#define SIDE 64                 /* cells across */
+#define CELLS (SIDE * SIDE)
+#define REACH 2                 /* cells to each side of a patch's middle */
+#define PATCH (2 * REACH + 1)
+#define ROUNDS 12               /* of searching and voting */
+#define DOUBT 0.02f             /* how much colours count that nobody has seen:
+                                 * the means of what is about them */
+#define SEEN 0.9f               /* share of a cell that makes it seen */
+
+struct backdrop {
+    float known[CELLS];         /* how much of a cell is seen, 0..1 */
+    float trust[CELLS];         /* how much its colour counts: that, and in the
+                                 * hole more from round to round */
+    float colour[CELLS][3];     /* 0..255, also in the hole */
+    float sum[CELLS * 4 / 3 + 1][4];    /* for pyramid_pool */
+    int32_t from[CELLS];        /* the cell that this one is like, -1: itself */
+    int32_t source[CELLS];      /* cells whose patch is seen: */
+    uint32_t sources;           /* so many */
+    uint8_t is_source[CELLS];
+    uint32_t noise;
+};
+
+/* A number in 0..n-1, the next of a fixed sequence. */
+static int32_t backdrop_random(struct backdrop *b, uint32_t n)
+{
+    b->noise = b->noise * 1664525u + 1013904223u;
+    return (int32_t)((uint64_t)b->noise * n >> 32);
+}
+
+/* ---- what is seen ------------------------------------------------------- */
+
+/* The cells' colours from those of the pixels that are mostly background; where
+ * there are none, of the cells about them. */
+static void backdrop_gather(struct backdrop *b, const struct matting *m)
+{
+    static const float any[4] = {1, 128, 128, 128};
+    const size_t n = m->n;
+    const float pixels = (float)(n * n) / CELLS;
+
+    for (size_t i = 0; i < n * n; i++) {
+        const size_t cell = i / n * SIDE / n * SIDE + i % n * SIDE / n;
+        const int w = (127 - m->alpha[i]) * m->sure[i];
+        float *to = b->sum[cell];
+
+        b->known[cell]++;
+        if (w <= 0 || !m->inside[i])
+            continue;
+        to[0] += (float)w / (127 * 255);
+        for (size_t c = 0; c < 3; c++)
+            to[1 + c] += (float)w / (127 * 255) * m->back[3 * i + c];
+    }
+    for (size_t i = 0; i < CELLS; i++)
+        b->trust[i] = b->known[i] =
+            b->known[i] > 0 ? b->sum[i][0] / b->known[i] : 0;
+    pyramid_pool(b->sum[0], SIDE, 4, 0.01f * pixels, any);
+    for (size_t i = 0; i < CELLS; i++)
+        for (size_t c = 0; c < 3; c++)
+            b->colour[i][c] = b->sum[i][1 + c] / b->sum[i][0];
+}
+
+/* The least that is seen of a cell within `reach` of cell i; 0 beyond the
+ * picture, or `beyond`. */
+static float backdrop_least(const struct backdrop *b, int i, int reach,
+                            float beyond)
+{
+    float least = 1;
+
+    for (int v = i / SIDE - reach; v <= i / SIDE + reach; v++)
+        for (int u = i % SIDE - reach; u <= i % SIDE + reach; u++)
+            least = fminf(least, u < 0 || u >= SIDE || v < 0 || v >= SIDE
+                                     ? beyond : b->known[v * SIDE + u]);
+    return least;
+}
+
+/* Whose patch is seen; and the cells of the hole, with those beside it that
+ * tell how well it is filled, as any of them to begin with. */
+static void backdrop_start(struct backdrop *b)
+{
+    for (int i = 0; i < CELLS; i++)
+        if (backdrop_least(b, i, REACH, 0) >= SEEN) {
+            b->is_source[i] = 1;
+            b->source[b->sources++] = i;
+        }
+    for (int i = 0; i < CELLS; i++)
+        b->from[i] = b->sources && backdrop_least(b, i, 1, 1) < SEEN
+                         ? b->source[backdrop_random(b, b->sources)] : -1;
+}
+
+/* ---- the search --------------------------------------------------------- */
+
+/* How unlike the patch about cell i is to that about cell `from`. */
+static float backdrop_distance(const struct backdrop *b, int i, int from)
+{
+    const int x = i % SIDE, y = i / SIDE;
+    float sum = 0, all = 0;
+
+    for (int v = -REACH; v <= REACH; v++)
+        for (int u = -REACH; u <= REACH; u++) {
+            if (x + u < 0 || x + u >= SIDE || y + v < 0 || y + v >= SIDE)
+                continue;
+            const float *p = b->colour[i + v * SIDE + u];
+            const float *q = b->colour[from + v * SIDE + u];
+            const float trust = b->trust[i + v * SIDE + u] + DOUBT;
+
+            for (int c = 0; c < 3; c++)
+                sum += trust * (p[c] - q[c]) * (p[c] - q[c]);
+            all += trust;
+        }
+    return sum / all;
+}
+
+/* Cell i takes after cell `from` if that is seen and suits it as well. */
+static void backdrop_try(struct backdrop *b, int i, int from, float *distance)
+{
+    if (from < 0 || from >= CELLS || !b->is_source[from])
+        return;
+    const float d = backdrop_distance(b, i, from);
+
+    if (d <= *distance) {
+        *distance = d;
+        b->from[i] = from;
+    }
+}
+
+/* One pass over the hole, `by` 1 or -1: what suits a cell's neighbour, moved,
+ * may suit the cell, and so may others about it and anywhere. */
+static void backdrop_search(struct backdrop *b, int by)
+{
+    for (int k = 0; k < CELLS; k++) {
+        const int i = by > 0 ? k : CELLS - 1 - k;
+        float d;
+
+        if (b->from[i] < 0)
+            continue;
+        d = backdrop_distance(b, i, b->from[i]);
+        backdrop_try(b, i, b->source[backdrop_random(b, b->sources)], &d);
+        for (uint32_t r = SIDE / 4; r > 0; r /= 2) {
+            const int u = backdrop_random(b, 2 * r + 1) - (int)r;
+            const int v = backdrop_random(b, 2 * r + 1) - (int)r;
+
+            backdrop_try(b, i, b->from[i] + v * SIDE + u, &d);
+        }
+        for (int step = by; abs(step) <= SIDE; step *= SIDE) {
+            const int beside = i - step;
+
+            if (beside >= 0 && beside < CELLS && b->from[beside] >= 0)
+                backdrop_try(b, i, b->from[beside] + step, &d);
+        }
+    }
+}
+
+/* The hole's colours: the mean of what the patches over each cell say, each
+ * counting as its middle does. */
+static void backdrop_vote(struct backdrop *b)
+{
+    memset(b->sum, 0, sizeof b->sum);
+    for (int i = 0; i < CELLS; i++)
+        for (int v = -REACH; v <= REACH && b->from[i] >= 0; v++)
+            for (int u = -REACH; u <= REACH; u++) {
+                const int x = i % SIDE + u, y = i / SIDE + v;
+                const float trust = b->trust[i] + DOUBT;
+
+                if (x < 0 || x >= SIDE || y < 0 || y >= SIDE)
+                    continue;
+                b->sum[y * SIDE + x][0] += trust;
+                for (int c = 0; c < 3; c++)
+                    b->sum[y * SIDE + x][1 + c] += trust *
+                        b->colour[b->from[i] + v * SIDE + u][c];
+            }
+    for (int i = 0; i < CELLS; i++) {
+        const float all = b->sum[i][0], share = all / (PATCH * PATCH);
+
+        for (int c = 0; c < 3 && b->known[i] < SEEN && all > 0; c++)
+            b->colour[i][c] = b->sum[i][1 + c] / all;
+        b->trust[i] = share > b->trust[i] ? share : b->trust[i];
+    }
+}
+
+/* sum: what the cells beside the hole, which are seen, differ by from what is
+ * copied there; in the hole, as about it. */
+static void backdrop_compare(struct backdrop *b)
+{
+    static const float none[4] = {1, 0, 0, 0};
+
+    memset(b->sum, 0, sizeof b->sum);
+    for (int i = 0; i < CELLS; i++) {
+        b->sum[i][0] = b->from[i] >= 0 && b->known[i] >= SEEN;
+        for (int c = 0; c < 3 && b->sum[i][0] > 0; c++)
+            b->sum[i][1 + c] = b->colour[i][c] - b->colour[b->from[i]][c];
+    }
+    pyramid_pool(b->sum[0], SIDE, 4, 0.01f, none);
+}
+
+/* ---- at the picture's size ---------------------------------------------- */
+
+/* Whether a pixel's background is not known. */
+static bool backdrop_hidden(const struct matting *m, size_t i)
+{
+    return !m->inside[i] || m->alpha[i] == 255;
+}
+
+/* Pixel (x,y), hidden, as cell i says: what that copies there or, where there
+ * is nothing to copy, its colour.  to (3), 0..255. */
+static void backdrop_copy(float to[3], const struct matting *m,
+                          const struct backdrop *b, int i, int x, int y)
+{
+    const int n = (int)m->n, from = b->from[i] < 0 ? i : b->from[i];
+    const int u = x + (from % SIDE - i % SIDE) * n / SIDE;
+    const int v = y + (from / SIDE - i / SIDE) * n / SIDE;
+    const size_t copy = (size_t)(v * n + u);
+    const bool seen = b->from[i] >= 0 && !backdrop_hidden(m, copy);
+
+    for (size_t c = 0; c < 3; c++)
+        to[c] = (seen ? m->back[3 * copy + c] : b->colour[from][c]) +
+                (b->from[i] < 0 ? 0 : b->sum[i][1 + c] / b->sum[i][0]);
+}
+
+/* A hidden pixel: the mean of what the four cells about it say. */
+static void backdrop_pixel(uint8_t *out, const struct matting *m,
+                           const struct backdrop *b, size_t x, size_t y)
+{
+    float t[2][2], sum[3] = {0}, all = 0, one[3];
+    const size_t u = pyramid_between(&t[0][1], x, m->n, SIDE);
+    const size_t v = pyramid_between(&t[1][1], y, m->n, SIDE);
+
+    t[0][0] = 1 - t[0][1];
+    t[1][0] = 1 - t[1][1];
+    for (size_t q = 0; q < 4; q++) {
+        const int i = (int)((v + q / 2) * SIDE + u + q % 2);
+        const float w = t[0][q % 2] * t[1][q / 2];
+
+        if (w < 0.001f || (b->from[i] < 0 && b->sources))
+            continue;
+        backdrop_copy(one, m, b, i, (int)x, (int)y);
+        all += w;
+        for (int c = 0; c < 3; c++)
+            sum[c] += w * one[c];
+    }
+    for (int c = 0; c < 3 && all > 0; c++) {
+        const float value = sum[c] / all + 0.5f;
+
+        out[c] = (uint8_t)(value < 0 ? 0 : value > 255 ? 255 : value);
+    }
+}
+
+int backdrop_fill(struct matting *m, struct error *err)
+{
+    const size_t n = m->n;
+    struct backdrop *b = calloc(1, sizeof *b);
+
+    if (!b)
+        return error_set(err, EX_OSERR, "no memory for the background");
+    backdrop_gather(b, m);
+    backdrop_start(b);
+    for (int round = 0; round < ROUNDS && b->sources; round++) {
+        backdrop_search(b, round % 2 ? -1 : 1);
+        backdrop_vote(b);
+    }
+    backdrop_compare(b);
+#pragma omp parallel for schedule(dynamic, 4096)
+    for (size_t i = 0; i < n * n; i++) {
+        const unsigned a = m->alpha[i];
+
+        if (!backdrop_hidden(m, i))
+            continue;
+        backdrop_pixel(m->back + 3 * i, m, b, i % n, i / n);
+        for (size_t c = 3 * i; c < 3 * i + 3 && !m->inside[i]; c++)
+            m->rgb[c] = (uint8_t)((a * m->rgb[c] + (255 - a) * m->back[c]) /
+                                  255);
+    }
+    free(b);
+    return 0;
+}
+
+/* p's background, found as if it was the matte alone that is known. */
+static int backdrop_find(uint8_t *back, const struct person *p,
+                         struct error *err)
+{
+    const size_t n = p->size * p->size;
+    uint8_t *copy = malloc(6 * n);
+    struct matting m = {p->size, copy, copy + 3 * n, copy + 4 * n,
+                        copy + 5 * n, back};
+    int rc;
+
+    if (!copy)
+        return error_set(err, EX_OSERR, "no memory for the background");
+    memcpy(copy, p->rgb, 3 * n);
+    memset(copy + 3 * n, 255, n);
+    memcpy(m.alpha, p->matte, n);
+    rc = matting_solve(&m, NULL, 0, true, err);
+    free(copy);
+    return rc;
+}
+
+int backdrop_of_person(struct background *bg, const struct person *p,
+                       struct error *err)
+{
+    const size_t n = 3 * p->size * p->size;
+    uint8_t *back = malloc(n);
+    int rc = back ? 0 : error_set(err, EX_OSERR, "no memory for the picture");
+
+    if (rc == 0 && p->back)
+        memcpy(back, p->back, n);
+    else if (rc == 0)
+        rc = backdrop_find(back, p, err);
+    if (rc) {
+        free(back);
+        return rc;
+    }
+    background_release(bg);
+    bg->rgb = back;
+    bg->width = bg->height = p->size;
+    return 0;
+}
