@@ -99,6 +99,8 @@ static enum kind framesource_kind_of(const unsigned char *b, size_t n)
         return KIND_VIDEO;
     if (video_is_webp(b, n))
         return KIND_VIDEO;
+    if (n >= 12 && memcmp(b + 4, "ftypavis", 8) == 0)   /* AVIF that moves */
+        return KIND_VIDEO;
     if (n >= 9 && memcmp(b, "YUV4MPEG2", 9) == 0)
         return KIND_Y4M;
     if (n >= 2 && b[0] == 'P' && b[1] >= '5' && b[1] <= '7')

@@ -7,12 +7,6 @@
 
 #include "formats/video/table.h"
 
-/* n bytes from `at` on; whether there are so many. */
-static bool cut_bytes(AVIOContext *io, uint8_t *b, int n, int64_t at)
-{
-    return avio_seek(io, at, SEEK_SET) == at && avio_read(io, b, n) == n;
-}
-
 /* MPEG-TS has no index and announces nothing, but it is made of packets of 188
  * bytes that start with 0x47 (192 with a time before each in M2TS, 204 with
  * parity behind): a file that ends inside one was cut. */
@@ -21,7 +15,7 @@ static bool cut_transport(AVIOContext *io, int64_t size)
     static const int packet[3] = {188, 192, 204}, sync[3] = {0, 4, 0};
     uint8_t head[4 * 204];
 
-    if (!cut_bytes(io, head, sizeof head, 0))
+    if (!video_bytes(io, head, sizeof head, 0))
         return false;
     for (int i = 0; i < 3; i++) {
         bool all = true;
@@ -34,38 +28,14 @@ static bool cut_transport(AVIOContext *io, int64_t size)
     return false;
 }
 
-/* A number of EBML at *at, of which the length is coded in the leading zeros;
- * with its marker it is an element's name.  -1: none, or not known. */
-static int64_t cut_ebml(AVIOContext *io, int64_t *at, bool name)
-{
-    uint8_t b[8];
-    int n = 1;
-
-    if (!cut_bytes(io, b, 1, *at) || b[0] == 0)
-        return -1;
-    while (!(b[0] & 0x80 >> (n - 1)))
-        n++;
-    if (n > 1 && !cut_bytes(io, b + 1, n - 1, *at + 1))
-        return -1;
-    int64_t v = name ? b[0] : b[0] & (0x7f >> (n - 1));
-    bool ones = v == 0x7f >> (n - 1);
-
-    for (int i = 1; i < n; i++) {
-        v = v << 8 | b[i];
-        ones = ones && b[i] == 0xff;
-    }
-    *at += n;
-    return ones && !name ? -1 : v;
-}
-
 /* Matroska, WebM: the segment, which holds all, has a length. */
 static bool cut_matroska(AVIOContext *io, int64_t size)
 {
     int64_t at = 0;
 
     while (at < size) {
-        const int64_t name = cut_ebml(io, &at, true);
-        const int64_t bytes = cut_ebml(io, &at, false);
+        const int64_t name = video_ebml(io, &at, true);
+        const int64_t bytes = video_ebml(io, &at, false);
 
         if (name < 0 || bytes < 0)
             return false;
@@ -91,7 +61,7 @@ static bool cut_riff(AVIOContext *io, int64_t size)
 {
     uint8_t b[8];
 
-    if (!cut_bytes(io, b, sizeof b, 0) || memcmp(b, "RIFF", 4))
+    if (!video_bytes(io, b, sizeof b, 0) || memcmp(b, "RIFF", 4))
         return false;
     const int64_t bytes = cut_number(b + 4, 4);
 
@@ -108,7 +78,7 @@ static bool cut_asf(AVIOContext *io, int64_t size)
     int64_t at = 30;            /* behind the header object's own head */
     uint8_t b[48];
 
-    for (int i = 0; i < 64 && cut_bytes(io, b, sizeof b, at); i++) {
+    for (int i = 0; i < 64 && video_bytes(io, b, sizeof b, at); i++) {
         const int64_t bytes = cut_number(b + 16, 8);
 
         if (!memcmp(b, properties, sizeof properties))

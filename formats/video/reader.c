@@ -31,6 +31,7 @@ struct reader {
     AVPacket *packet;
     AVFrame *frame;
     AVStream *stream;
+    struct video_crop crop;     /* the container's */
     struct filter *weave;       /* fields to frames, once any are met */
     bool woven;                 /* there is none that could */
     struct door door;
@@ -428,27 +429,36 @@ static int reader_finish(struct reader *r, struct error *err)
     return 0;
 }
 
-/* The frame as it is, where nothing is to be done, or through the door. */
+/* The frame as it is, where nothing is to be done, or through the door;
+ * without what the container's rectangle leaves out. */
 static int reader_pass(struct reader *r, const uint8_t **rgb, size_t *width,
                        size_t *height, struct error *err)
 {
-    const size_t w = (size_t)r->frame->width, h = (size_t)r->frame->height;
+    const struct video_crop *c = &r->crop;
+    size_t w = (size_t)r->frame->width, h = (size_t)r->frame->height;
     const struct door_tag tag = reader_tag(r);
     const size_t pixel = 3 * (size_t)tag.pixels.bits / 8;
     const size_t stride = (pixel * w + 63) / 64 * 64;
+    const uint8_t *first;
 
     if (door_check_size(w, h, r->path, err) ||
         reader_make_rows(r, stride * h + 64, err) ||
         reader_convert(r, tag.pixels.bits, stride, err))
         return -1;
-    *rgb = r->rows;
+    first = r->rows;
+    if (c->left + c->right < w && c->top + c->bottom < h) {
+        first += c->top * stride + c->left * pixel;
+        w -= c->left + c->right;
+        h -= c->top + c->bottom;
+    }
+    *rgb = first;
     *width = w;
     *height = h;
     if (tag.orientation == ORIENT_UPRIGHT && tag.pixels.bits == 8 &&
         tag.aspect == 1 && stride == 3 * w)
         return 0;
-    if (door_picture(&r->door, &r->upright, w, h, &tag, r->rows, stride,
-                     r->path, err))
+    if (door_picture(&r->door, &r->upright, w, h, &tag, first, stride, r->path,
+                     err))
         return -1;
     *rgb = r->upright.rgb;
     *width = r->upright.width;
@@ -505,6 +515,7 @@ struct video_reader *reader_open(const char *path, bool bt601,
                   "decoded", path);
     } else {
         reader_announced(r);
+        r->crop = video_find_crop(r->file, r->stream);
         return &r->base;
     }
     if (r)

@@ -26,6 +26,21 @@ struct AVStream;
 bool video_is_cut(const struct AVFormatContext *file,
                   const struct AVStream *stream);
 
+/* What a container's crop rectangle leaves out on each side, pixels as
+ * stored. */
+struct video_crop {
+    size_t left, right, top, bottom;
+};
+struct video_crop video_find_crop(struct AVFormatContext *file,
+                                  const struct AVStream *stream);
+
+/* n bytes of the file from `at` on; whether there are so many. */
+struct AVIOContext;
+bool video_bytes(struct AVIOContext *io, uint8_t *b, int n, int64_t at);
+/* A number of EBML at *at, which moves behind it; name: with its marker, as
+ * elements are called.  -1: none, or not known. */
+int64_t video_ebml(struct AVIOContext *io, int64_t *at, bool name);
+
 /* The sound of a clip on its way into a file that is written. */
 struct sound;
 /* Find the sound of the clip at path and give `file` a stream for it, before

@@ -116,3 +116,36 @@ with_sound() {
         spid-live -q -m model -s -j 3 --frames 5 avatar.spid - >out.y4m
     [ "$(grep -ao FRAME out.y4m | wc -l)" -eq 5 ]
 }
+
+@test "files that stand for what people report: all their frames, in step, with 0" {
+    wild=${SPID_ASSETS:-$TOP/../shared/assets}/../wild
+    [ -d "$wild" ] || skip "no ../shared/wild (the helpers' inputs)"
+    local n
+    while read -r name n; do
+        status 0 spid-motion -q -m "$TOP/examples/model" "$wild/$name" -o m.spid
+        [ "$(spid-dump m.spid | grep -c '^MOTN')" -eq "$n" ] || {
+            echo "$name: $(spid-dump m.spid | grep -c '^MOTN') frames, not $n"
+            false
+        }
+    done <<'L'
+trim-copy.mp4 27
+trim-editlist.mp4 25
+animated.gif 12
+animated.webp 12
+animated.png 6
+matrix-hflip.mp4 24
+sar2.mp4 50
+video-starts-late.mp4 50
+L
+    status 0 run_animate "$wild/video-starts-late.mp4" -o out.mp4
+    [ "$(probe out.mp4 stream=codec_type,start_time | sort | tr '\n' ' ')" = \
+        "audio,0.000000 video,0.700000 " ]
+    # pixels twice as wide as high: as the same clip with square ones
+    status 0 spid-motion -q -m "$TOP/examples/model" "$wild/sar2.mp4" -o a.spid
+    ffmpeg -nostdin -v error -y -i "$wild/sar2.mp4" -vf scale=320:320,setsar=1 \
+        -c:v libx264 -crf 8 square.mp4
+    status 0 spid-motion -q -m "$TOP/examples/model" square.mp4 -o b.spid
+    status 0 spid-eval --motion --format json a.spid b.spid
+    [[ $output =~ \"pose_deg\":\ ([0-9.]+) ]]
+    awk "BEGIN { exit !(${BASH_REMATCH[1]} < 1) }"
+}

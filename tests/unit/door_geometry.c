@@ -140,6 +140,43 @@ static void test_crop(void)
                 media_picture("want.ppm"), 0);
 }
 
+/* So is one of the container: the clean aperture of MP4, PixelCrop of
+ * Matroska (in place of a size to show it at). */
+static void test_container_crop(void)
+{
+    static const char script[] =
+        "import struct\n"
+        "d = open('base.mp4', 'rb').read()\n"
+        "at = d.find(b'avc1', d.find(b'stsd'))\n"
+        "box = struct.pack('>I4s4I4i', 40, b'clap', 24, 1, 40, 1, -2, 1, 3, 1)\n"
+        "end = at - 4 + struct.unpack('>I', d[at - 4:at])[0]\n"
+        "d = bytearray(d[:end] + box + d[end:])\n"
+        "for name in (b'moov', b'trak', b'mdia', b'minf', b'stbl', b'stsd', "
+        "b'avc1'):\n"
+        "    i = d.find(name) - 4\n"
+        "    d[i:i + 4] = struct.pack('>I', struct.unpack('>I', d[i:i + 4])[0] "
+        "+ 40)\n"
+        "open('clap.mp4', 'wb').write(d)\n"
+        "d = bytearray(open('sar.mkv', 'rb').read())\n"
+        "i, k = d.find(b'\\x54\\xb0\\x81'), d.find(b'\\x54\\xba\\x81')\n"
+        "assert i > 0 and k > 0\n"
+        "d[i + 1], d[i + 3] = 0xcc, 7\n"
+        "d[k + 1], d[k + 3] = 0xaa, 12\n"
+        "open('crop.mkv', 'wb').write(d)\n";
+    FILE *f = fopen(folder_at("crop.py"), "w");
+
+    check_that("a script", f && fputs(script, f) >= 0 && fclose(f) == 0);
+    check_that("a clean aperture and PixelCrop",
+               media_run("ffmpeg -v error -y -i base.mp4 -c copy -aspect 2:1 "
+                         "sar.mkv && python3 crop.py && convert frame.ppm "
+                         "-crop 24x40+6+11 +repage c.ppm && convert frame.ppm "
+                         "-crop 33x44+7+0 +repage k.ppm"));
+    media_check("MP4", media_frame("clap.mp4", 0), media_picture("c.ppm"), 0);
+    square_size("crop.mkv", 33, 44);
+    media_check("Matroska", media_frame("crop.mkv", 0), media_picture("k.ppm"),
+                0);
+}
+
 /* Fields are woven as ffmpeg's bwdif does; whole frames stay as they are. */
 static void test_fields(void)
 {
@@ -185,6 +222,7 @@ int main(void)
     test_matrices();
     test_aspects();
     test_crop();
+    test_container_crop();
     test_fields();
     return folder_remove() || check_status();
 }
