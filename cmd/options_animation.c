@@ -1,5 +1,6 @@
 /* What spid-animate and spid-live do with their options, apart from the others:
  * it links the whole of lib/animate. */
+#include <string.h>
 #include <sys/stat.h>
 
 #include "cmd/options.h"
@@ -28,7 +29,8 @@ void option_animation_done(const struct animation *a)
     struct stat st;
 
     if (a->silent && !a->opt->no_sound)
-        notice("%s: without the sound of %s (%s)", a->output, a->driver_name,
+        notice("%s: without the sound of %s (%s)",
+               strcmp(a->output, "-") ? a->output : "<stdout>", a->driver_name,
                a->opt->live ? "a live picture has none"
                             : "expected .mp4 .mov .mkv or .webm for it");
     for (size_t i = 0; i < sizeof ending / sizeof *ending; i++)

@@ -185,7 +185,7 @@ static int image_read_any(struct image *im, const char *path,
 }
 
 /* Everything but PNG and JPEG, which formats/image.c has read. */
-int image_read(struct image *im, const char *path, struct error *err)
+int media_image_read(struct image *im, const char *path, struct error *err)
 {
     int rc = still_read(im, path, err);
 

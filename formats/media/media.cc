@@ -8,6 +8,7 @@ __attribute__((visibility("default"))) extern const struct media_module
     spid_media;
 
 const struct media_module spid_media = {
-    image_read, media_exr_write, panorama_read, webp_open, camera_open
+    media_image_read, media_exr_write, media_panorama_read, webp_open,
+    camera_open
 };
 }

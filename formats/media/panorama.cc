@@ -1,6 +1,6 @@
 /* Environment maps through OpenImageIO. */
 extern "C" {
-#include "formats/panorama.h"
+#include "formats/media/still.h"
 }
 
 #include <sysexits.h>
@@ -75,8 +75,8 @@ static int panorama_pixels(struct panorama *p, const char *path,
     return panorama_check_pixels(p, path, err);
 }
 
-extern "C" int panorama_read(struct panorama *p, const char *path,
-                             struct error *err)
+int media_panorama_read(struct panorama *p, const char *path,
+                        struct error *err)
 {
     int rc;
 

@@ -8,6 +8,10 @@
 #include "formats/door.h"
 #include "formats/module.h"
 
+/* image_read and panorama_read, by names that the program has not. */
+int media_image_read(struct image *im, const char *path, struct error *err);
+int media_panorama_read(struct panorama *p, const char *path,
+                        struct error *err);
 /* As image_read, for a file of these kinds; 1: it is another. */
 int still_read(struct image *im, const char *path, struct error *err);
 /* A whole file; the caller frees.  NULL and *err. */

@@ -119,7 +119,7 @@ with_sound() {
 
 @test "files that stand for what people report: all their frames, in step, with 0" {
     wild=${SPID_ASSETS:-$TOP/../shared/assets}/../wild
-    [ -d "$wild" ] || skip "no ../shared/wild (the helpers' inputs)"
+    [ -d "$wild" ] || skip "no clips of ../shared/wild (a folder beside this one)"
     local n
     while read -r name n; do
         status 0 spid-motion -q -m "$TOP/examples/model" "$wild/$name" -o m.spid
