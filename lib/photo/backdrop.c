@@ -27,7 +27,9 @@ struct backdrop {
                                  * hole more from round to round */
     float colour[CELLS][3];     /* 0..255, also in the hole */
     float sum[CELLS * 4 / 3 + 1][4];    /* for pyramid_pool */
-    int32_t from[CELLS];        /* the cell that this one is like, -1: itself */
+    int32_t from[CELLS];        /* the cell that this is like, -1: itself; */
+    int32_t shift[CELLS][2];    /* how far that is, pixels across and down, */
+    float off[CELLS][3];        /* and what it is brighter by */
     int32_t source[CELLS];      /* cells whose patch is seen: */
     uint32_t sources;           /* so many */
     uint8_t is_source[CELLS];
@@ -52,7 +54,10 @@ static void backdrop_gather(struct backdrop *b, const struct matting *m)
     const float pixels = (float)(n * n) / CELLS;
 
     for (size_t i = 0; i < n * n; i++) {
-        const size_t cell = i / n * SIDE / n * SIDE + i % n * SIDE / n;
+        const uint32_t x = (uint32_t)i % (uint32_t)n;
+        const uint32_t y = (uint32_t)i / (uint32_t)n;
+        const size_t cell = y * SIDE / (uint32_t)n * SIDE +
+                            x * SIDE / (uint32_t)n;
         const int w = (127 - m->alpha[i]) * m->sure[i];
         float *to = b->sum[cell];
 
@@ -190,9 +195,10 @@ static void backdrop_vote(struct backdrop *b)
     }
 }
 
-/* sum: what the cells beside the hole, which are seen, differ by from what is
- * copied there; in the hole, as about it. */
-static void backdrop_compare(struct backdrop *b)
+/* How far each cell's copy is from it in a picture of n by n pixels, and what
+ * it has to be brighter by: as the cells beside the hole, which are seen, differ
+ * from what would be copied there; in the hole, as about it. */
+static void backdrop_compare(struct backdrop *b, int n)
 {
     static const float none[4] = {1, 0, 0, 0};
 
@@ -203,6 +209,14 @@ static void backdrop_compare(struct backdrop *b)
             b->sum[i][1 + c] = b->colour[i][c] - b->colour[b->from[i]][c];
     }
     pyramid_pool(b->sum[0], SIDE, 4, 0.01f, none);
+    for (int i = 0; i < CELLS; i++) {
+        const int from = b->from[i] < 0 ? i : b->from[i];
+
+        b->shift[i][0] = (from % SIDE - i % SIDE) * n / SIDE;
+        b->shift[i][1] = (from / SIDE - i / SIDE) * n / SIDE;
+        for (int c = 0; c < 3 && b->from[i] >= 0; c++)
+            b->off[i][c] = b->sum[i][1 + c] / b->sum[i][0];
+    }
 }
 
 /* ---- at the picture's size ---------------------------------------------- */
@@ -218,15 +232,14 @@ static bool backdrop_hidden(const struct matting *m, size_t i)
 static void backdrop_copy(float to[3], const struct matting *m,
                           const struct backdrop *b, int i, int x, int y)
 {
-    const int n = (int)m->n, from = b->from[i] < 0 ? i : b->from[i];
-    const int u = x + (from % SIDE - i % SIDE) * n / SIDE;
-    const int v = y + (from / SIDE - i / SIDE) * n / SIDE;
-    const size_t copy = (size_t)(v * n + u);
+    const int u = x + b->shift[i][0], v = y + b->shift[i][1];
+    const int from = b->from[i] < 0 ? i : b->from[i];
+    const size_t copy = (size_t)(v * (int)m->n + u);
     const bool seen = b->from[i] >= 0 && !backdrop_hidden(m, copy);
 
     for (size_t c = 0; c < 3; c++)
         to[c] = (seen ? m->back[3 * copy + c] : b->colour[from][c]) +
-                (b->from[i] < 0 ? 0 : b->sum[i][1 + c] / b->sum[i][0]);
+                b->off[i][c];
 }
 
 /* A hidden pixel: the mean of what the four cells about it say. */
@@ -270,7 +283,7 @@ int backdrop_fill(struct matting *m, struct error *err)
         backdrop_search(b, round % 2 ? -1 : 1);
         backdrop_vote(b);
     }
-    backdrop_compare(b);
+    backdrop_compare(b, (int)n);
 #pragma omp parallel for schedule(dynamic, 4096)
     for (size_t i = 0; i < n * n; i++) {
         const unsigned a = m->alpha[i];
