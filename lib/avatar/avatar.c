@@ -67,6 +67,7 @@ static int avatar_allocate(struct avatar *a, struct error *err)
         {&s->quat, 4 * N, false}, {&s->opacity, N, false},
         {&s->color, C * N, false}, {&s->neck, N, false},
         {&s->seen, N, false}, {&a->uv, 2 * N, false}, {&a->reach, N, false},
+        {&a->tilt, 2 * N, false},
         {&d->mean, 3 * N, true}, {&d->scale, 3 * N, true},
         {&d->quat, 4 * N, true}, {&d->opacity, N, true},
         {&d->color, C * N, true}, {&a->frame_dmean, 3 * N, true},
@@ -96,6 +97,7 @@ int avatar_plan(struct avatar *a, struct nn_options opt, struct error *err)
              source_picture_init(&a->picture, c->size, err) ||
              source_mesh_init(&a->source, a->head, &a->weights, c->plane,
                               err) ||
+             tilt_init(&a->tilted, c->plane, err) ||
              static_branch_plan(&a->plane, opt, err) ||
              backbone_plan(&a->backbone, 1, c->size, opt, err) ||
              dynamic_branch_plan(&a->dynamic, points, opt, err) ||
@@ -117,6 +119,7 @@ void avatar_release(struct avatar *a)
     free(a->block);
     source_picture_release(&a->picture);
     source_mesh_release(&a->source);
+    tilt_release(&a->tilted);
     dynamic_branch_release(&a->dynamic);
     static_branch_release(&a->plane);
     mouth_branch_release(&a->mouth);
@@ -165,7 +168,7 @@ static void avatar_views(struct avatar *a)
         .n = s->n, .channels = (int)s->channels, .mean = s->mean,
         .scale = s->scale, .quat = s->quat, .opacity = s->opacity,
         .color = s->color, .branch = a->branch, .uv = a->uv, .seen = s->seen,
-        .reach = a->reach
+        .reach = a->reach, .tilt = a->tilt
     };
     a->drive = (struct drive){
         .dynamic = a->first[BRANCH_STATIC], .mouth = a->first[BRANCH_MOUTH],
@@ -191,11 +194,12 @@ void avatar_bake(struct avatar *a, const struct avatar_source *src)
     source_picture_set(&a->picture, src->rgb, src->matte, a->config.rgb_skip);
     source_mesh_set(&a->source, src->verts, src->rest, src->cam,
                     !(a->without & WITHOUT_NECK));
+    tilt_find(&a->tilted, &a->picture, &a->source);
     backbone_forward(a->features, a->picture.rgb, &a->backbone);
     /* the dynamic branch first: its decoder may write rows beyond its own,
      * which the others then write over */
     dynamic_branch_forward(&dynamic, a->features, &a->picture, &a->source,
-                           &a->dynamic);
+                           &a->tilted, &a->dynamic);
     static_branch_forward(&plane, a->features, &a->picture, &a->source,
                           &a->plane);
     memset(a->light, 0, sizeof a->light);
@@ -213,6 +217,7 @@ void avatar_bake(struct avatar *a, const struct avatar_source *src)
         memcpy(a->reach + a->first[BRANCH_MOUTH], a->mouth.reach,
                mouth.n * sizeof *a->reach);
     place_of_source(a->uv, a->all.seen, a->all.mean, src->cam, a->all.n);
+    tilt_sample(a->tilt, &a->tilted, a->uv, a->all.neck, a->all.n);
     avatar_views(a);
     if (!a->train)
         return;

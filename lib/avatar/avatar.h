@@ -36,6 +36,7 @@
 #include "lib/avatar/source_mesh.h"
 #include "lib/avatar/source_picture.h"
 #include "lib/avatar/static_branch.h"
+#include "lib/avatar/tilt.h"
 #include "lib/base/error.h"
 #include "lib/base/densify.h"
 #include "lib/base/drive.h"
@@ -80,6 +81,7 @@ struct avatar {
     /* Set by avatar_bake. */
     struct source_picture picture;
     struct source_mesh source;
+    struct tilt tilted;                 /* slopes of what the source shows */
     size_t first[BRANCH_COUNT + 1];     /* branch b: first[b]..first[b+1] */
     struct gaussians set;               /* all of them, at the source pose */
     struct drive drive;                 /* how they move */
@@ -91,6 +93,7 @@ struct avatar {
     float *uv;                          /* (N,2) places in the source picture
                                          * (lib/photo/place.h) */
     float *reach;                       /* (N) gaussian_seen */
+    float *tilt;                        /* (N,2) gaussian_shown */
 
     /* Set by avatar_drive. */
     float *densified, *ddensified;      /* (D,3) before the neck blend */

@@ -11,7 +11,7 @@
 #include "lib/stream/gaus.h"
 #include "lib/splat/splat.h"
 
-#define FLOATS 19       /* of a Gaussian beside its colours: mean to jaw */
+#define FLOATS 21       /* of a Gaussian beside its colours: mean to jaw */
 
 /* N Gaussians of C colours, the first `dynamic` on the mesh; no neck blend. */
 static int baked_allocate(struct baked *b, size_t N, size_t C,
@@ -36,9 +36,10 @@ static int baked_allocate(struct baked *b, size_t N, size_t C,
     b->uv = b->neck + N;
     b->seen = b->uv + 2 * N;
     b->reach = b->seen + N;
-    b->jaw = b->reach + N;
+    b->tilt = b->reach + N;
+    b->jaw = b->tilt + 2 * N;
     b->color = b->jaw + 3 * N;
-    memset(b->uv, 0, 7 * N * sizeof *b->uv);
+    memset(b->uv, 0, 9 * N * sizeof *b->uv);
     memset(b->neck, 0, N * sizeof *b->neck);
     memcpy(b->source, neck_blend_upright, sizeof b->source);
     return 0;
@@ -133,6 +134,7 @@ static void baked_copy_motion(struct baked *b, const struct avatar *a,
         baked_keep_rows(b->uv, a->uv, 2, keep, N);
         baked_keep_rows(b->seen, a->all.seen, 1, keep, N);
         baked_keep_rows(b->reach, a->reach, 1, keep, N);
+        baked_keep_rows(b->tilt, a->tilt, 2, keep, N);
         memcpy(b->view, a->source.cam, sizeof b->view);
     }
     baked_find_blended(b);
@@ -172,7 +174,7 @@ struct gaussians baked_set(const struct baked *b)
         .n = b->N, .channels = (int)b->C, .mean = b->mean, .scale = b->scale,
         .quat = b->quat, .opacity = b->opacity, .color = b->color,
         .branch = b->branch, .uv = b->uv, .seen = b->seen,
-        .reach = b->reach
+        .reach = b->reach, .tilt = b->tilt
     };
 }
 
@@ -279,6 +281,8 @@ int baked_read(struct baked *b, const struct record *rec, size_t vertices,
         memcpy(b->view, g.view, sizeof b->view);
         if (g.reach)
             memcpy(b->reach, g.reach, g.n * sizeof *g.reach);
+        if (g.tilt)
+            memcpy(b->tilt, g.tilt, 2 * g.n * sizeof *g.tilt);
     }
     if (baked_read_vertices(b, &g, vertices, err) ||
         baked_read_motion(b, &g, err)) {
@@ -312,7 +316,8 @@ int baked_write(struct stream_writer *w, uint64_t frame, double time,
         .color = b->color, .branch = b->branch, .vertex = b->vertex,
         .vertices = b->dynamic, .lip = b->lip, .bend = b->neck,
         .pivot = b->pivot, .source = b->source, .light = b->light, .cam = cam,
-        .uv = b->uv, .seen = b->seen, .view = b->view, .reach = b->reach
+        .uv = b->uv, .seen = b->seen, .view = b->view, .reach = b->reach,
+        .tilt = b->tilt
     };
     float *left = NULL;
 
@@ -328,7 +333,7 @@ int baked_write(struct stream_writer *w, uint64_t frame, double time,
         g.reach = NULL;
     }
     if (!baked_has_places(b))
-        g.uv = g.seen = g.view = g.reach = NULL;
+        g.uv = g.seen = g.view = g.reach = g.tilt = NULL;
     int rc = gaus_write(w, frame, time, &g, err);
     free(left);
     return rc;
@@ -348,6 +353,7 @@ void baked_keep(struct baked *b, const uint8_t *keep)
     baked_keep_rows(b->uv, b->uv, 2, keep, b->N);
     baked_keep_rows(b->seen, b->seen, 1, keep, b->N);
     baked_keep_rows(b->reach, b->reach, 1, keep, b->N);
+    baked_keep_rows(b->tilt, b->tilt, 2, keep, b->N);
     baked_keep_rows(b->jaw, b->jaw, 3, keep, b->N);
     baked_keep_rows(b->color, b->color, b->C, keep, b->N);
     for (size_t i = 0; i < b->N; i++) {

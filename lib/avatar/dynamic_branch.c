@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "lib/avatar/cheek_back.h"
+#include "lib/avatar/completion.h"
 #include "lib/avatar/coverage.h"
 #include "lib/avatar/lid_skin.h"
 #include "lib/avatar/light.h"
@@ -17,6 +18,8 @@
 #include "lib/base/neck_blend.h"
 #include "lib/base/resample.h"
 
+#define ALIGNED 0.025f  /* outlines of mesh and person are no farther apart, half
+                         * sides of the picture: 6 pixels of 512 */
 #define OUTSIDE 6.0f    /* opacity logits fall by this where the matte is 0 */
 /* Standard deviation over the spacing: where the decoder starts, of hidden
  * Gaussians, which must leave no holes, and the least of any. */
@@ -24,6 +27,10 @@
 #define CLOSED 0.6f
 #define LEAST 0.4f
 #define SOLID 0.97f     /* opacity of hidden Gaussians */
+/* Cosines by which what the photograph shows is trusted to be the surface's: not
+ * at all at the one, as an outline's colours are mixed with what is behind. */
+#define STEEP 0.15f
+#define FACING 0.5f
 #define REACH 2.7f      /* their standard deviations that may be seen: with 2 a
                          * seventh of them stood out before the background */
 #define SEAM_MM 4.5f    /* the photograph is used for lips moved less than this
@@ -35,95 +42,6 @@
  * the other, as it takes the chin. */
 #define DROP_MM 1.0f
 #define DROP_MOST_MM 20.0f
-
-/* ---- colours for hidden vertices --------------------------------------- */
-
-/* Ring by ring from the shown vertices (level 0): a vertex of the next ring
- * takes the mean of its coloured neighbours.  Those no edge leads to stay at
- * level -1. */
-static void dynamic_branch_rings(float *rgb, const struct densify *d,
-                                 int *level, float *sum)
-{
-    bool more = true;
-
-    for (int ring = 1; more; ring++) {
-        more = false;
-        memset(sum, 0, 4 * d->V * sizeof *sum);
-        for (size_t e = 0; e < 2 * d->E; e++) {
-            size_t i = (size_t)d->edge[e], j = (size_t)d->edge[e ^ 1];
-
-            if (level[i] >= 0 || level[j] < 0 || level[j] >= ring)
-                continue;
-            for (int c = 0; c < 3; c++)
-                sum[4 * i + c] += rgb[3 * j + c];
-            sum[4 * i + 3]++;
-        }
-        for (size_t i = 0; i < d->V; i++) {
-            if (level[i] >= 0 || sum[4 * i + 3] == 0)
-                continue;
-            for (int c = 0; c < 3; c++)
-                rgb[3 * i + c] = sum[4 * i + c] / sum[4 * i + 3];
-            level[i] = ring;
-            more = true;
-        }
-    }
-}
-
-/* A sweep of averaging: the mean of the neighbours counts as far as trust does
- * not keep the own colour. */
-static void dynamic_branch_smooth(float *rgb, const float *own,
-                                  const float *trust,
-                                  const struct densify *d, float *sum)
-{
-    memset(sum, 0, 4 * d->V * sizeof *sum);
-    for (size_t e = 0; e < 2 * d->E; e++) {
-        size_t i = (size_t)d->edge[e], j = (size_t)d->edge[e ^ 1];
-
-        for (int c = 0; c < 3; c++)
-            sum[4 * i + c] += rgb[3 * j + c];
-        sum[4 * i + 3]++;
-    }
-    for (size_t i = 0; i < d->V; i++)
-        for (int c = 0; c < 3 && sum[4 * i + 3] > 0; c++)
-            rgb[3 * i + c] = trust[i] * own[3 * i + c] +
-                             (1 - trust[i]) * sum[4 * i + c] /
-                             sum[4 * i + 3];
-}
-
-/* Breadth-first from trusted vertices and their mirror images, twelve sweeps
- * of averaging, midpoints from their ends. */
-void dynamic_branch_spread(float *rgb, const float *trust,
-                           const size_t *mirror, const struct densify *d,
-                           int *level, float *tmp)
-{
-    float *own = tmp, *sum = tmp + 3 * d->V, mean[3] = {0}, total = 1e-6f;
-
-    memcpy(own, rgb, 3 * d->V * sizeof *own);
-    for (size_t i = 0; i < d->V; i++) {
-        const size_t across = mirror[i];
-
-        level[i] = trust[i] > 0.5f || trust[across] > 0.5f ? 0 : -1;
-        if (!(trust[i] > 0.5f) && level[i] == 0)
-            memcpy(rgb + 3 * i, own + 3 * across, 3 * sizeof *rgb);
-        for (int c = 0; c < 3; c++)
-            mean[c] += trust[i] * rgb[3 * i + c];
-        total += trust[i];
-    }
-    dynamic_branch_rings(rgb, d, level, sum);
-    for (size_t i = 0; i < d->V; i++)
-        for (int c = 0; c < 3 && level[i] < 0; c++)
-            rgb[3 * i + c] = mean[c] / total;
-    for (int sweep = 0; sweep < 12; sweep++)
-        dynamic_branch_smooth(rgb, own, trust, d, sum);
-    for (size_t e = 0; e < d->E; e++) {
-        const float *p = rgb + 3 * (size_t)d->edge[2 * e];
-        const float *q = rgb + 3 * (size_t)d->edge[2 * e + 1];
-        float w = trust[d->V + e], *mid = rgb + 3 * (d->V + e);
-
-        for (int c = 0; c < 3; c++)
-            mid[c] = w * mid[c] + (1 - w) * 0.5f * (p[c] + q[c]);
-    }
-}
 
 /* ---- the branch -------------------------------------------------------- */
 
@@ -170,7 +88,7 @@ void dynamic_branch_init_weights(struct params *ps,
 int dynamic_branch_plan(struct dynamic_branch *b, size_t points,
                         struct nn_options opt, struct error *err)
 {
-    size_t D = b->count, V = b->dense->V;
+    size_t D = b->count;
     const struct slice slices[] = {
         {&b->start.opacity, D, false}, {&b->start.scale, 3 * D, false},
         {&b->start.opacity_shift, D, false},
@@ -184,8 +102,7 @@ int dynamic_branch_plan(struct dynamic_branch *b, size_t points,
         {&b->logit, 3 * D, false}, {&b->trust, D, false},
         {&b->skin, D, false}, {&b->hull, D, false},
         {&b->seam, D, false}, {&b->on_teeth, D, false},
-        {&b->tmp, 7 * V > V + D ? 7 * V : V + D, false},
-        {&b->level, V, false}
+        {&b->tmp, COMPLETION_SCRATCH(D), false}
     };
 
     if (slices_allocate(&b->block, slices, sizeof slices / sizeof *slices,
@@ -339,10 +256,30 @@ static void dynamic_branch_uncover_teeth(const struct source_mesh *mesh,
     }
 }
 
+/* The greatest matte at a place and about it, as far as mesh and picture are
+ * aligned. */
+static float dynamic_branch_near(const struct source_picture *picture,
+                                 const float place[2])
+{
+    const float far = ALIGNED, mid = 0.7071f * ALIGNED;
+    const float step[9][2] = {{0, 0}, {far, 0}, {-far, 0}, {0, far}, {0, -far},
+                              {mid, mid}, {-mid, mid}, {mid, -mid},
+                              {-mid, -mid}};
+    float at[18], rgba[36], most = 0;
+
+    for (int i = 0; i < 18; i++)
+        at[i] = place[i % 2] + step[i / 2][i % 2];
+    source_picture_sample(rgba, picture, at, 9);
+    for (int i = 0; i < 9; i++)
+        most = fmaxf(most, rgba[4 * i + 3]);
+    return most;
+}
+
 /* The prior: visibility, coverage and matte of every densified vertex, into
  * the extra columns of the decoder's input; colours and shifts. */
 static void dynamic_branch_start(const struct source_picture *picture,
                                  const struct source_mesh *mesh,
+                                 const struct tilt *tilt,
                                  struct dynamic_branch *b)
 {
     const struct lid_skin_source lids = {b->verts, b->pixel, b->trust};
@@ -361,28 +298,30 @@ static void dynamic_branch_start(const struct source_picture *picture,
         const float *pixel = b->pixel + 4 * k;
         float *extra = b->in + (k + 1) * b->inputs - DYNAMIC_BRANCH_EXTRA;
         float nv = dynamic_branch_facing(b, k, eye), matte = pixel[3];
+        float near = dynamic_branch_near(picture, b->place + 2 * k);
 
         b->facing[k] = extra[0] = nv;
         extra[1] = b->seen[k];
         extra[2] = b->seen[k] * branch_ramp(nv, 0.05f, 0.4f);
         extra[3] = matte;
         b->trust[k] = extra[2] * branch_ramp(matte, 0.5f, 0.9f) *
+                      branch_ramp(tilt_facing(tilt, b->place + 2 * k),
+                                  STEEP, FACING) *
                       (1 - b->lid[k]) * (1 - mesh->weights->lining[k]) *
                       (1 - b->seam[k]) * (1 - b->fold[k]);
         memcpy(rgb + 3 * k, pixel, 3 * sizeof *rgb);
-        /* what lies beside the person in the picture is not the person */
+        /* what lies far beside the person in the picture is not the person */
         b->start.visible[k] =
-            (1 - mesh->weights->lining[k]) * branch_ramp(matte, 0, 0.4f) *
+            (1 - mesh->weights->lining[k]) * branch_ramp(near, 0, 0.4f) *
             (1 - dynamic_branch_protrusion(picture, mesh, b, k));
-        b->start.opacity_shift[k] = -OUTSIDE * b->seen[k] * (1 - matte);
+        b->start.opacity_shift[k] = -OUTSIDE * b->seen[k] * (1 - near);
         b->start.scale_shift[k] = attribute_logit(OVERLAP * b->spacing[k] /
                                                   BRANCH_SCALE_MAX);
     }
     white_point(b->white, &seen, mesh->head);
     dynamic_branch_uncover_teeth(mesh, b);
     dynamic_branch_set_skin(mesh, b);
-    dynamic_branch_spread(rgb, b->skin, mesh->weights->mirror, b->dense,
-                          b->level, b->tmp);
+    completion_solve(rgb, b->skin, mesh->weights->mirror, b->dense, b->tmp);
     for (size_t i = 0; i < 3 * b->count; i++)
         rgb[i] += (b->trust[i / 3] - b->skin[i / 3]) *
                   (b->pixel[i / 3 * 4 + i % 3] - rgb[i]);
@@ -410,6 +349,16 @@ static float dynamic_branch_front(const struct dynamic_branch *b, size_t k)
 {
     return b->seen[k] * branch_ramp(b->facing[k], -0.4f, -0.1f) *
            (1 - b->lid[k]) * (1 - b->seam[k]);
+}
+
+/* How far the photograph says what is to be seen where Gaussian k is: the side
+ * of the head that it shows, and, of those behind, what would stand out beside
+ * the person or the mesh.  There it shows nobody, or hair. */
+static float dynamic_branch_seen(const struct dynamic_branch *b, size_t k)
+{
+    const float front = b->seen[k] * branch_ramp(b->facing[k], -0.4f, -0.1f);
+
+    return b->start.visible[k] * (front + (1 - front) * (1 - b->hull[k]));
 }
 
 /* The least standard deviation of Gaussian k: the decoder makes those that face
@@ -444,8 +393,7 @@ static void dynamic_branch_unseen(struct branch_set *out,
         for (size_t c = 3; c < out->channels; c++)
             color[c] *= w;
         out->opacity[k] = v * out->opacity[k] +
-                          (1 - v) * SOLID * b->start.visible[k] *
-                              fmaxf(b->hull[k], fmaxf(b->lid[k], b->seam[k]));
+                          (1 - v) * SOLID * b->start.visible[k];
     }
 }
 
@@ -479,7 +427,7 @@ static void dynamic_branch_unseen_backward(struct branch_set *dout,
 void dynamic_branch_forward(struct branch_set *out, const float *features,
                             const struct source_picture *picture,
                             const struct source_mesh *mesh,
-                            struct dynamic_branch *b)
+                            const struct tilt *tilt, struct dynamic_branch *b)
 {
     size_t width = b->width, Cf = b->feature;
 
@@ -498,7 +446,7 @@ void dynamic_branch_forward(struct branch_set *out, const float *features,
         memcpy(row + width, b->sampled + k * Cf, Cf * sizeof *row);
     }
     if (b->prior)
-        dynamic_branch_start(picture, mesh, b);
+        dynamic_branch_start(picture, mesh, tilt, b);
     struct gaussian_out raw = branch_decoder_out(out, &b->start, NULL);
     mlp_decoder_forward(&raw, b->in, mesh->normal,
                         b->prior ? b->logit : NULL, &b->decoder);
@@ -511,11 +459,7 @@ void dynamic_branch_forward(struct branch_set *out, const float *features,
     memcpy(out->mean, b->verts, 3 * out->n * sizeof *out->mean);
     for (size_t k = 0; k < out->n; k++) {
         out->neck[k] = mesh->blend ? mesh->weights->neck[k] : 0;
-        /* also beside the person, where the photograph's matte is 0, and on
-         * the very outline of the face, which nothing else shows */
-        out->seen[k] = b->prior ? b->start.visible[k] * b->seen[k] *
-                                  branch_ramp(b->facing[k], -0.4f, -0.1f)
-                                : 0;
+        out->seen[k] = b->prior ? dynamic_branch_seen(b, k) : 0;
     }
 }
 

@@ -3,8 +3,8 @@
  *   d_k = F at p_k, p_k the projection of the densified source vertex
  *   [c, o, s, q] = Phi_D([h_k, d_k], gamma(n_s)),  mu_k the vertex itself
  * With the prior (rgb_skip) a Gaussian starts with the pixel at p_k, as far as
- * the source shows it; hidden ones take it from the vertex across the face
- * where that is shown, or from their neighbours on the mesh, and keep it.
+ * the source shows it; hidden ones get theirs from the side that is shown
+ * (completion.h), and keep it.
  * What the mesh has behind the lips is left to the mouth's branch. */
 #ifndef SPID_AVATAR_DYNAMIC_BRANCH_H
 #define SPID_AVATAR_DYNAMIC_BRANCH_H
@@ -16,6 +16,7 @@
 #include "lib/avatar/shut_eye.h"
 #include "lib/avatar/source_mesh.h"
 #include "lib/avatar/source_picture.h"
+#include "lib/avatar/tilt.h"
 #include "lib/base/densify.h"
 #include "lib/net/config.h"
 #include "lib/net/mlp_decoder.h"
@@ -59,8 +60,7 @@ struct dynamic_branch {
     struct shut_eye shut;               /* which eyes the source has shut */
     float white[3];                     /* what is white in the picture; with
                                          * the prior */
-    float *tmp;                         /* (V,7), and (V+D) at least */
-    int *level;                         /* (V) */
+    float *tmp;                         /* COMPLETION_SCRATCH(D) */
     float *block;                       /* what the arrays are part of */
 };
 
@@ -85,6 +85,7 @@ void dynamic_branch_release(struct dynamic_branch *b);
 void dynamic_branch_forward(struct branch_set *out, const float *features,
                             const struct source_picture *picture,
                             const struct source_mesh *mesh,
+                            const struct tilt *tilt,
                             struct dynamic_branch *b);
 /* dfeatures (n,n,Cf) and the weights' gradients are added to; dout's arrays
  * are used up.  The other arguments as in the forward. */
@@ -105,13 +106,5 @@ void dynamic_branch_reach(float *reach, size_t n,
  * the mesh's vertices (light.h). */
 void dynamic_branch_light(float l[3], const struct source_mesh *mesh,
                           struct dynamic_branch *b);
-
-/* rgb (N,3) of hidden points from the shown ones: a point keeps its colour as
- * far as trust (N) in [0,1] says; a vertex that is hidden while mirror (V), the
- * one across the face, is shown starts from that one's; the rest spreads ring
- * by ring, then is smoothed.  level holds V ints, tmp 7 V floats. */
-void dynamic_branch_spread(float *rgb, const float *trust,
-                           const size_t *mirror, const struct densify *d,
-                           int *level, float *tmp);
 
 #endif

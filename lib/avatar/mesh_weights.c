@@ -8,6 +8,7 @@
 #include <sysexits.h>
 
 #include "lib/avatar/branch.h"
+#include "lib/avatar/completion.h"
 #include "lib/head/arkit.h"
 #include "lib/head/lbs.h"
 #include "lib/head/mirror.h"
@@ -276,7 +277,7 @@ static bool mesh_weights_allocate(struct mesh_weights *w, size_t V, size_t D)
     w->neck = malloc(D * sizeof *w->neck);
     w->moving = malloc(V * sizeof *w->moving);
     w->lining = calloc(D, sizeof *w->lining);
-    w->mirror = malloc(V * sizeof *w->mirror);
+    w->mirror = malloc(D * sizeof *w->mirror);
     w->lid = malloc(D * sizeof *w->lid);
     w->stretch = malloc(D * sizeof *w->stretch);
     w->fold = malloc(D * sizeof *w->fold);
@@ -334,7 +335,10 @@ int mesh_weights_init(struct mesh_weights *w, const struct head *h,
     int rc = mesh_weights_poses(w, h, d, rest, posed, wide, err);
     free(rest);
     mesh_weights_seam(w, h, d);
-    return rc ? -1 : head_mirror_vertices(w->mirror, h, err);
+    if (rc || head_mirror_vertices(w->mirror, h, err))
+        return -1;
+    completion_mirror(w->mirror, w->mirror, d);
+    return 0;
 }
 
 void mesh_weights_release(struct mesh_weights *w)

@@ -32,7 +32,7 @@ struct mesh_weights {
                              * that at rest, at least 1 */
     float *drop;            /* (V+E,3) where a dropped jaw takes it, head
                              * units */
-    size_t *mirror;         /* (V) the vertex across the face */
+    size_t *mirror;         /* (V+E) the point across the face */
 };
 
 /* From h's skinning weights, directions and regions; the edges are d's.

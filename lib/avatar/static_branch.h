@@ -63,6 +63,9 @@ struct static_branch {
                                          * in training alone */
     float *back;                        /* (n,n) the strip behind the cheeks
                                          * (cheek_back.h) */
+    uint32_t *from;                     /* (n,n) hair of the hidden side
+                                         * (unseen_hair.h) */
+    float *front;                       /* (n,n) its scratch */
     float *p_raw, *p_shift;             /* (n,n) depth: decoder's, shift */
     float *p, *dp;                      /* (n,n) after the shift */
     float *dvisible;                    /* (n,n) */

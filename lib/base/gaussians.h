@@ -29,7 +29,34 @@ struct gaussians {
                                    * for all: seen stays as it is */
     const float *home;            /* (N,3) centres in the photograph's pose;
                                    * NULL: mean */
+    const float *tilt;            /* (N,2) how the depth that the source's
+                                   * camera saw there rises to the picture's
+                                   * right and down; NULL: nowhere */
 };
+
+/* How much of what the photograph shows of a Gaussian a frame shows, 0..1.
+ *   tilt (2)    how depth rises at it to the photograph's right and down
+ *   toward (2)  how far right and down the frame's camera is of the source's,
+ *               sines (splat_place_view)
+ * To first order in depth's slope the frame shows `more` times the surface that
+ * the photograph does.  If that is far more, the photograph would be drawn out:
+ * confidence is whole up to the first two figures' ratio and falls to 0 at the
+ * second's.  If far less, the surface has turned its side, and its outline is
+ * not the photograph's: the same down to the last two. */
+#define GAUSSIAN_DRAWN 0.75f
+#define GAUSSIAN_TORN 0.4f
+#define GAUSSIAN_TURNED 0.6f
+#define GAUSSIAN_GONE 0.2f
+static inline float gaussian_shown(const float tilt[2], const float toward[2])
+{
+    const float more = 1 + tilt[0] * toward[0] + tilt[1] * toward[1];
+    const float drawn = (1 / fmaxf(more, 1) - GAUSSIAN_TORN) /
+                        (GAUSSIAN_DRAWN - GAUSSIAN_TORN);
+    const float turned = (more - GAUSSIAN_GONE) /
+                         (GAUSSIAN_TURNED - GAUSSIAN_GONE);
+
+    return fmaxf(fminf(fminf(drawn, turned), 1), 0);
+}
 
 /* seen of a Gaussian that has moved from home (3) to mean (3): unchanged up to
  * a third of its reach, 0 from its reach on. */
@@ -58,6 +85,17 @@ static inline float gaussians_seen(const struct gaussians *g, size_t i)
         return g->seen ? g->seen[i] : 0;
     return gaussian_seen(g->seen[i], g->reach[i], g->home + 3 * i,
                          g->mean + 3 * i);
+}
+
+/* The confidence in what the photograph shows of Gaussian i of g, where it is
+ * now, in a frame whose camera lies that way: gaussians_seen times
+ * gaussian_shown. */
+static inline float gaussians_sure(const struct gaussians *g, size_t i,
+                                   const float toward[2])
+{
+    const float seen = gaussians_seen(g, i);
+
+    return g->tilt ? seen * gaussian_shown(g->tilt + 2 * i, toward) : seen;
 }
 
 #endif

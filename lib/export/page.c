@@ -252,6 +252,7 @@ static int page_pack_photograph(struct pack *k, const struct baked *b,
         return 0;
     page_pack_columns(k, "uv", b->uv, b->N, 2, 2);
     page_pack_columns(k, "seen", b->seen, b->N, 1, 1);
+    page_pack_columns(k, "tilt", b->tilt, b->N, 2, 2);
     page_pack_reach(k, b);
     return 0;
 }

@@ -1,4 +1,4 @@
-/* Lookups in the photograph: offsets and confidence of VEC pixels at once, and
+/* Lookups in the photograph: places of VEC pixels at once, and
  * Keys's bicubic (1981, "Cubic convolution interpolation for digital image
  * processing") in a picture of four bytes a pixel, where lanes are four
  * neighbours' four channels. */
@@ -7,7 +7,7 @@
 #include "lib/splat/vec_shuffle.h"
 #include "lib/photo/lookup.h"
 
-/* ---- offsets ------------------------------------------------------------- */
+/* ---- places -------------------------------------------------------------- */
 
 /* Numbers k, k + 3, k + 6 ... of the 3 VEC in a, b and c. */
 VEC_INLINE vf lookup_every_third(vf a, vf b, vf c, const int k)
@@ -32,122 +32,40 @@ VEC_INLINE vf lookup_every_third(vf a, vf b, vf c, const int k)
 #endif
 }
 
-static bool ISA(texture_offsets)(float *x, float *y, float *w,
-                                 const float *place, size_t n)
+static bool ISA(lookup_places)(struct lookup_run *r,
+                               const struct splat_place_view *v,
+                               const float *place, const float *alpha,
+                               size_t n)
 {
-    vf most = vf_set(0);
+    const float *A = v->A, *b = v->b;
+    const vf zero = vf_set(0), one = vf_set(1);
+    vf most = zero;
 
     for (size_t i = 0; i < n; i += VEC, place += 3 * VEC) {
-        vf a = vf_load(place), b = vf_load(place + VEC);
-        vf c = vf_load(place + 2 * VEC);
-        vf weight = lookup_every_third(a, b, c, 2);
+        vf p = vf_load(place), q = vf_load(place + VEC);
+        vf s = vf_load(place + 2 * VEC);
+        vf weight = lookup_every_third(p, q, s, 2);
         vm has = vf_gt(weight, vf_set(TEXTURE_LEAST));
 
         if (!vm_any(has)) {
-            vf_store(x + i, vf_set(0));
-            vf_store(y + i, vf_set(0));
-            vf_store(w + i, vf_set(0));
+            vf_store(r->sure + i, zero);
             continue;
         }
-        vf_store(x + i, vf_keep(has, lookup_every_third(a, b, c, 0) / weight));
-        vf_store(y + i, vf_keep(has, lookup_every_third(a, b, c, 1) / weight));
-        vf_store(w + i, vf_keep(has, weight));
-        most = vf_max(most, vf_keep(has, weight));
+        vf over = one / vf_sel(has, weight, one);
+        vf own = TEXTURE_SHARE(weight / vf_max(vf_load(alpha + i),
+                                               vf_set(TEXTURE_LEAST)));
+        vf sure = vf_keep(has, vf_clamp(own, zero, one));
+        vf nx = __builtin_convertvector(vi_iota() + (int)i, vf) * r->step +
+                r->nx;
+        vf x = lookup_every_third(p, q, s, 0) * over + b[0] + 1;
+        vf y = lookup_every_third(p, q, s, 1) * over + b[1] + 1;
+
+        vf_store(r->sure + i, sure);
+        most = vf_max(most, sure);
+        vf_store(r->u + i, r->half * (A[0] * nx + A[1] * r->ny + x));
+        vf_store(r->v + i, r->half * (A[2] * nx + A[3] * r->ny + y));
     }
-    return vm_any(vf_gt(most, vf_set(0)));
-}
-
-/* ---- confidence ------------------------------------------------------------
- */
-
-/* VEC pixels' own offsets, and where they lie in the planes. */
-struct lookup_here {
-    const float *x, *y, *w;
-    vf ox, oy;
-};
-
-/* At least `most`, or the square of the offset's change to the pixels `step`
- * further. */
-VEC_INLINE vf lookup_change(vf most, const struct lookup_here *h,
-                            ptrdiff_t step)
-{
-    vf dx = vf_load(h->x + step) - h->ox, dy = vf_load(h->y + step) - h->oy;
-    vm has = vf_gt(vf_load(h->w + step), vf_set(0));
-
-    return vf_max(vf_keep(has, dx * dx + dy * dy), most);
-}
-
-/* The offset's change in each direction along a line, over the position's:
- * texture_slope. */
-VEC_INLINE void lookup_slope(vf d[2], const struct lookup_here *h,
-                             ptrdiff_t step, float size)
-{
-    const vf across = vf_set(TEXTURE_ACROSS);
-    vm back = vf_gt(vf_load(h->w - TEXTURE_ACROSS * step), vf_set(0));
-    vm ahead = vf_gt(vf_load(h->w + TEXTURE_ACROSS * step), vf_set(0));
-    vf far = vf_keep(back, across) + vf_keep(ahead, across);
-    vf n = vf_set(0.5f * size) / vf_max(far, vf_set(1));
-    const float *const plane[2] = {h->x, h->y};
-    const vf own[2] = {h->ox, h->oy};
-
-    for (int k = 0; k < 2; k++) {
-        vf a = vf_load(plane[k] - TEXTURE_ACROSS * step);
-        vf b = vf_load(plane[k] + TEXTURE_ACROSS * step);
-
-        d[k] = n * (vf_sel(ahead, b, own[k]) - vf_sel(back, a, own[k]));
-    }
-}
-
-/* texture_stretch */
-VEC_INLINE vf lookup_stretch(const struct lookup_here *h,
-                             const struct lookup_view *k)
-{
-    const float *A = k->v.A;
-    vf dx[2], dy[2];
-
-    lookup_slope(dx, h, 1, k->size);
-    lookup_slope(dy, h, LOOKUP_LINE, k->size);
-    vf area = (A[0] + dx[0]) * (A[3] + dy[1]) -
-              (A[1] + dy[0]) * (A[2] + dx[1]);
-    area /= vf_max(vf_set(k->zoom), vf_set(1e-6f));
-    return vf_clamp((area - TEXTURE_STRETCHED) /
-                    (TEXTURE_SHARP - TEXTURE_STRETCHED), vf_set(0), vf_set(1));
-}
-
-/* VEC pixels from the row's pixel i on. */
-VEC_INLINE void lookup_confidence(struct lookup_row *r,
-                                  const struct lookup_view *k, size_t i)
-{
-    const struct lookup_here h = {r->x + i, r->y + i, r->w + i,
-                                  vf_load(r->x + i), vf_load(r->y + i)};
-    const float *A = k->v.A, *b = k->v.b;
-    vf w = vf_load(h.w), zero = vf_set(0), one = vf_set(1), jump = zero;
-
-    vf_store(r->sure + i, zero);
-    if (!vm_any(vf_gt(w, zero)))
-        return;
-    jump = lookup_change(jump, &h, -1);
-    jump = lookup_change(jump, &h, 1);
-    jump = lookup_change(jump, &h, -LOOKUP_LINE);
-    jump = lookup_change(jump, &h, LOOKUP_LINE);
-    jump = 0.5f * k->size * vf_sqrt(jump);
-    vf sure = (TEXTURE_LEAP - jump) / (TEXTURE_LEAP - TEXTURE_JUMP);
-    vf own = TEXTURE_SHARE(w / vf_max(vf_load(r->alpha + i),
-                                      vf_set(TEXTURE_LEAST)));
-    vm some = vm_and(vf_gt(w, zero), vm_and(vf_gt(own, zero),
-                                            vf_gt(sure, zero)));
-    vf_store(r->sure + i, vf_keep(some, vf_min(own, one) *
-                                  vf_min(sure, one) * lookup_stretch(&h, k)));
-    vf nx = __builtin_convertvector(vi_iota() + (int)i, vf) * r->step + r->nx;
-    vf_store(r->u + i, k->half * (A[0] * nx + A[1] * r->ny + b[0] + h.ox + 1));
-    vf_store(r->v + i, k->half * (A[2] * nx + A[3] * r->ny + b[1] + h.oy + 1));
-}
-
-static void ISA(lookup_confidence_row)(struct lookup_row *row,
-                                       const struct lookup_view *k, size_t n)
-{
-    for (size_t i = 0; i < n; i += VEC)
-        lookup_confidence(row, k, i);
+    return vm_any(vf_gt(most, zero));
 }
 
 /* ---- bicubic --------------------------------------------------------------
@@ -295,10 +213,8 @@ VEC_INLINE vq lookup_saturate(vq c)
 }
 
 static void ISA(texture_bicubic)(float *photo, const float *u, const float *v,
-                                 const float *weight, const float *alpha,
-                                 const float *inside, size_t n,
-                                 const uint8_t *texture, size_t S,
-                                 struct texture_rim rim)
+                                 const float *weight, size_t n,
+                                 const uint8_t *texture, size_t S)
 {
     const int32_t last = (int32_t)S - 3;
     int32_t x0[VEC], y0[VEC];
@@ -319,11 +235,8 @@ static void ISA(texture_bicubic)(float *photo, const float *u, const float *v,
                                      4 * S, tx[k], ty[k])
                       : lookup_border(texture, S, x0[k], y0[k], tx[k], ty[k]);
 
-        c = lookup_saturate(c);
-        const struct texture_rim here = texture_rim_at(rim, inside[i]);
-        photo[4] = texture_sure(weight[i], c[3], alpha[i], here);
-        c *= texture_cover(c[3], alpha[i], here);
-        vq_store(photo, c);
+        vq_store(photo, lookup_saturate(c));
+        photo[4] = weight[i];
     }
 }
 
@@ -386,6 +299,5 @@ static void ISA(texture_mix)(float *color, float *alpha, const float *photo,
 }
 
 const struct lookup_kernels ISA(lookup_kernels) = {
-    ISA(texture_offsets), ISA(lookup_confidence_row), ISA(texture_bicubic),
-    ISA(texture_mix)
+    ISA(lookup_places), ISA(texture_bicubic), ISA(texture_mix)
 };

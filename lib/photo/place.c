@@ -50,6 +50,12 @@ void place_view_make(struct splat_place_view *v, const float source[12],
     place_origin(to, cam);
     v->b[0] = from[0] - v->A[0] * to[0] - v->A[1] * to[1];
     v->b[1] = from[1] - v->A[2] * to[0] - v->A[3] * to[1];
+    for (int k = 0; k < 2; k++) {
+        const float *axis = source + 4 * k;
+
+        v->toward[k] = -(axis[0] * cam[8] + axis[1] * cam[9] +
+                         axis[2] * cam[10]);
+    }
 }
 
 void place_channels(float *out, const float *mean, const float *uv,

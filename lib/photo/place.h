@@ -15,7 +15,7 @@
 
 #include "lib/splat/types.h"
 
-#define PLACE_CHANNELS 3        /* seen x offset, seen y offset, seen */
+#define PLACE_CHANNELS 3        /* sure x offset, sure y offset, sure */
 
 /* The view from the source's camera (3,4) to a frame's (3,4).  The map is
  * kept from growing without bound where the head turns its side to the
@@ -26,7 +26,7 @@ void place_view_make(struct splat_place_view *v, const float source[12],
 /* What the renderer blends for a frame: out (N,3).
  *   mean (N,3)  driven centres, head units     cam (3,4)  the frame's camera
  *   uv (N,2)    places, 0..1 across the source picture
- *   seen (N)    0..1 */
+ *   seen (N)    0..1, the confidence in it */
 void place_channels(float *out, const float *mean, const float *uv,
                     const float *seen, const struct splat_place_view *v,
                     const float cam[12], size_t N);

@@ -54,13 +54,8 @@ void texture_straight(uint8_t *out, const uint8_t *rgb, const uint8_t *matte,
  *   place (size,size,3)  the blended places (place.h)
  *   alpha (size,size)    coverage
  * A pixel that no Gaussian with a place covers gets zeros.  The confidence is
- * the share of the coverage that has a place, less where the blended places
- * disagree: where they jump from one pixel to the next, as at silhouettes, or
- * hardly change, which would stretch a rim of the photograph; and, on a head
- * that has turned, where matte or coverage is not full.  There the photograph
- * covers at most twice what is drawn, and as much where the matte is at least
- * half of that, so that the old outline leaves no gap in the new picture.  On
- * one that has not, it is believed where it shows nobody. */
+ * the blended one's share of the coverage: how far the photograph is believed
+ * is decided for each Gaussian (gaussian_shown), and nowhere else. */
 void texture_lookup(float *photo, const struct texture *t,
                     const struct splat_place_view *v, const float *place,
                     const float *alpha, size_t size);
@@ -98,9 +93,8 @@ void texture_compose_backward(float *drgb, float *dalpha, float *dphoto,
                               size_t height, size_t width);
 
 /* dplace (size,size,3) and dalpha (size,size) += the gradient of dphoto
- * (size,size,5), what texture_lookup gave.  Constants are the view, the level,
- * the confidence's factors for stretching and rims, and what it gains where the
- * photograph shows nobody. */
+ * (size,size,5), what texture_lookup gave.  Constants are the view and the
+ * level. */
 void texture_lookup_backward(float *dplace, float *dalpha,
                              const float *dphoto, const struct texture *t,
                              const struct splat_place_view *v,

@@ -236,14 +236,18 @@ VEC_INLINE void gradient_of_parameters(struct lanes *d,
 }
 
 /* Places pull at the centre, through what the view makes of it: the channels
- * are seen (2 uv - 1 - A x - b), dplace their gradients. */
+ * are c (2 uv - 1 - A x - b), dplace their gradients and c the one that
+ * splat_project left there. */
 VEC_INLINE void gradient_of_place(struct lanes *d, const vf dplace[2],
                                   const struct splat_state *st, size_t i)
 {
     const struct view *v = &st->view;
     const float *A = v->place.A;
-    vf seen = vf_load(st->cloud.seen + i);
-    vf u = seen * dplace[0], w = seen * dplace[1];
+    float kept[VEC];
+
+    for (size_t k = 0; k < VEC; k++)
+        kept[k] = st->place[i + k][2];
+    vf sure = vf_load(kept), u = sure * dplace[0], w = sure * dplace[1];
 
     d->x -= vf_set(2 / (float)v->width) * (vf_set(A[0]) * u + vf_set(A[2]) * w);
     d->y -=

@@ -43,8 +43,12 @@ static void pack_one(struct splat *s, const struct gaussians *g, size_t i)
     st->cloud.top[i] = drawn ? log2f(o) : -1e30f;
     if (st->place) {
         st->cloud.seen[i] = gaussians_seen(g, i);
-        for (int k = 0; k < 2; k++)
-            st->cloud.uv[k][i] = g->uv ? 2 * g->uv[2 * i + (size_t)k] - 1 : 0;
+        for (int k = 0; k < 2; k++) {
+            const size_t at = 2 * i + (size_t)k;
+
+            st->cloud.uv[k][i] = g->uv ? 2 * g->uv[at] - 1 : 0;
+            st->cloud.tilt[k][i] = g->tilt ? g->tilt[at] : 0;
+        }
     }
     for (int c = 0; c < 4; c++)
         st->color[i][c] =

@@ -162,6 +162,22 @@ VEC_INLINE void project_place_fine(struct lanes *l, struct splat_state *s,
     l->ok = vf_gt(vf_load(ok), vf_set(0));
 }
 
+/* The confidence in what the photograph shows of Gaussians i and on: seen times
+ * gaussian_shown. */
+VEC_INLINE vf project_confidence(const struct splat_state *s, size_t i)
+{
+    const float *toward = s->view.place.toward;
+    vf more = vf_fma(vf_load(s->cloud.tilt[0] + i), vf_set(toward[0]),
+                     vf_fma(vf_load(s->cloud.tilt[1] + i), vf_set(toward[1]),
+                            vf_set(1)));
+    vf drawn = (vf_set(1) / vf_max(more, vf_set(1)) - GAUSSIAN_TORN) /
+               (GAUSSIAN_DRAWN - GAUSSIAN_TORN);
+    vf turned = (more - GAUSSIAN_GONE) / (GAUSSIAN_TURNED - GAUSSIAN_GONE);
+
+    return vf_load(s->cloud.seen + i) *
+           vf_clamp(vf_min(drawn, turned), vf_set(0), vf_set(1));
+}
+
 /* Place channels of Gaussians i and on: what their places in the source
  * picture differ by from where the view takes their centres. */
 VEC_INLINE void project_channels(struct splat_state *s, size_t i,
@@ -170,7 +186,7 @@ VEC_INLINE void project_channels(struct splat_state *s, size_t i,
     const struct view *v = &s->view;
     vf x = l->x * vf_set(2 / (float)v->width) - vf_set(1);
     vf y = l->y * vf_set(2 / (float)v->height) - vf_set(1);
-    vf seen = vf_load(s->cloud.seen + i), row[4];
+    vf sure = project_confidence(s, i), row[4];
 
     for (int k = 0; k < 2; k++) {
         const float *A = v->place.A + 2 * k;
@@ -178,10 +194,10 @@ VEC_INLINE void project_channels(struct splat_state *s, size_t i,
                        vf_fma(vf_set(A[1]), y, vf_set(v->place.b[k])));
 
         /* a centre may be anywhere where nothing was seen of it */
-        row[k] = vf_keep(vf_gt(seen, vf_set(0)),
-                         seen * (vf_load(s->cloud.uv[k] + i) - at));
+        row[k] = vf_keep(vf_gt(sure, vf_set(0)),
+                         sure * (vf_load(s->cloud.uv[k] + i) - at));
     }
-    row[2] = seen;
+    row[2] = sure;
     row[3] = vf_set(0);
     vf_put_rows(s->place[i], row, 4);
 }

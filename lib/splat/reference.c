@@ -87,14 +87,14 @@ int reference_add_places(struct reference *t, const struct gaussians *g,
     double *color = calloc(t->n * (C + 3) + 1, sizeof *color);
 
     t->uv = calloc(2 * t->n + 1, sizeof *t->uv);
-    t->seen = calloc(t->n + 1, sizeof *t->seen);
-    if (!color || !t->uv || !t->seen) {
+    t->sure = calloc(t->n + 1, sizeof *t->sure);
+    if (!color || !t->uv || !t->sure) {
         free(color);
         return error_set(err, EX_OSERR, "out of memory");
     }
     for (size_t i = 0; i < t->n; i++) {
         memcpy(color + i * (C + 3), t->color + i * C, C * sizeof *color);
-        t->seen[i] = gaussians_seen(g, i);
+        t->sure[i] = gaussians_sure(g, i, view->toward);
         for (size_t k = 0; k < 2; k++)
             t->uv[2 * i + k] = 2 * (double)g->uv[2 * i + k] - 1;
     }
@@ -108,7 +108,7 @@ int reference_add_places(struct reference *t, const struct gaussians *g,
 void reference_release(struct reference *t)
 {
     free(t->uv);
-    free(t->seen);
+    free(t->sure);
     free(t->mean);
     free(t->scale);
     free(t->quat);

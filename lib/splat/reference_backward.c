@@ -208,7 +208,7 @@ static void reference_place_backward(struct screen *s, const double *d_color,
 {
     const double *d = d_color + (i + 1) * (size_t)t->channels - 3;
     const float *A = t->view.A;
-    double u = -t->seen[i] * d[0], v = -t->seen[i] * d[1];
+    double u = -t->sure[i] * d[0], v = -t->sure[i] * d[1];
 
     s->x += 2.0 / t->width * (A[0] * u + A[2] * v);
     s->y += 2.0 / t->height * (A[1] * u + A[3] * v);
@@ -221,7 +221,7 @@ static void reference_store(const struct reference_gradients *g,
 {
     struct gradient one = {0};
 
-    if (t->seen && g->color)
+    if (t->sure && g->color)
         reference_place_backward(s, g->color, t, i);
     const double center[2] = {s->x, s->y};
 

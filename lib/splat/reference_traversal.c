@@ -91,7 +91,7 @@ static int traversal_fill_lists(struct traversal *w, const struct reference *t,
     return 0;
 }
 
-/* The scene's channels with the places of where the Gaussians are now: seen
+/* The scene's channels with the places of where the Gaussians are now: c
  * (2 uv - 1 - A x - b). */
 static int traversal_fill_places(struct traversal *w,
                                  const struct reference *t, struct error *err)
@@ -99,7 +99,7 @@ static int traversal_fill_places(struct traversal *w,
     size_t C = (size_t)t->channels;
 
     w->color = t->color;
-    if (!t->seen)
+    if (!t->sure)
         return 0;
     w->color = w->placed = malloc((t->n * C + 1) * sizeof *w->placed);
     if (!w->placed)
@@ -109,11 +109,11 @@ static int traversal_fill_places(struct traversal *w,
         const float *A = t->view.A, *b = t->view.b;
         double x = 2 * w->point[i].x / t->width - 1;
         double y = 2 * w->point[i].y / t->height - 1;
-        double *out = w->placed + (i + 1) * C - 3, seen = t->seen[i];
+        double *out = w->placed + (i + 1) * C - 3, sure = t->sure[i];
 
-        out[0] = seen * (t->uv[2 * i] - (A[0] * x + A[1] * y + b[0]));
-        out[1] = seen * (t->uv[2 * i + 1] - (A[2] * x + A[3] * y + b[1]));
-        out[2] = seen;
+        out[0] = sure * (t->uv[2 * i] - (A[0] * x + A[1] * y + b[0]));
+        out[1] = sure * (t->uv[2 * i + 1] - (A[2] * x + A[3] * y + b[1]));
+        out[2] = sure;
     }
     return 0;
 }

@@ -30,6 +30,7 @@ void scene_release(struct scene *s)
     free(s->uv);
     free(s->seen);
     free(s->reach);
+    free(s->tilt);
     memset(s, 0, sizeof *s);
 }
 
@@ -144,10 +145,13 @@ static int scene_copy_arrays(struct scene *s, const struct gaus *g,
         s->g.reach = s->reach = scene_copy(g->reach, n * sizeof *g->reach);
         s->g.home = s->loaded;
     }
+    if (g->view && g->tilt)
+        s->g.tilt = s->tilt = scene_copy(g->tilt, 2 * n * sizeof *g->tilt);
     if (!s->mean || !s->loaded || !s->scale || !s->quat || !s->opacity ||
         (g->bend && !s->neck) || (g->jaw && !s->jaw) ||
         (g->branch && !s->branch) ||
-        (g->view && (!s->uv || !s->seen || (g->reach && !s->reach))))
+        (g->view && (!s->uv || !s->seen || (g->reach && !s->reach) ||
+                      (g->tilt && !s->tilt))))
         return error_set(err, EX_OSERR, "out of memory for %zu Gaussians", n);
     return scene_take_color(s, g, err);
 }

@@ -206,6 +206,8 @@ static int splat_check_gaussians(const struct splat *s,
                                      "-1e6 to 1e6", err)) ||
          (g->seen && splat_check_array(g->seen, g->n, 1, "seen", 0, 1,
                                        "0 to 1", err)) ||
+         (g->tilt && splat_check_array(g->tilt, g->n, 2, "tilt", -1e6f, 1e6f,
+                                       "-1e6 to 1e6", err)) ||
          (g->reach && splat_check_array(g->reach, g->n, 1, "reach", -WIDEST,
                                         WIDEST, "a finite number", err))))
         return -1;
@@ -415,7 +417,7 @@ int splat_draw(struct splat *s, const struct splat_pictures *out,
 
     if (splat_check_pictures(s, out, view, err) ||
         splat_check_camera(cam, err) ||
-        (view && splat_check_array(view->A, 6, 1, "view", -1e6f, 1e6f,
+        (view && splat_check_array(view->A, 8, 1, "view", -1e6f, 1e6f,
                                    "-1e6 to 1e6", err)))
         return -1;
     splat_set_camera(s->state, cam);

@@ -69,11 +69,14 @@ size_t state_cloud_layout(struct splat *s, char *base, size_t n)
     st->projection = state_reserve(base, &used, n * sizeof *st->projection);
     st->color = state_reserve(base, &used, n * sizeof *st->color);
     st->place = NULL;
-    for (int k = 0; k < 3 && s->opt.place; k++)
-        *(k < 2 ? &st->cloud.uv[k] : &st->cloud.seen) =
-            state_reserve(base, &used, row);
-    if (s->opt.place)
+    for (int k = 0; k < 2 && s->opt.place; k++) {
+        st->cloud.uv[k] = state_reserve(base, &used, row);
+        st->cloud.tilt[k] = state_reserve(base, &used, row);
+    }
+    if (s->opt.place) {
+        st->cloud.seen = state_reserve(base, &used, row);
         st->place = state_reserve(base, &used, n * sizeof *st->place);
+    }
     st->key = state_reserve(base, &used, n * sizeof *st->key);
     for (int k = 0; k < 3; k++)
         st->fine[k] = s->opt.gradients ? state_reserve(base, &used, row) : NULL;

@@ -51,6 +51,7 @@ struct cloud {
     float *top;                /* log2 opacity; -1e30 for 0 */
     float *uv[2], *seen;       /* with places: -1..1 across the source
                                 * picture, and how much; else NULL */
+    float *tilt[2];            /* likewise */
 };
 
 /* A Gaussian that the photograph shows only near home (gaussian_seen). */

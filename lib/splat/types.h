@@ -87,11 +87,14 @@ struct splat {
 
 /* How places in the driven picture become places in the source picture, but for
  * each Gaussian's own offset: A x + b, positions from -1 to 1 across a picture.
- * The three place channels of a Gaussian centred at x are seen (2 uv - 1 - A x
- * - b), x before y, and seen. */
+ * The three place channels of a Gaussian centred at x are c (2 uv - 1 - A x -
+ * b), x before y, and c, the confidence in it: seen times gaussian_shown. */
 struct splat_place_view {
     float A[4];                   /* rows */
     float b[2];
+    float toward[2];              /* where this frame's camera is, seen from the
+                                   * head along the source camera's axes: sines
+                                   * to the right and down (gaussian_shown) */
 };
 
 /* Where a frame goes; what is NULL is not drawn, but for image and half, of

@@ -118,6 +118,7 @@ int gaus_read(struct gaus *g, const struct record *rec, struct error *err)
         gaus_optional(&g->seen, rec, "seen", g->n, 1, err) ||
         gaus_optional(&g->view, rec, "view", 3, 4, err) ||
         gaus_optional(&g->reach, rec, "reach", g->n, 1, err) ||
+        gaus_optional(&g->tilt, rec, "tilt", g->n, 2, err) ||
         gaus_optional(&g->cam, rec, "cam", 3, 4, err))
         return -1;
     if (!g->uv != !g->seen || !g->uv != !g->view)
@@ -151,6 +152,7 @@ int gaus_arrays(struct array a[STREAM_MAX_ARRAYS], const struct gaus *g)
         array_make("seen", DTYPE_F32, g->seen, 1, n, 0, 0, 0),
         array_make("view", DTYPE_F32, g->view, 2, 3, 4, 0, 0),
         array_make("reach", DTYPE_F32, g->reach, 1, n, 0, 0, 0),
+        array_make("tilt", DTYPE_F32, g->tilt, 2, n, 2, 0, 0),
         array_make("cam", DTYPE_F32, g->cam, 2, 3, 4, 0, 0)
     };
 

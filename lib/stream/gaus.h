@@ -31,7 +31,8 @@ struct gaus {
     const float *uv;                    /* (n,2) places in SRCI, 0..1, */
     const float *seen;                  /* (n) how far it shows them, and */
     const float *view;                  /* (3,4) its camera: all or none */
-    const float *reach;                 /* (n) up to where it does */
+    const float *reach;                 /* (n) up to where it does, and */
+    const float *tilt;                  /* (n,2) how depth rises there */
     const float *cam;                   /* (3,4) [R|t] */
 };
 

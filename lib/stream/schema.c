@@ -69,6 +69,8 @@ static const struct schema table[] = {
       "[R|t] of the source's camera" },
     { RECORD_GAUS, "reach", "f32", "N", false,
       "how far it is shown from there" },
+    { RECORD_GAUS, "tilt", "f32", "N,2", false,
+      "how its seen depth rises, right and down" },
     { RECORD_GMOV, "cam", "f32", "3,4", false, "[R|t], head units" },
     { RECORD_GMOV, "first", "i32", "1", false, "number of the first of mean" },
     { RECORD_GMOV, "mean", "f32", "M,3", false, "new centres, head units" },

@@ -232,30 +232,6 @@ static void equation_shifts(void)
     expect("logit limits", attribute_logit(0), log(0.02 / 0.98), 1e-6);
 }
 
-/* Hidden vertices take the colour of the seen ones: a strip of triangles,
- * seen only at its left end. */
-static void equation_spread(void)
-{
-    static const int32_t faces[12] = {0, 1, 2, 1, 3, 2, 2, 3, 4, 3, 5, 4};
-    float rgb[3 * (6 + 9)] = {0.8f, 0.2f, 0.1f, 0.8f, 0.2f, 0.1f};
-    float weight[15] = {1, 1}, tmp[42];
-    int level[6];
-    size_t mirror[6] = {0, 1, 2, 3, 4, 5};
-    struct densify d;
-    struct error err;
-
-    densify_init(&d, faces, 4, 6, &err);
-    expect("edges of the strip", (double)d.E, 9, 0);
-    dynamic_branch_spread(rgb, weight, mirror, &d, level, tmp);
-    expect("colour at the far end, red", rgb[15], 0.8, 1e-6);
-    expect("colour of the last midpoint, blue", rgb[3 * 14 + 2], 0.1, 1e-6);
-    expect("ring of the far end", level[5], 2, 0);
-    mirror[5] = 0;
-    dynamic_branch_spread(rgb, weight, mirror, &d, level, tmp);
-    expect("no ring but its mirror image's", level[5], 0, 0);
-    densify_release(&d);
-}
-
 int main(void)
 {
     equation_midpoints();
@@ -265,6 +241,5 @@ int main(void)
     equation_likeness();
     equation_teeth();
     equation_shifts();
-    equation_spread();
     return check_status();
 }

@@ -357,6 +357,8 @@ static void gradient_reference(struct world *w)
         double rise = a->config.rgb_skip ? s->surface[k] : 0;
         double z = w->cam[11] - rise, mu[3];
 
+        if (a->config.rgb_skip && s->from[k])   /* an image of another */
+            continue;
         for (int c = 0; c < 3; c++) {
             double o = 0, ray = 0;
 
@@ -484,7 +486,7 @@ static void gradient_tinted(void)
     gradient_loss(&w);
     const size_t C = (size_t)w.a.set.channels;
     for (size_t k = 0; k < w.a.plane.count; k++)
-        for (size_t c = 0; c < 3; c++)
+        for (size_t c = 0; c < 3 && !w.a.plane.from[k]; c++)
             off = fmax(off, fabs(w.a.plane.pixel[4 * k + c] -
                                  w.a.set.color[C * (w.a.first[1] + k) + c]));
     check("colours of the plane from the picture's, over 0.1",

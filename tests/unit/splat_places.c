@@ -7,13 +7,14 @@
 enum { SIZE = 40, N = 1200 };
 
 static const struct splat_place_view view = {{0.9f, 0.2f, -0.15f, 1.1f},
-                                             {0.05f, -0.1f}};
+                                             {0.05f, -0.1f}, {0.3f, -0.2f}};
 
 /* A small scene whose Gaussians have places; a third was not seen. */
 static void places_scene(struct testscene *t, size_t n, uint64_t seed)
 {
     float *uv = scene_grab(2 * n, sizeof *uv),
-          *seen = scene_grab(n, sizeof *seen);
+          *seen = scene_grab(n, sizeof *seen),
+          *tilt = scene_grab(2 * n, sizeof *tilt);
     struct random r;
 
     small_scene(t, n, seed);
@@ -22,14 +23,18 @@ static void places_scene(struct testscene *t, size_t n, uint64_t seed)
         uv[i] = (float)random_uniform(&r);
     for (size_t i = 0; i < n; i++)
         seen[i] = i % 3 == 0 ? 0 : i % 3 == 1 ? 1 : (float)random_uniform(&r);
+    for (size_t i = 0; i < 2 * n; i++)      /* from whole to not at all */
+        tilt[i] = (float)random_range(&r, -6, 6);
     t->g.uv = uv;
     t->g.seen = seen;
+    t->g.tilt = tilt;
 }
 
 static void places_release(struct testscene *t)
 {
     free((void *)t->g.uv);
     free((void *)t->g.seen);
+    free((void *)t->g.tilt);
     testscene_release(t);
 }
 
@@ -144,6 +149,29 @@ static void places_reach(void)
     check("of a lid: the way up does not count", lid, 1e-5);
 }
 
+/* What a frame shows of a surface, by depth's slope along the way that the
+ * camera went. */
+static void places_shown(void)
+{
+    static const struct { double tilt, way, shown; } at[] = {
+        {0, 0.7, 1}, {5, 0, 1}, {1, 1.0 / 3, 1},    /* 4/3 of it: 0.75 */
+        {1, 1, (0.5 - 0.4) / 0.35}, {3, 0.5, 0},    /* twice; 2.5 times */
+        {-1, 0.4, 1}, {-1, 0.6, 0.5}, {-1, 0.8, 0}, {-9, 0.5, 0}
+    };
+    double worst = 0;
+
+    for (size_t k = 0; k < sizeof at / sizeof *at; k++)
+        for (int axis = 0; axis < 2; axis++) {
+            float tilt[2] = {3, 3}, way[2] = {0};
+
+            tilt[axis] = (float)at[k].tilt;
+            way[axis] = (float)at[k].way;
+            worst = fmax(worst, fabs(gaussian_shown(tilt, way) -
+                                     at[k].shown));
+        }
+    check("shown by slope and way", worst, 1e-6);
+}
+
 /* Gaussians move, some beyond their reach, and the view changes, while the
  * camera stays. */
 static void places_moving(void)
@@ -159,7 +187,7 @@ static void places_moving(void)
     float *place = scene_grab(P * 3, sizeof *place);
     float *fresh = scene_grab(P * 3, sizeof *fresh);
     struct splat_pictures out = {.image = image, .place = place};
-    struct splat_place_view first = {{1, 0, 0, 1}, {0, 0}};
+    struct splat_place_view first = {{1, 0, 0, 1}, {0, 0}, {0, 0}};
 
     places_scene(&t, N, 43);
     memcpy(home, t.g.mean, 3 * N * sizeof *home);
@@ -445,6 +473,7 @@ int main(void)
     int bad = at_each_level(places_test);
 
     places_reach();
+    places_shown();
     finite_differences();
     places_refuses();
     return bad || check_status();

@@ -147,10 +147,8 @@ static void backward_composition(void)
 
 static uint8_t rgb8[3 * PIXELS], matte[PIXELS], back[3 * PIXELS];
 static const struct splat_place_view view = {{0.9f, 0.1f, -0.1f, 0.95f},
-                                             {0.02f, -0.03f}};
+                                             {0.02f, -0.03f}, {0, 0}};
 static double place[3 * PIXELS], cover[PIXELS];
-static double drawn[PIXELS];    /* how much the photograph is drawn out: held */
-static double whole[PIXELS];    /* what a rim leaves of the confidence: held */
 static float place_f[3 * PIXELS], cover_f[PIXELS];
 static float dplace[3 * PIXELS], dcover[PIXELS], photo[TEXTURE_PHOTO * PIXELS];
 static float probe[TEXTURE_PHOTO * PIXELS];
@@ -181,29 +179,7 @@ static double lookup_number(const uint8_t *t, double u, double v, int c)
 
 static double backward_confidence(size_t i)
 {
-    const double *p = place + 3 * i;
-    const long step[4] = {i % S ? -1 : 0, i % S + 1 < S ? 1 : 0,
-                          i >= S ? -S : 0, i + S < PIXELS ? S : 0};
-    double jump = 0, own = 1.6 * p[2] / cover[i] - 0.2;
-
-    for (int k = 0; k < 4; k++) {
-        const double *q = p + 3 * step[k];
-
-        jump = fmax(jump, 0.5 * S * hypot(q[0] / q[2] - p[0] / p[2],
-                                          q[1] / q[2] - p[1] / p[2]));
-    }
-    return fmin(fmax(own, 0), 1) * fmin(fmax((6 - jump) / 4.5, 0), 1) *
-           drawn[i];
-}
-
-/* What a pixel of this matte is multiplied by where alpha is drawn. */
-static double backward_cover(double m, double alpha)
-{
-    const struct texture_rim rim = texture_rim(&view);
-
-    if (m > (double)rim.most * alpha)
-        return (double)rim.most * alpha / m;
-    return m < alpha ? 1 + (double)rim.least * (fmin(alpha / m, 2) - 1) : 1;
+    return fmin(fmax(1.6 * place[3 * i + 2] / cover[i] - 0.2, 0), 1);
 }
 
 /* Where pixel j's place lies, pixels. */
@@ -219,29 +195,16 @@ static void backward_position(double uv[2], size_t j)
                            (double)view.b[k] + p[k] / p[2] + 1);
 }
 
-/* What pixel i and its neighbours add to the loss. */
+/* What pixel i adds to the loss. */
 static double lookup_loss(const struct texture *t, size_t i)
 {
-    const size_t at[5] = {i, i % S ? i - 1 : i, i % S + 1 < S ? i + 1 : i,
-                          i >= S ? i - S : i, i + S < PIXELS ? i + S : i};
-    double loss = 0;
+    const double sure = backward_confidence(i);
+    const float *by = probe + TEXTURE_PHOTO * i;
+    double uv[2], loss = by[4] * sure;
 
-    for (int k = 0; k < 5; k++) {
-        const size_t j = at[k];
-        const double sure = backward_confidence(j);
-        double uv[2];
-
-        backward_position(uv, j);
-        double m = lookup_number(t->level[0], uv[0], uv[1], 3);
-        double by = backward_cover(m, cover[j]);
-
-        if ((k && j == i) || sure <= 0)
-            continue;
-        for (int c = 0; c < 4; c++)
-            loss += (double)probe[TEXTURE_PHOTO * j + (size_t)c] * by *
-                    lookup_number(t->level[0], uv[0], uv[1], c);
-        loss += (double)probe[TEXTURE_PHOTO * j + 4] * sure * whole[j];
-    }
+    backward_position(uv, i);
+    for (int c = 0; c < 4 && sure > 0; c++)
+        loss += (double)by[c] * lookup_number(t->level[0], uv[0], uv[1], c);
     return loss;
 }
 
@@ -262,12 +225,8 @@ static void lookup_inputs(void)
     }
     for (size_t i = 0; i < 3 * PIXELS; i++)
         place[i] = (double)place_f[i];
-    for (size_t i = 0; i < PIXELS; i++) {
+    for (size_t i = 0; i < PIXELS; i++)
         cover[i] = (double)cover_f[i];
-        drawn[i] = (double)texture_stretch(place_f, &view,
-                                           texture_zoom(&view), i % S,
-                                           i / S, S);
-    }
 }
 
 /* The derivative by *x, of what pixel i touches. */
@@ -295,15 +254,7 @@ static void backward_lookup(void)
     REQUIRE(texture_init(&t, rgb8, matte, back, S, &err) == 0, "%s", err.text);
     texture_lookup(photo, &t, &view, place_f, cover_f, S);
     for (size_t i = 0; i < PIXELS; i++) {
-        double uv[2];
-
-        backward_position(uv, i);
-        whole[i] = (double)texture_whole(
-            (float)lookup_number(t.level[0], uv[0], uv[1], 3), cover_f[i],
-            texture_rim(&view));
-    }
-    for (size_t i = 0; i < PIXELS; i++) {
-        double sure = whole[i] * backward_confidence(i);
+        double sure = backward_confidence(i);
 
         off = fmax(off, fabs(sure - (double)photo[TEXTURE_PHOTO * i + 4]));
         doubted += sure > 0 && sure < 1;

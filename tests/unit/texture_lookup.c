@@ -14,7 +14,7 @@
 
 enum { S = 128, PIXELS = S * S };
 
-static const struct splat_place_view straight = {{1, 0, 0, 1}, {0, 0}};
+static const struct splat_place_view straight = {{1, 0, 0, 1}, {0, 0}, {0, 0}};
 
 /* A photograph of somebody in front of something: rgb is person + (1 - matte)
  * back, rounded. */
@@ -70,14 +70,6 @@ static double lookup_cubic(double d)
     return d < 2 ? -0.75 * d * d * d + 3.75 * d * d - 6 * d + 3 : 0;
 }
 
-/* What a pixel of this matte is multiplied by where so much is drawn. */
-static double lookup_cover(double m, double drawn, struct texture_rim rim)
-{
-    if (m > (double)rim.most * drawn)
-        return (double)rim.most * drawn / m;
-    return m < drawn ? 1 + (double)rim.least * (fmin(drawn / m, 2) - 1) : 1;
-}
-
 static double lookup_bicubic(const uint8_t *t, long n, double u, double v,
                              int c)
 {
@@ -96,25 +88,11 @@ static double lookup_bicubic(const uint8_t *t, long n, double u, double v,
     return fmin(fmax(sum / 255, 0), 1);
 }
 
-/* The confidence in a pixel of matte m where `cover` is drawn. */
-static double lookup_belief(double weight, double m, float cover,
-                          struct texture_rim rim)
-{
-    const double sure = weight * (double)texture_whole((float)m, cover, rim);
-
-    return sure + (double)rim.still * fmax(1 - 255 * m, 0) *
-                      fmin(3 * sure, 1) * (1 - sure);
-}
-
 static void against_double(size_t n)
 {
     enum { AT = 500, STRIDE = TEXTURE_PHOTO };
-    const struct texture_rim rim = {
-        .turned = 0.6f, .least = 0.5f, .inner = 0.8f, .still = 0.7f,
-        .most = 1.5f};
     static uint8_t t[4 * 65 * 65];
     static float uv[2][(AT + 15) / 16 * 16], weight[AT], out[STRIDE * AT];
-    static float cover[AT], inside[AT];
     struct random r;
     double worst = 0;
     bool kept = true;
@@ -125,39 +103,30 @@ static void against_double(size_t n)
         t[i] = i < 2 * n * n ? 0 : (uint8_t)random_below(&r, 256);
     for (size_t i = 0; i < AT; i++) {
         weight[i] = i % 5 ? 1 - (float)i / AT : 0;
-        cover[i] = (float)random_uniform(&r);
-        inside[i] = i % 3 ? (float)random_range(&r, 0.7, 1) : 0;
         for (size_t k = 0; k < 2; k++)
             uv[k][i] = (float)random_range(&r, -1.5, (double)n + 1.5);
         for (size_t k = 0; k < STRIDE; k++)
             out[STRIDE * i + k] = -3;
     }
-    lookup_kernels()->bicubic(out, uv[0], uv[1], weight, cover, inside,
-                              AT, t, n, rim);
-    for (size_t i = 0; i < AT; i++) {
-        double m = lookup_bicubic(t, (long)n, uv[0][i], uv[1][i], 3);
-        const struct texture_rim here = texture_rim_at(rim, inside[i]);
-        double by = lookup_cover(m, cover[i], here);
-
+    lookup_kernels()->bicubic(out, uv[0], uv[1], weight, AT, t, n);
+    for (size_t i = 0; i < AT; i++)
         for (int c = 0; c < STRIDE; c++) {
             float got = out[STRIDE * i + (size_t)c];
 
             if (weight[i] == 0) {
                 kept = kept && got == -3;
             } else if (c == 4) {
-                worst = fmax(worst, fabs((double)got - lookup_belief(
-                    (double)weight[i], m, cover[i], here)));
+                kept = kept && got == weight[i];
             } else {
                 double want = lookup_bicubic(t, (long)n, uv[0][i], uv[1][i],
                                              c);
 
-                worst = fmax(worst, fabs(got - by * want));
+                worst = fmax(worst, fabs(got - want));
             }
         }
-    }
     snprintf(what, sizeof what, "bicubic in %zu pixels against double", n);
     check(what, worst, 2e-5);
-    check_that("without weight nothing is written", kept);
+    check_that("without weight nothing is written, else the weight", kept);
 }
 
 /* Three channels in vectors against four one by one; n is no multiple. */
@@ -211,7 +180,7 @@ static void lookup_set_grey(void)
 static void test_identity(void)
 {
     const struct splat_place_view other = {{1.1f, 0.2f, -0.2f, 1.1f},
-                                           {0.07f, -0.2f}};
+                                           {0.07f, -0.2f}, {0, 0}};
     struct texture t;
 
     lookup_draw_photograph(1);
@@ -238,145 +207,6 @@ static void test_identity(void)
     texture_apply(color, 3, alpha, &t, &other, place, S);
     check("another view, exact places: the same", off_photograph(), 1);
     texture_release(&t);
-}
-
-/* Of what is barely drawn the photograph makes something whole only in the
- * source's own view: on a turned head that would be a jagged outline. */
-static void test_outline(void)
-{
-    const struct splat_place_view side = {{1.3f, 0, 0, 1}, {0, 0}};
-    const float drawn = 0.25f;
-    struct texture t;
-    float most[2] = {0};
-
-    lookup_draw_photograph(2);
-    texture_of_photograph(&t);
-    lookup_set_places(0, 0, drawn, drawn);
-    for (int turned = 0; turned < 2; turned++) {
-        texture_lookup(photo, &t, turned ? &side : &straight, place, alpha, S);
-        for (size_t i = 0; i < PIXELS; i++)
-            most[turned] = fmaxf(most[turned], photo[TEXTURE_PHOTO * i + 3]);
-    }
-    check("the source's outline is the photograph's", 1 - most[0], 0.01);
-    check("a turned head's is what is drawn, twice", most[1] - 2 * drawn,
-          1e-6);
-    texture_release(&t);
-}
-
-/* The matte of t at pixel i of a picture seen from `view`, places exact. */
-static double lookup_matte(const struct texture *t,
-                           const struct splat_place_view *view, size_t i)
-{
-    const size_t level = texture_level(t, view, S), n = t->side[level];
-    const double x = (2.0 * (double)(i % S) + 1) / S - 1;
-    const double y = (2.0 * (double)(i / S) + 1) / S - 1;
-
-    return lookup_bicubic(t->level[level], (long)n,
-                          0.5 * (double)n * ((double)view->A[0] * x + 1),
-                          0.5 * (double)n * (y + 1), 3);
-}
-
-/* A head that has turned: rims of the photograph, where the matte is not
- * full, are not believed, nor what is drawn out of a few of its pixels. */
-static void test_turned(void)
-{
-    const struct splat_place_view side = {{1.3f, 0, 0, 1}, {0, 0}};
-    struct texture t;
-    bool rims = true, drawn = true;
-
-    lookup_draw_photograph(2);
-    texture_of_photograph(&t);
-    lookup_set_places(0, 0, 1, 1);
-    texture_lookup(photo, &t, &side, place, alpha, S);
-    for (size_t i = 0; i < PIXELS; i++) {
-        const float sure = photo[TEXTURE_PHOTO * i + 4];
-        const double m = lookup_matte(&t, &side, i);
-
-        rims = rims && (m > 0.4999 || sure == 0) && (m < 0.9501 || sure == 1);
-    }
-    check_that("turned: rims are not believed, what is whole is", rims);
-    for (size_t i = 0; i < PIXELS; i++)
-        place[3 * i] = -0.95f * (2 * ((float)(i % S) + 0.5f) / S - 1);
-    texture_lookup(photo, &t, &straight, place, alpha, S);
-    for (size_t i = 0; i < PIXELS; i++)
-        drawn = drawn && photo[TEXTURE_PHOTO * i + 4] == 0;
-    check_that("drawn out twenty times: not believed", drawn);
-    texture_release(&t);
-}
-
-/* A head turned by 5.7 degrees: where the matte is half, well inside what is
- * drawn the photograph covers more than that; at what is drawn thin it does
- * not. */
-static void test_inside(void)
-{
-    const struct splat_place_view side = {{1.005f, 0, 0, 1}, {0, 0}};
-    struct texture t;
-    double covers[2] = {0}, rims[2] = {0};
-
-    lookup_draw_photograph(2);
-    texture_of_photograph(&t);
-    for (int thin = 0; thin < 2; thin++) {
-        lookup_set_places(0, 0, 1, 1);
-        for (size_t i = 0; thin && i < PIXELS; i++)
-            alpha[i] = i % 3 ? 0 : 1;
-        texture_lookup(photo, &t, &side, place, alpha, S);
-        for (size_t i = 0; i < PIXELS; i += 3) {
-            const double m = lookup_matte(&t, &side, i);
-
-            if (m > 0.3 && m < 0.7 && photo[TEXTURE_PHOTO * i + 4] > 0) {
-                rims[thin]++;
-                covers[thin] += photo[TEXTURE_PHOTO * i + 3] / m;
-            }
-        }
-    }
-    check_range("turned a little, inside: times the matte",
-                covers[0] / rims[0], 1.2, 1.6);
-    check_range("drawn thin", covers[1] / rims[1], 0.999, 1.001);
-    texture_release(&t);
-}
-
-/* The source's outline within a turned head's: what is drawn solid there lets
- * no more than a hundredth of the background through, whatever the matte. */
-static void test_slit(void)
-{
-    const struct texture_rim rim = {.turned = 0, .least = 1, .most = 2};
-    const struct texture_rim still = {.turned = 0, .least = 0, .most = 2};
-    const struct texture_rim hardly = {.turned = 0, .least = 0.01f, .most = 2};
-    double through = 0, kept = 1, jump = 0;
-
-    for (int i = 1; i < 255; i++) {
-        const float share = (float)i / 255;
-
-        through = fmax(through, (double)(texture_whole(share, 1, rim) *
-                                         (1 - share *
-                                          texture_cover(share, 1, rim))));
-        kept = fmin(kept, (double)(texture_whole(share, 1, still) *
-                                   texture_cover(share, 1, still)));
-        jump = fmax(jump, fabs((double)(texture_whole(share, 1, hardly) -
-                                        texture_whole(share, 1, still))));
-    }
-    check("what a slit lets through", through, 0.01);
-    check("the source's own rims are the photograph's", 1 - kept, 0);
-    check("a head that hardly turns: nearly so", jump, 0.011);
-    check("so is a turned head's inside", 1 - texture_whole(1, 1, rim), 0);
-}
-
-/* Where the photograph shows nobody, a head that has not turned leaves no more
- * of what is drawn than a place's share allows; a turned one all of it. */
-static void test_nobody(void)
-{
-    const struct texture_rim still = {.still = 1, .most = 2};
-    const struct texture_rim turned = {.most = 2};
-
-    expect("nobody: believed", (double)texture_sure(0.4f, 0, 0.5f, still), 1,
-           0);
-    expect("as far as its share", (double)texture_sure(0.1f, 0, 0.5f, still),
-           0.1 + 0.3 * 0.9, 1e-6);
-    expect("somebody: no more than before",
-           (double)texture_sure(0.4f, 0.5f, 0.5f, still),
-           (double)texture_sure(0.4f, 0.5f, 0.5f, turned), 0);
-    expect("nor on a turned head", (double)texture_sure(0.4f, 0, 1, turned),
-           (double)(0.4f * texture_whole(0, 1, turned)), 0);
 }
 
 /* One step of a pixel to the right in the source. */
@@ -422,7 +252,7 @@ static void straight_colours(void)
 /* A coarser level where the picture is smaller than the photograph. */
 static void test_levels(void)
 {
-    const struct splat_place_view twice = {{2, 0, 0, 2}, {0, 0}};
+    const struct splat_place_view twice = {{2, 0, 0, 2}, {0, 0}, {0, 0}};
     struct texture t;
     double worst = 0;
 
@@ -454,28 +284,9 @@ static void lookup_run(const struct texture *t)
     texture_lookup(photo, t, &straight, place, alpha, S);
 }
 
-static void test_jumps(const struct texture *t)
+/* Where no Gaussian has a place nothing is looked up; beside it all is. */
+static void test_nothing(const struct texture *t)
 {
-    static const struct { float pixels, sure; } at[] = {
-        {1, 1}, {3.75f, 0.5f}, {6.5f, 0}, {20, 0}};
-
-    for (size_t k = 0; k < 4; k++) {
-        char what[64];
-
-        lookup_set_places(0, 0, 1, 1);
-        for (size_t i = 0; i < PIXELS; i++)
-            if (i % S >= S / 2)
-                place[3 * i + 1] = at[k].pixels * 2 / S;
-        lookup_run(t);
-        snprintf(what, sizeof what, "confidence where places jump %g pixels",
-                 at[k].pixels);
-        expect(what, lookup_sure(S / 2, 9), at[k].sure, 1e-4);
-        check_that("the same on the other side, all of it beyond",
-                   fabsf(lookup_sure(S / 2 - 1, 9) - at[k].sure) < 1e-4f &&
-                   lookup_sure(S / 2 - 2, 9) == 1 &&
-                   lookup_sure(S / 2 + 1, 9) == 1);
-    }
-    /* beside what has no place there is no jump */
     lookup_set_places(0, 0, 1, 1);
     for (size_t i = 0; i < PIXELS; i++)
         if (i % S >= S / 2)
@@ -601,17 +412,12 @@ static int at_level(void)
     against_double(65);
     test_mix();
     test_identity();
-    test_turned();
-    test_inside();
-    test_slit();
-    test_nobody();
-    test_outline();
     test_shifted();
     straight_colours();
     test_levels();
     lookup_draw_photograph(3);
     texture_of_photograph(&t);
-    test_jumps(&t);
+    test_nothing(&t);
     test_shares(&t);
     test_mixture();
     in_one(&t);

@@ -33,6 +33,7 @@ export function drawnArrays(a, count) {
                                        matte: a.picture("matte", 1) });
   if (a.has("back")) g.back = a.picture("back", 3);
   if (a.has("uv")) Object.assign(g, { uv: a.planes("uv"), seen: a.planes("seen"),
+                                      tilt: a.planes("tilt"),
                                       view: a.array("view") });
   return g;
 }

@@ -60,7 +60,7 @@ export function personLevels(rgb, matte, back) {
   return levels;
 }
 
-// place_view_make of lib/photo/place.c: A (2,2) and b (2).
+// place_view_make of lib/photo/place.c: A (2,2), b (2) and toward (2).
 export function placeView(source, cam) {
   const P = [0, 1, 2, 3].map((e) => [0, 1, 2].reduce((s, k) =>
     s + cam[4 * (e >> 1) + k] * source[4 * (e & 1) + k], 0));
@@ -69,8 +69,10 @@ export function placeView(source, cam) {
   const inv = scale / Math.max(P[0] * P[3] - P[1] * P[2], STEEPEST);
   const A = [P[3] * inv, -P[1] * inv, -P[2] * inv, P[0] * inv];
   const from = origin(source), to = origin(cam);
+  const toward = [0, 1].map((i) => -[0, 1, 2].reduce((s, k) =>
+    s + source[4 * i + k] * cam[8 + k], 0));
   return { A, b: [from[0] - A[0] * to[0] - A[1] * to[1],
-                  from[1] - A[2] * to[0] - A[3] * to[1]] };
+                  from[1] - A[2] * to[0] - A[3] * to[1]], toward };
 }
 
 // The level whose pixels are no smaller than three quarters of the picture's.

@@ -13,10 +13,17 @@ uniform vec2 size;
 uniform float focal;
 uniform ivec3 branches;
 uniform vec4 placeA;
-uniform vec2 placeB;
+uniform vec2 placeB, toward;
 out vec2 spread;
 flat out vec4 paint;
 flat out vec3 place;
+
+/* gaussian_shown of lib/base/gaussians.h. */
+float shown(vec2 tilt) {
+  float more = 1.0 + dot(tilt, toward);
+  return clamp(min((1.0 / max(more, 1.0) - 0.4) / (0.75 - 0.4),
+                   (more - 0.2) / (0.6 - 0.2)), 0.0, 1.0);
+}
 
 void main() {
   int nth = gl_VertexID >> 2;
@@ -58,9 +65,9 @@ void main() {
 #ifdef PLACES
   vec4 t3 = texelFetch(table, at + ivec2(3, 0), 0);
   vec2 n = 12.0 * p.xy / p.z;
-  float seen = t1.w * mean.w;
-  place = vec3(seen * (2.0 * t3.xy - 1.0 - placeB -
-                       vec2(dot(placeA.xy, n), dot(placeA.zw, n))), seen);
+  float sure = t1.w * mean.w * shown(t3.zw);
+  place = vec3(sure * (2.0 * t3.xy - 1.0 - placeB -
+                       vec2(dot(placeA.xy, n), dot(placeA.zw, n))), sure);
 #endif
 }`;
 
@@ -101,9 +108,7 @@ uniform vec4 placeA;
 uniform vec2 placeB;
 out vec4 color;
 
-/* As in lib/photo/lookup.h. */
-const float LEAST = 0.004, JUMP = 1.5, LEAP = 6.0, SHARP = 0.55,
-            STRETCHED = 0.12, SOFT = 86.0;
+const float LEAST = 0.004;         /* as in lib/photo/lookup.h */
 
 /* Keys's weights, as in lib/photo/lookup_tmpl.c. */
 vec4 weights(float t) {
@@ -123,85 +128,6 @@ vec4 bicubic(sampler2D t, vec2 uv) {
              texelFetch(t, clamp(ivec2(from) + ivec2(i, j) - 1, ivec2(0),
                                  last), 0);
   return clamp(sum, 0.0, 1.0);
-}
-
-/* How much the place's offset changes to the pixel beside it. */
-float change(vec3 p, ivec2 at) {
-  if (any(lessThan(at, ivec2(0))) ||
-      any(greaterThanEqual(at, ivec2(size)))) return 0.0;
-  vec3 q = texelFetch(wheres, at, 0).xyz;
-  return q.z > LEAST ? 0.5 * span * length(q.xy / q.z - p.xy / p.z) : 0.0;
-}
-
-/* The offset's change along a line through at, per half picture; up to three
- * pixels to each side. */
-vec2 slope(vec3 p, ivec2 at, ivec2 way) {
-  ivec2 last = ivec2(size) - 1, a = clamp(at - 3 * way, ivec2(0), last),
-        b = clamp(at + 3 * way, ivec2(0), last);
-  vec3 from = texelFetch(wheres, a, 0).xyz, to = texelFetch(wheres, b, 0).xyz;
-  if (!(from.z > LEAST)) { from = p; a = at; }
-  if (!(to.z > LEAST)) { to = p; b = at; }
-  vec2 apart = abs(vec2(b - a));
-  return 0.5 * span / max(apart.x + apart.y, 1.0) *
-         (to.xy / to.z - from.xy / from.z);
-}
-
-/* Less than 1 where places draw the photograph out or fold it. */
-float stretch(vec3 p, ivec2 at) {
-  vec2 dx = slope(p, at, ivec2(1, 0)), dy = slope(p, at, ivec2(0, -1));
-  float square = dot(placeA, placeA);
-  float whole = placeA.x * placeA.w - placeA.y * placeA.z;
-  float zoom = 0.5 * (square - sqrt(max(square * square - 4.0 * whole * whole,
-                                        0.0)));
-  float area = (placeA.x + dx.x) * (placeA.w + dy.y) -
-               (placeA.y + dy.x) * (placeA.z + dx.y);
-  return clamp((area / max(zoom, 1e-6) - STRETCHED) / (SHARP - STRETCHED),
-               0.0, 1.0);
-}
-
-float confidence(vec3 p, float alpha, ivec2 at) {
-  float jump = max(max(change(p, at + ivec2(1, 0)), change(p, at - ivec2(1, 0))),
-                   max(change(p, at + ivec2(0, 1)), change(p, at - ivec2(0, 1))));
-  return clamp(1.6 * p.z / max(alpha, LEAST) - 0.2, 0.0, 1.0) *
-         clamp((LEAP - jump) / (LEAP - JUMP), 0.0, 1.0) * stretch(p, at);
-}
-
-/* texture_inside: the least coverage about a place. */
-float inside(ivec2 at) {
-  ivec2 last = ivec2(size) - 1, far = ivec2(ceil(span / SOFT), 0);
-  float least = 1.0;
-  for (int i = 0; i < 4; i++) {
-    ivec2 way = (i < 2 ? far : far.yx) * (i % 2 * 2 - 1);
-    least = min(least, texelFetch(colors, clamp(at + way, ivec2(0), last),
-                                  0).a);
-  }
-  return least;
-}
-
-/* seen's share of the picture, the more the head has turned the less: less
- * where matte or coverage is not full (texture_whole, texture_rim_at), no more
- * than twice what is drawn, and as much on an old outline (texture_cover);
- * more where the photograph shows nobody beside a head that has not turned
- * (texture_sure). */
-vec4 believe(vec4 own, vec4 seen, float sure, ivec2 at) {
-  float square = dot(placeA, placeA);
-  float area = max(placeA.x * placeA.w - placeA.y * placeA.z, 1e-6);
-  float off = sqrt(max(square / area - 2.0, 0.0));
-  float turned = clamp((off - 0.022) / 0.078, 0.0, 1.0);
-  float inner = clamp((off - 0.0014) / 0.0084, 0.0, 1.0);
-  float least = max(clamp((off - 0.006) / 0.016, 0.0, 1.0),
-                    inner * clamp((inside(at) - 0.8) / 0.15, 0.0, 1.0));
-  float whole = 0.95 * (2.0 * own.a - 1.0);
-  float most = 2.0 / clamp(off / 0.01, 1e-6, 1.0) * own.a;
-  float rim = clamp((min(seen.a, own.a) - 0.5) / 0.45, 0.0, 1.0);
-  if (seen.a < whole) sure *= 1.0 - least * (1.0 - pow(seen.a / whole, 4.0));
-  sure *= 1.0 - turned * (1.0 - rim);
-  sure += max(1.0 - off / 0.0014, 0.0) * max(1.0 - 255.0 * seen.a, 0.0) *
-          min(3.0 * sure, 1.0) * (1.0 - sure);
-  if (seen.a > most) seen *= most / seen.a;
-  else if (seen.a < own.a)
-    seen *= 1.0 + least * min(own.a / max(seen.a, 1e-6) - 1.0, 1.0);
-  return mix(own, seen, sure);
 }
 
 /* The source's own picture, and its mean colour, dimmed, beyond its edges. */
@@ -226,13 +152,11 @@ void main() {
   if (photo) {
     vec3 p = texelFetch(wheres, at, 0).xyz;
     if (p.z > LEAST) {
-      float sure = confidence(p, own.a, at);
+      float sure = clamp(1.6 * p.z / max(own.a, LEAST) - 0.2, 0.0, 1.0);
       vec2 uv = vec2(dot(placeA.xy, n), dot(placeA.zw, n)) + placeB +
                 p.xy / p.z + 1.0;
-      if (sure > 0.0) {
-        vec4 seen = bicubic(person, 0.5 * uv * vec2(textureSize(person, 0)));
-        own = believe(own, seen, sure, at);
-      }
+      vec4 seen = bicubic(person, 0.5 * uv * vec2(textureSize(person, 0)));
+      own = mix(own, seen, sure);
     }
   }
   vec3 back = scenery ? behind(n) : background;

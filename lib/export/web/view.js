@@ -37,7 +37,7 @@ function covariance(out, at, scale, quat, i, n) {
 }
 
 // Four texels of each Gaussian: covariance, opacity, seen; colour, branch;
-// place.
+// place, tilt.
 function tableTexture(g) {
   const n = g.count, rows = Math.ceil(4 * n / WIDTH);
   const out = new Float32Array(4 * WIDTH * rows);
@@ -51,6 +51,8 @@ function tableTexture(g) {
     out[at + 11] = i < g.counts[0] ? 0 : i < g.counts[0] + g.counts[1] ? 1 : 2;
     out[at + 12] = g.uv?.[i] ?? 0;
     out[at + 13] = g.uv?.[n + i] ?? 0;
+    out[at + 14] = g.tilt?.[i] ?? 0;
+    out[at + 15] = g.tilt?.[n + i] ?? 0;
   }
   return floatTexture(out, WIDTH, rows);
 }
@@ -154,7 +156,8 @@ export class View {
       cam: uniform([0, 1, 2].map(() => new THREE.Vector4())),
       size: uniform(new THREE.Vector2()), focal: uniform(1),
       branches: uniform([1, 1, 1]), placeA: uniform(new THREE.Vector4()),
-      placeB: uniform(new THREE.Vector2()) };
+      placeB: uniform(new THREE.Vector2()),
+      toward: uniform(new THREE.Vector2()) };
     const defines = { WIDTH };
     if (this.levels) defines.PLACES = 1;
     const material = rawMaterial(shaders.gaussianVertex,
@@ -264,9 +267,10 @@ export class View {
     p.original.value = Boolean(show.original && this.rgb);
     p.backdrop.value = (p.original.value ? this.rgb : this.back) ?? this.empty;
     if (!this.levels) return;
-    const { A, b } = placeView(this.source, cam);
+    const { A, b, toward } = placeView(this.source, cam);
     u.placeA.value.fromArray(A);
     u.placeB.value.fromArray(b);
+    u.toward.value.fromArray(toward);
     p.person.value = pickLevel(this.levels, A, this.span);
   }
 

@@ -1,0 +1,163 @@
+/* Poisson completion of the head's colours (completion.h). */
+#include "lib/avatar/completion.h"
+
+#include <math.h>
+#include <string.h>
+
+#define KEEP 10.0f      /* weight of a trusted colour, for one of a step */
+#define ANCHOR 0.02f    /* of the mirror image's, where there is no other: lights
+                         * differ from side to side */
+#define FLOOR 1e-4f     /* of the mean, where there is nothing at all */
+#define ITERATIONS 160  /* a thousandth of the way across the head is left */
+
+/* ---- which point lies across -------------------------------------------- */
+
+/* The edge between two vertices, or E. */
+static size_t completion_edge(const struct densify *d, size_t a, size_t b)
+{
+    const int32_t want[2] = {(int32_t)(a < b ? a : b), (int32_t)(a < b ? b : a)};
+    size_t lo = 0, hi = d->E;
+
+    while (lo < hi) {
+        const size_t mid = (lo + hi) / 2;
+        const int32_t *e = d->edge + 2 * mid;
+
+        if (e[0] < want[0] || (e[0] == want[0] && e[1] < want[1]))
+            lo = mid + 1;
+        else
+            hi = mid;
+    }
+    return lo < d->E && d->edge[2 * lo] == want[0] &&
+                   d->edge[2 * lo + 1] == want[1] ? lo : d->E;
+}
+
+void completion_mirror(size_t *mirror, const size_t *vertices,
+                       const struct densify *d)
+{
+    memmove(mirror, vertices, d->V * sizeof *mirror);
+    for (size_t e = 0; e < d->E; e++) {
+        const size_t to = completion_edge(d, vertices[d->edge[2 * e]],
+                                          vertices[d->edge[2 * e + 1]]);
+
+        mirror[d->V + e] = d->V + (to < d->E ? to : e);
+    }
+}
+
+/* ---- the system ---------------------------------------------------------- */
+
+/* What is solved for: weight (N) x colours, and steps along half edges. */
+struct completion {
+    const struct densify *d;
+    size_t N;
+    float *weight;
+};
+
+/* out (N,3) = A x: weights, and the mesh's Laplacian. */
+static void completion_apply(float *out, const struct completion *c,
+                             const float *x)
+{
+    for (size_t i = 0; i < 3 * c->N; i++)
+        out[i] = c->weight[i / 3] * x[i];
+    for (size_t h = 0; h < 2 * c->d->E; h++) {
+        const size_t i = 3 * (size_t)c->d->edge[h], j = 3 * (c->d->V + h / 2);
+
+        for (size_t k = 0; k < 3; k++) {
+            const float step = x[j + k] - x[i + k];
+
+            out[i + k] -= step;
+            out[j + k] += step;
+        }
+    }
+}
+
+/* b (N,3) and the weights from the photograph's colours rgb (N,3). */
+static void completion_wants(float *b, struct completion *c, const float *rgb,
+                             const float *trust, const size_t *mirror)
+{
+    float mean[3] = {0}, total = 1e-6f;
+
+    for (size_t i = 0; i < c->N; i++) {
+        for (size_t k = 0; k < 3; k++)
+            mean[k] += trust[i] * rgb[3 * i + k];
+        total += trust[i];
+    }
+    for (size_t i = 0; i < c->N; i++) {
+        const float own = KEEP * trust[i];
+        const float across = ANCHOR * (1 - trust[i]) * trust[mirror[i]];
+
+        c->weight[i] = own + across + FLOOR;
+        for (size_t k = 0; k < 3; k++)
+            b[3 * i + k] = own * rgb[3 * i + k] +
+                           across * rgb[3 * mirror[i] + k] +
+                           FLOOR * mean[k] / total;
+    }
+    for (size_t h = 0; h < 2 * c->d->E; h++) {
+        const size_t i = (size_t)c->d->edge[h], j = c->d->V + h / 2;
+        const size_t p = mirror[i], q = mirror[j];
+        const float own = trust[i] * trust[j];
+        const float across = (1 - own) * trust[p] * trust[q];
+
+        for (size_t k = 0; k < 3; k++) {
+            const float step = own * (rgb[3 * j + k] - rgb[3 * i + k]) +
+                               across * (rgb[3 * q + k] - rgb[3 * p + k]);
+
+            b[3 * i + k] -= step;
+            b[3 * j + k] += step;
+        }
+    }
+}
+
+/* Sum of x y over n numbers. */
+static double completion_dot(const float *x, const float *y, size_t n)
+{
+    double sum = 0;
+
+    for (size_t i = 0; i < n; i++)
+        sum += (double)x[i] * y[i];
+    return sum;
+}
+
+/* z = r over A's diagonal. */
+static void completion_precondition(float *z, const float *r,
+                                    const struct completion *c)
+{
+    for (size_t i = 0; i < 3 * c->N; i++) {
+        const size_t k = i / 3;
+        const float degree = k < c->d->V ? (float)c->d->degree[k] : 2;
+
+        z[i] = r[i] / (c->weight[k] + degree);
+    }
+}
+
+void completion_solve(float *rgb, const float *trust, const size_t *mirror,
+                      const struct densify *d, float *scratch)
+{
+    const size_t N = d->V + d->E, n = 3 * N;
+    struct completion c = {d, N, scratch};
+    float *r = scratch + N, *z = r + n, *p = z + n, *Ap = p + n;
+
+    completion_wants(r, &c, rgb, trust, mirror);
+    completion_apply(Ap, &c, rgb);
+    for (size_t i = 0; i < n; i++)
+        r[i] -= Ap[i];
+    completion_precondition(z, r, &c);
+    memcpy(p, z, n * sizeof *p);
+    double rz = completion_dot(r, z, n);
+    for (int it = 0; it < ITERATIONS && rz > 1e-9; it++) {
+        completion_apply(Ap, &c, p);
+        const float a = (float)(rz / completion_dot(p, Ap, n));
+
+        for (size_t i = 0; i < n; i++) {
+            rgb[i] += a * p[i];
+            r[i] -= a * Ap[i];
+        }
+        completion_precondition(z, r, &c);
+        const double next = completion_dot(r, z, n);
+        const float more = (float)(next / rz);
+        for (size_t i = 0; i < n; i++)
+            p[i] = z[i] + more * p[i];
+        rz = next;
+    }
+    for (size_t i = 0; i < n; i++)
+        rgb[i] = fminf(fmaxf(rgb[i], 0), 1);
+}

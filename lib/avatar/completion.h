@@ -1,0 +1,33 @@
+/* Colours of what the photograph does not show of the head: those with the
+ * photograph's colours where it is trusted and, elsewhere, with the slopes of
+ * the mirror image where that is trusted and with none where nothing is known
+ * (Perez et al. 2003, "Poisson image editing", on the mesh).  So a cheek that
+ * was never seen has the other one's freckles, brow and hair in its own light,
+ * and nothing has a seam. */
+#ifndef SPID_AVATAR_COMPLETION_H
+#define SPID_AVATAR_COMPLETION_H
+
+#include <stddef.h>
+
+#include "lib/base/densify.h"
+#include "lib/base/error.h"
+
+/* Floats of scratch for N points. */
+#define COMPLETION_SCRATCH(N) (13 * (N))
+
+/* rgb (N,3), N = V + E of d: in the photograph's colours, out complete.
+ *   trust (N)   in them, 0..1
+ *   mirror (N)  the point across the head of each; itself where there is none
+ *   scratch     COMPLETION_SCRATCH(N)
+ * Minimises sum trust (rgb - photograph)^2 + ANCHOR (mirror's trust) (rgb -
+ * mirror's)^2 + sum over the mesh's halved edges (rgb's step - wanted step)^2
+ * by conjugate gradients. */
+void completion_solve(float *rgb, const float *trust, const size_t *mirror,
+                      const struct densify *d, float *scratch);
+
+/* mirror (V+E) from that of the vertices (V): a midpoint's is the midpoint
+ * across, itself where the mesh has none there. */
+void completion_mirror(size_t *mirror, const size_t *vertices,
+                       const struct densify *d);
+
+#endif

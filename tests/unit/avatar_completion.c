@@ -1,0 +1,198 @@
+/* What the photograph does not show: colours of the head's hidden half from the
+ * mirror image, without a seam (completion.h); the slope of what is seen
+ * (tilt.h); hair of the hidden side (unseen_hair.h). */
+#include <math.h>
+#include <string.h>
+
+#include "lib/avatar/completion.h"
+#include "lib/avatar/tilt.h"
+#include "lib/avatar/unseen_hair.h"
+#include "lib/base/camera.h"
+#include "tests/check.h"
+
+/* ---- colours -------------------------------------------------------------- */
+
+/* A strip of 2 by WIDE vertices, its left half seen. */
+enum { WIDE = 24, V = 2 * WIDE, F = 2 * (WIDE - 1), MOST = 6 * V };
+
+static int32_t faces[3 * F];
+static float rgb[3 * MOST], trust[MOST], scratch[COMPLETION_SCRATCH(MOST)];
+static size_t mirror[MOST];
+
+static void completion_strip(struct densify *d)
+{
+    size_t across[V];
+    struct error err = {0};
+
+    for (int32_t x = 0; x + 1 < WIDE; x++) {
+        const int32_t a = 2 * x;
+        const int32_t f[6] = {a, a + 1, a + 2, a + 1, a + 3, a + 2};
+
+        memcpy(faces + 6 * x, f, sizeof f);
+    }
+    for (size_t i = 0; i < V; i++)
+        across[i] = 2 * (WIDE - 1 - i / 2) + i % 2;
+    REQUIRE(densify_init(d, faces, F, V, &err) == 0, "%s", err.text);
+    completion_mirror(mirror, across, d);
+}
+
+/* Where point i lies along the strip, and its colour in a light. */
+static double completion_place(const struct densify *d, size_t i)
+{
+    size_t end[2];
+
+    densify_ends(end, d, i);
+    return 0.5 * (double)(end[0] / 2 + end[1] / 2);
+}
+
+static float completion_colour(double x, double light)
+{
+    const double in = fmin(x, WIDE - 1 - x);    /* the same from both ends */
+
+    return (float)(light + 0.1 * sin(1.3 * in));
+}
+
+static void completion_mirrors(void)
+{
+    struct densify d;
+    bool pairs = true;
+    double kept = 0, step = 0, like = 0;
+
+    completion_strip(&d);
+    const size_t N = d.V + d.E;
+    for (size_t i = 0; i < N; i++) {
+        const double x = completion_place(&d, i);
+
+        /* diagonals have none across */
+        pairs = pairs && (mirror[i] == i || mirror[mirror[i]] == i);
+        trust[i] = x <= WIDE / 2 ? 1 : 0;
+        for (size_t c = 0; c < 3; c++)
+            rgb[3 * i + c] = trust[i] > 0 ? completion_colour(x, 0.5) : 0.9f;
+    }
+    check_that("mirror images are pairs", pairs);
+    completion_solve(rgb, trust, mirror, &d, scratch);
+    for (size_t i = 0; i < V; i++) {
+        const double x = completion_place(&d, i);
+        const double off = fabs(rgb[3 * i] - completion_colour(x, 0.5));
+
+        if (trust[i] > 0)
+            kept = fmax(kept, off);
+        else
+            like = fmax(like, off);
+    }
+    for (size_t i = 2; i < V; i++)
+        step = fmax(step, fabs(rgb[3 * i] - rgb[3 * i - 6]));
+    check("seen: the photograph's", kept, 0.01);
+    check("not seen: the mirror image's", like, 0.05);
+    check("no seam", step, 0.16);
+    /* nothing known but one end */
+    for (size_t i = 0; i < N; i++) {
+        trust[i] = i < 2 ? 1 : 0;
+        for (size_t c = 0; c < 3; c++)
+            rgb[3 * i + c] = i < 2 ? 0.25f : 0.9f;
+    }
+    completion_solve(rgb, trust, mirror, &d, scratch);
+    check("from one end to the other", fabs(rgb[3 * (V - 1)] - 0.25), 1e-3);
+    densify_release(&d);
+}
+
+/* ---- the slope of what is seen -------------------------------------------- */
+
+enum { CELLS = 64, SIZE = 128 };
+
+/* A picture with the person left of `edge` (0..1), and a mesh whose depth
+ * rises to the right. */
+static void tilt_scene(struct source_picture *p, struct source_mesh *m,
+                       float slope, float edge)
+{
+    static uint8_t colours[3 * SIZE * SIZE], matte[SIZE * SIZE];
+    static float depth[CELLS * CELLS];
+    struct error err = {0};
+
+    for (size_t i = 0; i < SIZE * SIZE; i++)
+        matte[i] = (float)(i % SIZE) < edge * SIZE ? 255 : 0;
+    REQUIRE(source_picture_init(p, SIZE, &err) == 0, "%s", err.text);
+    source_picture_set(p, colours, matte, false);
+    memset(m, 0, sizeof *m);
+    m->n = CELLS;
+    m->depth = depth;
+    m->cam[0] = 1;
+    m->cam[5] = m->cam[10] = -1;
+    m->cam[11] = 12;
+    for (size_t k = 0; k < CELLS * CELLS; k++)
+        depth[k] = 12 + slope * source_mesh_spacing(m, CELLS) *
+                            (float)(k % CELLS);
+}
+
+static void tilt_slopes(void)
+{
+    struct source_picture p = {0};
+    struct source_mesh m;
+    struct tilt t = {0};
+    struct error err = {0};
+    const float uv[6] = {0.25f, 0.5f, 0.5f, 0.5f, 0.5f, 0.5f};
+    const float neck[3] = {0, 0, 1}, middle[2] = {-0.5f, 0};
+    float tilt[6];
+
+    tilt_scene(&p, &m, 0.75f, 0.5f);
+    REQUIRE(tilt_init(&t, CELLS, &err) == 0, "%s", err.text);
+    tilt_find(&t, &p, &m);
+    tilt_sample(tilt, &t, uv, neck, 3);
+    expect("slope to the right", tilt[0], 0.75, 1e-3);
+    expect("none down", tilt[1], 0, 1e-3);
+    expect("cosine of it", tilt_facing(&t, middle), 0.8, 1e-3);
+    check_range("the person's outline is steep", tilt[2], 2, 4);
+    check_that("the shoulders' does not count", tilt[4] == 0);
+    tilt_release(&t);
+    source_picture_release(&p);
+}
+
+/* ---- hair ----------------------------------------------------------------- */
+
+/* Four rows: hair before the plane on the left, whose mirror image lies behind
+ * it; the same far out, where the photograph shows nobody; a shoulder; and one
+ * that draws nothing. */
+static void hair_mirrored(void)
+{
+    float mean[12] = {-0.3f, 0, 0, -0.9f, 0, 0, -0.3f, -0.5f, 0, 7, 7, 7};
+    float scale[12] = {0.01f, 0.02f, 0.03f}, quat[16] = {0.5f, 0.5f, 0.5f, 0.5f};
+    float opacity[4] = {0.9f, 0.9f, 0.9f, 0}, color[16] = {0.1f, 0.2f, 0.3f, 9};
+    float neck[4] = {0, 0, 1, 0}, seen[4] = {1, 1, 1, 1};
+    float front[CELLS * CELLS];
+    uint32_t from[4];
+    struct branch_set set = {
+        .n = 4, .channels = 4, .mean = mean, .scale = scale, .quat = quat,
+        .opacity = opacity, .color = color, .neck = neck, .seen = seen};
+    struct source_picture p = {0};
+    struct source_mesh m;
+
+    tilt_scene(&p, &m, 0, 0.8f);
+    for (size_t k = 0; k < CELLS * CELLS; k++)
+        m.depth[k] = 11.5f;
+    unseen_hair_set(&set, from, front, &m);
+    check_that("one row is filled, the one that drew nothing",
+               from[3] == 1 && from[0] + from[1] + from[2] == 0);
+    check_that("with the mirror image, in its colour, not seen",
+               mean[9] == 0.3f && mean[10] == 0 && quat[12] == 0.5f &&
+               quat[13] == 0.5f && quat[14] == -0.5f && quat[15] == -0.5f &&
+               color[12] == 0.1f && color[15] == 0 && opacity[3] == 0.9f &&
+               seen[3] == 0);
+    unseen_hair_backward(&set, from);   /* as if they were gradients */
+    check_that("whose gradient is the other's", opacity[3] == 0 &&
+               mean[9] == 0 && opacity[0] == 1.8f && mean[0] == -0.6f &&
+               quat[0] == 1 && quat[2] == 1 && color[0] == 0.2f);
+    for (size_t k = 0; k < CELLS * CELLS; k++)
+        m.depth[k] = 12.5f;
+    unseen_hair_set(&set, from, front, &m);
+    check_that("before what the photograph shows there is none",
+               from[3] == 0 && opacity[3] == 0);
+    source_picture_release(&p);
+}
+
+int main(void)
+{
+    completion_mirrors();
+    tilt_slopes();
+    hair_mirrored();
+    return check_status();
+}
