@@ -26,6 +26,7 @@ struct safetensors {
     cJSON *json;            /* owns the names and the metadata */
     const cJSON *meta;
     struct st_tensor *tensor;
+    const struct st_tensor **by_name;   /* (count) sorted */
     size_t count;
 };
 
@@ -141,6 +142,32 @@ static int safetensors_by_place(const void *a, const void *b)
     return (x->data > y->data) - (x->data < y->data);
 }
 
+/* For qsort. */
+static int safetensors_by_name(const void *a, const void *b)
+{
+    return strcmp((*(const struct st_tensor *const *)a)->name,
+                  (*(const struct st_tensor *const *)b)->name);
+}
+
+/* For bsearch: of a name and an entry of by_name. */
+static int safetensors_is_name(const void *name, const void *entry)
+{
+    return strcmp(name, (*(const struct st_tensor *const *)entry)->name);
+}
+
+/* The order of names, none of which may occur twice. */
+static int safetensors_sort_names(struct safetensors *st, struct error *err)
+{
+    for (size_t i = 0; i < st->count; i++)
+        st->by_name[i] = &st->tensor[i];
+    qsort(st->by_name, st->count, sizeof *st->by_name, safetensors_by_name);
+    for (size_t i = 1; i < st->count; i++)
+        if (!strcmp(st->by_name[i - 1]->name, st->by_name[i]->name))
+            return error_set(err, EX_DATAERR, "%s: tensor '%s' occurs twice",
+                             st->path, st->by_name[i]->name);
+    return 0;
+}
+
 /* Two tensors that share bytes are refused: no writer makes them. */
 static int safetensors_check_overlap(const struct safetensors *st,
                                      struct error *err)
@@ -205,20 +232,19 @@ static int safetensors_parse_header(struct safetensors *st, uint64_t n,
         return -1;
     size_t entries = (size_t)cJSON_GetArraySize(st->json);
     st->tensor = calloc(entries + 1, sizeof *st->tensor);
-    if (!st->tensor)
+    st->by_name = malloc((entries + 1) * sizeof *st->by_name);
+    if (!st->tensor || !st->by_name)
         return error_set(err, EX_OSERR, "%s: out of memory", st->path);
     for (const cJSON *j = st->json->child; j; j = j->next) {
         if (!strcmp(j->string, "__metadata__"))
             continue;
-        if (st_find(st, j->string))
-            return error_set(err, EX_DATAERR, "%s: tensor '%s' occurs twice",
-                             st->path, j->string);
         if (safetensors_parse_tensor(&st->tensor[st->count], j, data, room,
                                      st->path, err))
             return -1;
         st->count++;
     }
-    return safetensors_check_overlap(st, err);
+    return safetensors_sort_names(st, err) ||
+                   safetensors_check_overlap(st, err) ? -1 : 0;
 }
 
 /* The whole file, read-only. */
@@ -280,6 +306,7 @@ void st_close(struct safetensors *st)
     if (st->map)
         munmap(st->map, st->bytes);
     cJSON_Delete(st->json);
+    free(st->by_name);
     free(st->tensor);
     free(st->path);
     free(st);
@@ -305,10 +332,11 @@ const struct st_tensor *st_at(const struct safetensors *st, size_t i)
 const struct st_tensor *st_find(const struct safetensors *st,
                                 const char *name)
 {
-    for (size_t i = 0; i < st->count; i++)
-        if (!strcmp(st->tensor[i].name, name))
-            return &st->tensor[i];
-    return NULL;
+    const struct st_tensor **at = bsearch(name, st->by_name, st->count,
+                                          sizeof *st->by_name,
+                                          safetensors_is_name);
+
+    return at ? *at : NULL;
 }
 
 const char *st_meta(const struct safetensors *st, const char *key)

@@ -370,6 +370,12 @@ put("text.bin", b"hello, world\n", "neither safetensors, zip, npy nor a sound pi
 put("numbers.pkl", b"\x80\x02](K\x01K\x02e.", "holds no tensors")
 put("safetensors.bin", struct.pack("<Q", 100) + b'{"a":' + bytes(3),
     "header of 100 bytes in a file of 16")
+# 150,000 names, of which the last is the first: each against all others took
+# minutes.
+entries = ",".join('"t%d":{"dtype":"U8","shape":[0],"data_offsets":[0,0]}'
+                   % (i % 149999) for i in range(150000))
+put("many.safetensors", struct.pack("<Q", len(entries) + 2) + b"{" +
+    entries.encode() + b"}", "tensor 't0' occurs twice")
 
 with open("hostile.txt", "w") as f:
     for file, message in made:
