@@ -91,6 +91,8 @@ static const struct schema table[] = {
     { RECORD_IMAG, "alpha", "u8", "H,W", false, "coverage" },
     { RECORD_IMAG, "mask", "u8", "H,W", false, "true coverage of the person" },
     { RECORD_IMAG, "label", "u8", "H,W", false, "region numbers" },
+    { RECORD_IMAG, "alone", "u8", "H,W,3", false,
+      "the person over black, sRGB" },
     { 0 }
 };
 
