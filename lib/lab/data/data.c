@@ -2,7 +2,8 @@
  * SHAP, or the end of the file, is read. */
 #include "lib/lab/data/data.h"
 
-#include <glob.h>
+#include <dirent.h>
+#include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -10,6 +11,7 @@
 #include <sys/stat.h>
 #include <sysexits.h>
 
+#include "lib/base/file.h"
 #include "lib/base/list.h"
 #include "lib/head/motion.h"
 #include "lib/stream/shape.h"
@@ -76,6 +78,37 @@ static int data_remember_file(struct data_reader *r, const char *name,
     return 0;
 }
 
+static int data_is_stream(const struct dirent *d)
+{
+    return d->d_name[0] != '.' && file_ends(d->d_name, ".spid");
+}
+
+/* Append a folder's streams, by name. */
+static int data_list_folder(struct data_reader *r, const char *folder,
+                            struct error *err)
+{
+    struct dirent **entry;
+    const int count = scandir(folder, &entry, data_is_stream, alphasort);
+    int rc = 0;
+
+    if (count < 0)
+        return error_set(err, EX_NOINPUT, "%s: %s", folder, strerror(errno));
+    for (int i = 0; i < count; i++) {
+        char *path;
+
+        if (!rc && asprintf(&path, "%s/%s", folder, entry[i]->d_name) < 0)
+            rc = error_set(err, EX_OSERR, "out of memory");
+        if (!rc) {
+            rc = data_remember_file(r, path, err);
+            free(path);
+        }
+        free(entry[i]);
+    }
+    free(entry);
+    return count ? rc : error_set(err, EX_NOINPUT, "%s: no streams (expected "
+                                  "*.spid)", folder);
+}
+
 /* The files that the names stand for now: a folder may grow from one pass to
  * the next. */
 static int data_list_files(struct data_reader *r, struct error *err)
@@ -83,23 +116,10 @@ static int data_list_files(struct data_reader *r, struct error *err)
     data_forget_files(r);
     for (size_t i = 0; i < r->nnames; i++) {
         struct stat st;
-        char pattern[1000];
-        glob_t g;
-        int rc = 0;
+        const bool folder = !stat(r->names[i], &st) && S_ISDIR(st.st_mode);
 
-        if (stat(r->names[i], &st) || !S_ISDIR(st.st_mode)) {
-            if (data_remember_file(r, r->names[i], err))
-                return -1;
-            continue;
-        }
-        snprintf(pattern, sizeof pattern, "%s/*.spid", r->names[i]);
-        if (glob(pattern, 0, NULL, &g))
-            return error_set(err, EX_NOINPUT, "%s: no streams (expected "
-                             "*.spid)", r->names[i]);
-        for (size_t k = 0; k < g.gl_pathc && !rc; k++)
-            rc = data_remember_file(r, g.gl_pathv[k], err);
-        globfree(&g);
-        if (rc)
+        if (folder ? data_list_folder(r, r->names[i], err)
+                   : data_remember_file(r, r->names[i], err))
             return -1;
     }
     return 0;
