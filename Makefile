@@ -259,6 +259,15 @@ soak: tests
 	BUILD=$(BUILD) SPID_SOAK=30 SPID_KILLS=100 SPID_JOBS=200 \
 	  SPID_JOB_KILLS=10 LIMIT=7200 tests/run live-soak faults farm
 
+# ThreadSanitizer over the threads of our own: live reading, frames in flight,
+# the stream.  libgomp's are not instrumented: tests/tsan.supp.
+TSAN := animate_live live-camera animate-pipeline unit/stream base_
+tsan:
+	$(MAKE) tests SANITIZE=thread
+	TSAN_OPTIONS="suppressions=$(CURDIR)/tests/tsan.supp \
+	  ignore_noninstrumented_modules=1 halt_on_error=1 exitcode=66" \
+	  BUILD=build/sanitize tests/run $(if $(T),$(T),$(TSAN))
+
 # The kernels on aarch64, cross-built and run by qemu; one line where Debian's
 # gcc-aarch64-linux-gnu, qemu-user-static or mmdebstrap is missing.
 check-arm:
@@ -415,5 +424,5 @@ tune: $(BUILD)/tests/tune
 clean:
 	rm -rf build
 
-.PHONY: tune all web tests check check-long check-arm soak bench model \
+.PHONY: tune all web tests check tsan check-long check-arm soak bench model \
         eval-model demo deps deps-tests install fuzz clean

@@ -51,7 +51,7 @@ struct program {
 };
 
 /* Set by a signal, or when there are enough frames. */
-static volatile sig_atomic_t stopped;
+static _Atomic bool stopped;
 
 static void live_on_signal(int signal)
 {

@@ -137,8 +137,13 @@ int live_start_follow(struct live *l, struct framesource *source,
     l->status = 1;
     pthread_mutex_init(&l->lock, NULL);
     pthread_cond_init(&l->changed, NULL);
-    if (pthread_create(&l->thread, NULL, live_reader, l))
+    if (pthread_create(&l->thread, NULL, live_reader, l)) {
+        pthread_mutex_destroy(&l->lock);
+        pthread_cond_destroy(&l->changed);
+        if (follow->open)       /* owned */
+            framesource_close(source);
         return error_set(err, EX_OSERR, "cannot start the reading thread");
+    }
     l->started = true;
     return 0;
 }

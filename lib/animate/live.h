@@ -5,7 +5,6 @@
 #define SPID_ANIMATE_LIVE_H
 
 #include <pthread.h>
-#include <signal.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -27,7 +26,8 @@ struct live_follow {
                                                          * by the thread */
     void *ctx;
     double patience;            /* seconds without a frame, then it has ended */
-    volatile sig_atomic_t *stop;        /* set: no more frames */
+    const _Atomic bool *stop;   /* set, also by a signal's handler: no more
+                                 * frames */
 };
 
 struct live {
@@ -38,15 +38,18 @@ struct live {
     pthread_cond_t changed;
     struct live_slot newest, current;
     bool fresh;                 /* newest has not been taken */
-    bool started, stop;
+    bool started;
+    _Atomic bool stop;
     int status;                 /* of framesource_read: 1 while it goes on */
     struct error err;
-    size_t seen, dropped, restarts;
+    size_t seen;
+    _Atomic size_t dropped, restarts;   /* so far */
     double begun;               /* clock of the first frame */
     bool restart;               /* the next frame follows no other */
 };
 
-/* Start the thread on a source (borrowed) that ends when it ends. */
+/* Start the thread on a source (borrowed) that ends when it ends.  Without a
+ * thread nothing is held, and EX_OSERR. */
 int live_start(struct live *l, struct framesource *source,
                struct error *err);
 /* The same, but follow says how the source, which is owned from here on, comes
