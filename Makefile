@@ -14,7 +14,7 @@ CWARN := -Wstrict-prototypes -Wmissing-prototypes
 # Contraction is off so that every instruction set rounds as written; kernels
 # that want fused multiply-add say so (see TMPL_* below).
 OPT ?= -O2 -g
-BASE := $(OPT) $(WARN) -I. -I$(BUILD)/gen -MMD -MP -pthread -fopenmp \
+BASE := $(OPT) $(WARN) -I. -I$(BUILD)/gen -MMD -MP -pthread -fopenmp-simd \
         -ffp-contract=off -fno-math-errno -fno-trapping-math \
         -D_GNU_SOURCE -DSPID_VERSION='"$(VERSION)"' \
         -DSPID_DATADIR='"$(PREFIX)/share/spid"'
@@ -39,7 +39,7 @@ CFLAGS_ALL   += $(JSON_CFLAGS)
 CXXFLAGS_ALL += $(JSON_CFLAGS) $(OPENCV_CFLAGS) $(OIIO_CFLAGS)
 LIBS := -Wl,--as-needed -lcjson -lxxhash -lpng -ljpeg -lexif -llcms2 -lz -ldnnl -lopencv_core \
         -lopencv_imgproc -lopencv_objdetect -ltinygltf -lzip \
-        -lonnx_proto -lprotobuf $(MPI_LIBS) -lm
+        -lonnx_proto -lprotobuf $(MPI_LIBS) -lgomp -lm
 # These bring 250 and 130 others along, so they come with modules
 # (formats/module.h).
 LIBS_media := -Wl,--as-needed -lOpenImageIO -lOpenImageIO_Util -lopencv_core \
@@ -339,7 +339,7 @@ install: all
 	strip --strip-debug "$(DESTDIR)$(PREFIX)/lib/$(notdir $(LIB))"
 	install -d "$(DESTDIR)$(PREFIX)/lib/pkgconfig"
 	sed -e 's|@PREFIX@|$(PREFIX)|' -e 's|@VERSION@|$(VERSION)|' \
-	  -e 's|@LIBS@|$(LIBS) -lstdc++ -fopenmp -pthread|' lib/api/spid.pc.in \
+	  -e 's|@LIBS@|$(LIBS) -lstdc++ -pthread|' lib/api/spid.pc.in \
 	  > "$(DESTDIR)$(PREFIX)/lib/pkgconfig/spid.pc"
 	for f in $(BUILD)/share/spid/* examples/model/*.safetensors \
 	  examples/model/README.md; do \
@@ -398,7 +398,6 @@ $(BUILD)/fuzz/bin/%: tests/fuzz/%.c $(BUILD)/fuzz/readers.a \
 	  -fsanitize-link-c++-runtime -lstdc++ -lm -rdynamic -o $@
 
 # The modules, where formats/module.c looks for them first: instrumented too.
-$(call fuzz_objects,formats/video/*.c): FUZZ_PART += -fopenmp
 $(BUILD)/fuzz/lib/spid/video.so: $(call fuzz_objects,formats/video/*.c \
                           formats/module.c formats/video_name.c \
                           lib/base/file.c $(DOOR))
@@ -409,7 +408,7 @@ $(BUILD)/fuzz/lib/spid/video.so $(BUILD)/fuzz/lib/spid/media.so: \
     $(BUILD)/fuzz/lib/spid/%.so:
 	@mkdir -p $(@D)
 	$(SAY) FUZZ $@
-	$(FUZZ_CXX) $(FUZZ_PART) -shared -fopenmp $^ $(LIBS_$*) -o $@
+	$(FUZZ_CXX) $(FUZZ_PART) -shared $^ $(LIBS_$*) -o $@
 -include $(shell find $(BUILD)/fuzz -name '*.d' 2>/dev/null)
 
 # The table of Winograd against direct convolutions (lib/nn/tune.c).
@@ -418,7 +417,7 @@ $(BUILD)/tests/tune: $(BUILD)/obj/tests/bench/tune.o $(LIB)
 	$(CXX) $(BASE) $(LDFLAGS) $< $(LIB) $(LIBS) -o $@
 
 tune: $(BUILD)/tests/tune
-	OMP_NUM_THREADS=1 $< > $(BUILD)/tune_table.inc
+	$< > $(BUILD)/tune_table.inc
 	mv $(BUILD)/tune_table.inc lib/nn/tune_table.inc
 
 clean:

@@ -191,9 +191,8 @@ static void cli_reserve_heap(void)
     mallopt(M_TOP_PAD, 8 << 20);
 }
 
-void cli_run_networks(char **argv)
+void cli_run_networks(void)
 {
-    cli_wait_briefly(argv);
     /* Freed memory stays: what comes from the system is zeroed page by page
      * before it is used, a tenth of the time to a first frame. */
     mallopt(M_MMAP_THRESHOLD, 32 << 20);

@@ -14,7 +14,7 @@ struct cli {
     const char *output;     /* -o, "-" by default */
     const char *model;      /* -m, or NULL: the search order of spid(1) */
     const char *stats;      /* --stats FILE, or NULL */
-    int threads;            /* -j; set for OpenMP already */
+    int threads;            /* -j, at most the processors allowed */
     bool quiet;             /* -q */
 };
 extern struct cli cli;
@@ -68,21 +68,17 @@ struct cli_usage {
  * what would do.  Returns the index of the first operand in argv. */
 int cli_parse(const struct cli_usage *usage, int argc, char **argv);
 /* The same for a program that stands beside others in a pipe, frame by frame:
- * its threads sleep while they wait, and unless told otherwise it leaves half
- * of the processors to the next program, or hard_input to the one before, for
- * which its input is as much work (spid(1), OMP_WAIT_POLICY and -j). */
+ * unless told otherwise it leaves half of the processors to the next program, or
+ * hard_input to the one before, for which its input is as much work (spid(1),
+ * -j). */
 int cli_parse_stage(const struct cli_usage *usage, int argc, char **argv,
                     bool hard_input);
 
 /* stream_create of -o, but not under the name of a picture or a clip. */
 struct stream_writer *cli_create_stream(const char *path, struct error *err);
 
-/* Before cli_parse, where the networks of Phase A are run: freed memory is kept
- * for them, and threads do not spin at every barrier, which on a busy machine
- * takes four times the processor time.  May start the program again. */
-void cli_run_networks(char **argv);
-/* For who is about to become a program that does: it need not start again. */
-void cli_expect_networks(void);
+/* Where the networks of Phase A are run: freed memory is kept for them. */
+void cli_run_networks(void);
 
 /* "program: text", then exit with code.  Never returns. */
 void die(int code, const char *format, ...)

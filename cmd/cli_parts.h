@@ -16,12 +16,8 @@ void cli_name_file(const char *option, const char *value, bool written);
  * inode. */
 void cli_check_files(void);
 
-/* Set cli.threads and OpenMP: wanted (-j), or when that is 0 OMP_NUM_THREADS,
- * or else one for every processor. */
+/* Set cli.threads and the width of lib/base/parallel.h: wanted (-j) or, when
+ * that is 0, one for every processor allowed, and never more. */
 void cli_use_threads(long wanted);
-
-/* Threads do not spin from here on; starts the program again for it, unless
- * the environment says how they wait. */
-void cli_wait_briefly(char **argv);
 
 #endif

@@ -204,7 +204,7 @@ int main(int argc, char **argv)
     struct error err = {0};
     int rc = 0, first;
 
-    cli_run_networks(argv);
+    cli_run_networks();
     first = cli_parse(&usage, argc, argv);
     animate_check_usage(argc - first);
     models.once = !list_path;

@@ -141,7 +141,7 @@ int main(int argc, char **argv)
     struct error err = {0};
     int rc, first;
 
-    cli_run_networks(argv);
+    cli_run_networks();
     first = cli_parse(&usage, argc, argv);
     if (argc - first != 2)
         die(EX_USAGE, "%d operands (expected SOURCE and CAMERA)",

@@ -178,7 +178,6 @@ static void splat_open_renderer(struct render *r, struct framesink *sink)
     struct error err = {0};
 
     o.splat.rules = rules;
-    o.splat.threads = cli.threads;
     o.splat.alpha_cut = (float)alpha_cut;
     o.splat.t_cut = (float)t_cut;
     o.splat.exp_degree = (int)exp_degree;

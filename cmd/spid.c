@@ -68,8 +68,6 @@ static void spid_run_verb(const char *dir, char **argv)
 {
     char path[4200];
 
-    if (!strcmp(argv[0], "animate") || !strcmp(argv[0], "live"))
-        cli_expect_networks();
     snprintf(path, sizeof path, "%sspid-%s", dir, argv[0]);
     if (access(path, X_OK) == 0) {
         execv(path, argv);

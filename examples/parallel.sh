@@ -11,7 +11,6 @@
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 list=$1 jobs=${2:-$(nproc)}
-export OMP_NUM_THREADS=${OMP_NUM_THREADS:-1}
 
 # Two jobs of one name would write into each other's file.
 twice=$(cut -f 3 "$list" | sort | uniq -d | head -n 1)

@@ -8,10 +8,9 @@
 #SBATCH --signal=B:TERM@300
 # The run goes on from its checkpoint when the job is submitted again.
 set -eu
-export OMP_NUM_THREADS=${SLURM_CPUS_PER_TASK:-16}
 config=${CONFIG:-examples/config/small-motion.json}
 trap 'kill -TERM $pid; wait $pid' TERM
-mpirun -n "${SLURM_NTASKS:-2}" spid-train -q -c "$config" \
+mpirun -n "${SLURM_NTASKS:-2}" spid-train -q -j "${SLURM_CPUS_PER_TASK:-16}" -c "$config" \
     -o "${OUT:-run/motion}" "${DATA:-data/people}" &
 pid=$!
 wait $pid

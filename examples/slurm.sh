@@ -14,7 +14,7 @@ set -euo pipefail
 here=${SPID_EXAMPLES:-$(cd "$(dirname "$0")" && pwd)}
 list=$1 bad=0 i=0
 id=${SLURM_ARRAY_TASK_ID:-0} tasks=${SLURM_ARRAY_TASK_COUNT:-1}
-export OMP_NUM_THREADS=${SLURM_CPUS_PER_TASK:-1}
+export SPID_THREADS=${SLURM_CPUS_PER_TASK:-1}
 while IFS=$'\t' read -r source driver out; do
     if (( i++ % tasks == id )); then
         "$here/one.sh" "$source" "$driver" "$out" < /dev/null || bad=1

@@ -268,12 +268,12 @@ int main(int argc, char **argv)
         .seed = (uint64_t)seed, .first = (uint64_t)first,
         .people = (uint64_t)people, .frames = (uint64_t)frames,
         .size = (int)size, .fps = fps, .effects = (float)effects,
-        .threads = cli.threads, .turn = turns.each, .turns = turns.n
+        .turn = turns.each, .turns = turns.n
     };
     if (assets_path && (statistics || sheet_path))
         die(EX_USAGE, "--assets does not go with --statistics or --sheet");
     struct scan_assets *assets = assets_path
-        ? scan_open(assets_path, &head, cli.threads, &err) : NULL;
+        ? scan_open(assets_path, &head, &err) : NULL;
     if (assets_path && !assets)
         die_error(&err);
     opt.assets = assets;

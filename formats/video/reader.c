@@ -2,7 +2,6 @@
  * says of them, through the door (formats/door.h), with their times. */
 #include <errno.h>
 #include <math.h>
-#include <omp.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -11,6 +10,7 @@
 
 #include <libavcodec/avcodec.h>
 #include <libavformat/avformat.h>
+#include <libavutil/cpu.h>
 #include <libavutil/display.h>
 #include <libavutil/mastering_display_metadata.h>
 #include <libswscale/swscale.h>
@@ -156,7 +156,7 @@ static int reader_open_codec(struct reader *r)
     if (rc < 0)
         return rc;
     if (r->codec->width * (int64_t)r->codec->height > READER_LARGE) {
-        const int n = omp_get_max_threads();
+        const int n = av_cpu_count();
 
         r->codec->thread_count = n < READER_THREADS ? n : READER_THREADS;
     }

@@ -2,12 +2,12 @@
  * refine, and pictures are written by ticket, in order. */
 #include "lib/animate/animate.h"
 
-#include <omp.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 
 #include "lib/base/cpu.h"
+#include "lib/base/parallel.h"
 
 /* ---- workers ----------------------------------------------------------- */
 
@@ -59,14 +59,17 @@ int animate_init(struct animate *a, const struct animate_options *opt,
     pthread_mutex_init(&a->in, NULL);
     pthread_mutex_init(&a->out, NULL);
     pthread_cond_init(&a->turn, NULL);
-    for (int i = 0; i < a->opt.workers; i++) {
+    /* planned as they run: several each share no work */
+    const bool before = parallel_alone(a->opt.workers > 1);
+    int rc = 0;
+    for (int i = 0; i < a->opt.workers && rc == 0; i++) {
         a->worker[i].owner = a;
-        if (animate_worker_open(&a->worker[i], avatar, err)) {
-            animate_release(a);
-            return -1;
-        }
+        rc = animate_worker_open(&a->worker[i], avatar, err);
     }
-    return 0;
+    parallel_alone(before);
+    if (rc)
+        animate_release(a);
+    return rc;
 }
 
 void animate_release(struct animate *a)
@@ -227,7 +230,7 @@ static void *animate_worker_run(void *arg)
     double arrived;
 
     if (a->opt.workers > 1)
-        omp_set_num_threads(1);
+        parallel_alone(true);
     cpu_flush_denormals();
     while (!a->failed && animate_take(a, &f, &ticket, &arrived)) {
         struct animate_times t = {

@@ -2,10 +2,10 @@
  * order, and closed (animation.h). */
 #include "lib/animate/animation.h"
 
-#include <omp.h>
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/parallel.h"
 #include "lib/track/take.h"
 
 int animation_load(struct prepare *models, struct animation_options *opt,
@@ -83,7 +83,7 @@ static void animation_read_to_face(struct animation *a, bool alone)
         animation_init_driver(a, driver_read_source, a->frames, err))
         return;
     if (!alone)
-        omp_set_num_threads(1);     /* of what was planned for more */
+        parallel_alone(true);
     a->look.rc = animation_find_face(a, err);
 }
 

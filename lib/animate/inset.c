@@ -7,6 +7,7 @@
 #include <sysexits.h>
 
 #include "lib/base/camera.h"
+#include "lib/base/parallel.h"
 #include "lib/base/resample.h"
 
 /* In windows: over how much of it what moves comes to rest towards an edge,
@@ -247,6 +248,23 @@ static void inset_add(uint8_t *out, const struct inset *s, const float *change)
         }
 }
 
+struct inset_draw_part {
+    const struct inset *s;
+    struct inset_scratch *w;
+    const float *color, *alpha;
+    const struct inset_motion *m;
+};
+
+/* One row. */
+static void inset_draw_part(void *ctx, size_t y)
+{
+    const struct inset_draw_part *c = ctx;
+
+    for (size_t x = 0; x < c->s->side; x++)
+        inset_change(c->w->change + 3 * (y * c->s->side + x), c->s, c->color,
+                     c->alpha, x, y, c->m);
+}
+
 void inset_draw(uint8_t *out, const struct inset *s, struct inset_scratch *w,
                 const float *color, const float *alpha,
                 const struct inset_motion *m)
@@ -254,11 +272,9 @@ void inset_draw(uint8_t *out, const struct inset *s, struct inset_scratch *w,
     const float *change = w->change;
 
     memcpy(out, s->photo->rgb, 3 * s->photo->width * s->photo->height);
-#pragma omp parallel for schedule(static)
-    for (size_t y = 0; y < s->side; y++)
-        for (size_t x = 0; x < s->side; x++)
-            inset_change(w->change + 3 * (y * s->side + x), s, color, alpha,
-                         x, y, m);
+
+    parallel_for(s->side, 1, inset_draw_part,
+                 &(struct inset_draw_part){ s, w, color, alpha, m });
     if (s->plan) {
         resize_forward(s->plan, w->sized, w->change, 1, 3, w->resize);
         change = w->sized;

@@ -26,7 +26,6 @@ static void *prepare_run_head(void *arg)
     struct prepare_head *l = arg;
     struct prepare *p = l->p;
 
-    parallel_enter();
     l->rc = head_load(&p->head, l->path, l->err) ||
             densify_init(&p->dense, p->head.f, p->head.F, p->head.V, l->err)
                 ? -1 : 0;
@@ -173,7 +172,6 @@ static void *prepare_run_open_baker(void *arg)
 {
     struct error err;
 
-    parallel_enter();
     prepare_open_baker(arg, &err);
     return NULL;
 }

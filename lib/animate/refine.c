@@ -11,6 +11,7 @@
 #include "formats/compose.h"
 #include "lib/base/covered.h"
 #include "lib/base/half.h"
+#include "lib/base/parallel.h"
 #include "lib/photo/texture.h"
 
 int refine_open(struct refine *r, const struct model *m, enum nn_type type,
@@ -183,26 +184,37 @@ static void *refine_make_room(void *p, size_t *room, size_t n, size_t bytes,
     return p;
 }
 
+struct refine_copy_part_part {
+    struct refine *r;
+    const struct refine_input *in;
+    size_t w, C, cols;
+};
+
+/* One row. */
+static void refine_copy_part_part(void *ctx, size_t y)
+{
+    const struct refine_copy_part_part *c = ctx;
+    float *to = c->r->part + y * c->w * c->C;
+    size_t from = ((y + c->r->top) * c->in->width + c->r->left) * c->C;
+    if (y + c->r->top >= c->in->height) {
+        memset(to, 0, c->w * c->C * sizeof *to);
+        return;
+    }
+    if (c->in->f32)
+        memcpy(to, c->in->f32 + from, c->cols * c->C * sizeof *to);
+    else
+        compose_table()->widen(to, c->in->f16 + from, c->cols * c->C);
+    memset(to + c->cols * c->C, 0, (c->w - c->cols) * c->C * sizeof *to);
+}
+
 /* The part's features as floats, zero outside the picture. */
 static void refine_copy_part(struct refine *r, const struct refine_input *in)
 {
     const size_t C = in->channels, h = r->plan.height, w = r->plan.width;
     const size_t cols = r->left + w <= in->width ? w : in->width - r->left;
 
-#pragma omp parallel for schedule(static)
-    for (size_t y = 0; y < h; y++) {
-        float *to = r->part + y * w * C;
-        size_t from = ((y + r->top) * in->width + r->left) * C;
-        if (y + r->top >= in->height) {
-            memset(to, 0, w * C * sizeof *to);
-            continue;
-        }
-        if (in->f32)
-            memcpy(to, in->f32 + from, cols * C * sizeof *to);
-        else
-            compose_table()->widen(to, in->f16 + from, cols * C);
-        memset(to + cols * C, 0, (w - cols) * C * sizeof *to);
-    }
+    parallel_for(h, 1, refine_copy_part_part,
+                 &(struct refine_copy_part_part){ r, in, w, C, cols });
 }
 
 /* First three channels of what lies outside the part. */

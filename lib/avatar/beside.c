@@ -5,6 +5,8 @@
 #include <math.h>
 #include <stdbool.h>
 
+#include "lib/base/parallel.h"
+
 #define RIM 0.027f      /* a rim's largest width, half sides of the picture */
 #define NOBODY 0.3f     /* the largest matte that is background */
 
@@ -46,14 +48,28 @@ static bool beside_is_rim(const float *rgba, const float *coverage, long n,
     return mesh && nobody;
 }
 
+struct beside_rim_part {
+    const float *rgba, *coverage;
+    float *value;
+    long side;
+};
+
+/* One of them. */
+static void beside_rim_part(void *ctx, size_t k)
+{
+    const struct beside_rim_part *c = ctx;
+
+    if (c->rgba[4 * k + 3] > 0 && c->coverage[k] < BESIDE_OUTLINE &&
+        beside_is_rim(c->rgba, c->coverage, c->side, (long)k % c->side,
+                      (long)k / c->side))
+        c->value[k] = 1;
+}
+
 void beside_rim(float *value, const float *rgba, const float *coverage,
                 size_t n)
 {
     const long side = (long)n;
 
-#pragma omp parallel for schedule(static)
-    for (long k = 0; k < side * side; k++)
-        if (rgba[4 * k + 3] > 0 && coverage[k] < BESIDE_OUTLINE &&
-            beside_is_rim(rgba, coverage, side, k % side, k / side))
-            value[k] = 1;
+    parallel_for(n * n, 1, beside_rim_part,
+                 &(struct beside_rim_part){ rgba, coverage, value, side });
 }

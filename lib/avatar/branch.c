@@ -5,6 +5,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "lib/base/parallel.h"
+
 #define LOGIT_LIMIT 0.02f
 
 /* ---- the Gaussians ----------------------------------------------------- */
@@ -86,6 +88,25 @@ struct gaussian_out branch_decoder_gradient(const struct branch_set *dout,
     };
 }
 
+struct branch_prior_forward_part {
+    struct branch_set *out;
+    const struct branch_prior *p;
+};
+
+/* One of them. */
+static void branch_prior_forward_part(void *ctx, size_t i)
+{
+    const struct branch_prior_forward_part *a = ctx;
+
+    a->out->opacity[i] =
+        a->p->visible[i] *
+        attribute_shift(a->p->opacity[i], a->p->opacity_shift[i]);
+    for (size_t c = 3 * i; c < 3 * i + 3; c++)
+        a->out->scale[c] = BRANCH_SCALE_MAX *
+                           attribute_shift(a->p->scale[c] / BRANCH_SCALE_MAX,
+                                           a->p->scale_shift[i]);
+}
+
 /* opacity = visible shift(o), scale = max shift(s / max). */
 void branch_prior_forward(struct branch_set *out, const struct branch_prior *p,
                           bool used)
@@ -95,15 +116,32 @@ void branch_prior_forward(struct branch_set *out, const struct branch_prior *p,
         memcpy(out->scale, p->scale, 3 * out->n * sizeof *out->scale);
         return;
     }
-#pragma omp parallel for schedule(static)
-    for (size_t i = 0; i < out->n; i++) {
-        out->opacity[i] = p->visible[i] *
-                          attribute_shift(p->opacity[i], p->opacity_shift[i]);
-        for (size_t c = 3 * i; c < 3 * i + 3; c++)
-            out->scale[c] = BRANCH_SCALE_MAX *
-                            attribute_shift(p->scale[c] / BRANCH_SCALE_MAX,
-                                            p->scale_shift[i]);
-    }
+
+    parallel_for(out->n, 1, branch_prior_forward_part,
+                 &(struct branch_prior_forward_part){ out, p });
+}
+
+struct branch_prior_backward_part {
+    const struct branch_prior *p;
+    float *dvisible;
+    struct branch_set *dout;
+};
+
+/* One of them. */
+static void branch_prior_backward_part(void *ctx, size_t i)
+{
+    const struct branch_prior_backward_part *a = ctx;
+    float x = a->p->opacity[i], shift = a->p->opacity_shift[i];
+
+    /* opacity = visible shift(x) */
+    if (a->dvisible)
+        a->dvisible[i] = a->dout->opacity[i] * attribute_shift(x, shift);
+    a->dout->opacity[i] = attribute_shift_backward(
+        a->dout->opacity[i] * a->p->visible[i], x, shift);
+    for (size_t c = 3 * i; c < 3 * i + 3; c++)
+        a->dout->scale[c] = attribute_shift_backward(
+            a->dout->scale[c], a->p->scale[c] / BRANCH_SCALE_MAX,
+            a->p->scale_shift[i]);
 }
 
 /* Reverse of branch_prior_forward, in place. */
@@ -112,20 +150,8 @@ void branch_prior_backward(struct branch_set *dout, float *dvisible,
 {
     const size_t n = used ? dout->n : 0;
 
-#pragma omp parallel for schedule(static)
-    for (size_t i = 0; i < n; i++) {
-        float x = p->opacity[i], shift = p->opacity_shift[i];
-
-        /* opacity = visible shift(x) */
-        if (dvisible)
-            dvisible[i] = dout->opacity[i] * attribute_shift(x, shift);
-        dout->opacity[i] = attribute_shift_backward(dout->opacity[i] *
-                                                    p->visible[i], x, shift);
-        for (size_t c = 3 * i; c < 3 * i + 3; c++)
-            dout->scale[c] = attribute_shift_backward(
-                dout->scale[c], p->scale[c] / BRANCH_SCALE_MAX,
-                p->scale_shift[i]);
-    }
+    parallel_for(n, 1, branch_prior_backward_part,
+                 &(struct branch_prior_backward_part){ p, dvisible, dout });
 }
 
 /* ---- steps and colours ------------------------------------------------- */

@@ -7,6 +7,7 @@
 
 #include "lib/avatar/static_branch.h"
 #include "lib/base/camera.h"
+#include "lib/base/parallel.h"
 
 /* The strip: its width and its distance from the outline, so that none of its
  * Gaussians stands out from a turned head's cheek; half sides of the
@@ -93,19 +94,35 @@ static float cheek_back_inside(const struct source_picture *picture,
     return branch_ramp(cheek_back_matte(picture, at), 0.6f, 0.95f);
 }
 
+struct cheek_back_find_part {
+    float *back;
+    const struct source_picture *picture;
+    const struct source_mesh *mesh;
+    size_t n;
+};
+
+/* One chunk. */
+static void cheek_back_find_part(void *ctx, size_t k)
+{
+    const struct cheek_back_find_part *c = ctx;
+    size_t y = k * STEP;
+
+    for (size_t x = 0; x < c->n; x += STEP) {
+        float *at = c->back + y * c->n + x;
+
+        *at = cheek_back_at(c->picture, c->mesh, x, y);
+        if (*at > 0)
+            *at *= cheek_back_inside(c->picture, c->mesh, x, y);
+    }
+}
+
 void cheek_back_find(float *back, const struct source_picture *picture,
                      const struct source_mesh *mesh, size_t n)
 {
     memset(back, 0, n * n * sizeof *back);
-#pragma omp parallel for schedule(dynamic, 8)
-    for (size_t y = 0; y < n; y += STEP)
-        for (size_t x = 0; x < n; x += STEP) {
-            float *at = back + y * n + x;
 
-            *at = cheek_back_at(picture, mesh, x, y);
-            if (*at > 0)
-                *at *= cheek_back_inside(picture, mesh, x, y);
-        }
+    parallel_for((n + STEP - 1) / STEP, 1, cheek_back_find_part,
+                 &(struct cheek_back_find_part){ back, picture, mesh, n });
 }
 
 /* Camera depth of the strip at cell k: half way from the skin there to where it

@@ -154,6 +154,32 @@ static void coverage_set_points(uint8_t *bits, const float *verts,
     }
 }
 
+struct coverage_fraction_part {
+    uint8_t *bits;
+    const float *verts, *cam;
+    const int32_t *faces;
+    size_t F, n, shares;
+};
+
+/* One of them. */
+static void coverage_fraction_part(void *ctx, size_t i)
+{
+    const struct coverage_fraction_part *c = ctx;
+
+    coverage_set_points(c->bits, c->verts, c->faces, c->F, c->cam, c->n,
+                        (struct coverage_share){ i, c->shares });
+}
+
+struct coverage_fraction_row { float *C; uint8_t *bits; size_t n; };
+
+/* One of them. */
+static void coverage_fraction_row(void *ctx, size_t i)
+{
+    const struct coverage_fraction_row *c = ctx;
+
+    coverage_count(c->C + i * c->n, c->bits + i * SUB * c->n, c->n);
+}
+
 /* Points in the triangles, counted. */
 void coverage_fraction(float *C, const float *verts, const int32_t *faces,
                        size_t F, const float cam[12], size_t n, void *scratch)
@@ -162,31 +188,45 @@ void coverage_fraction(float *C, const float *verts, const int32_t *faces,
     uint8_t *bits = scratch;
 
     memset(bits, 0, SUB * n * n);
-#pragma omp parallel for schedule(static, 1)
-    for (size_t i = 0; i < shares; i++)
-        coverage_set_points(bits, verts, faces, F, cam, n,
-                            (struct coverage_share){i, shares});
-#pragma omp parallel for schedule(static)
-    for (size_t i = 0; i < n; i++)
-        coverage_count(C + i * n, bits + i * SUB * n, n);
+
+    parallel_for(shares, 1, coverage_fraction_part,
+                 &(struct coverage_fraction_part){ bits, verts, cam, faces, F,
+                                                   n, shares });
+
+    parallel_for(n, 1, coverage_fraction_row,
+                 &(struct coverage_fraction_row){ C, bits, n });
+}
+
+struct coverage_blur_pass_part {
+    const float *w, *x;
+    float *out;
+    size_t n;
+    int r;
+};
+
+/* One of them. */
+static void coverage_blur_pass_part(void *ctx, size_t i)
+{
+    const struct coverage_blur_pass_part *c = ctx;
+
+    for (size_t j = 0; j < c->n; j++) {
+        float sum = 0;
+
+        for (int k = -c->r; k <= c->r; k++) {
+            long at = (long)j + k;
+            if (at >= 0 && at < (long)c->n)
+                sum += c->w[k + c->r] * c->x[i * c->n + (size_t)at];
+        }
+        c->out[j * c->n + i] = sum;
+    }
 }
 
 /* One pass of the separable filter: rows of x into columns of out. */
 static void coverage_blur_pass(float *out, const float *x, size_t n,
                                const float *w, int r)
 {
-#pragma omp parallel for schedule(static)
-    for (size_t i = 0; i < n; i++)
-        for (size_t j = 0; j < n; j++) {
-            float sum = 0;
-
-            for (int k = -r; k <= r; k++) {
-                long at = (long)j + k;
-                if (at >= 0 && at < (long)n)
-                    sum += w[k + r] * x[i * n + (size_t)at];
-            }
-            out[j * n + i] = sum;
-        }
+    parallel_for(n, 1, coverage_blur_pass_part,
+                 &(struct coverage_blur_pass_part){ w, x, out, n, r });
 }
 
 /* Two passes of a separable filter of 3 sigma to either side. */
@@ -295,6 +335,22 @@ static void coverage_depth_share(float *z, float *value, const float *verts,
     }
 }
 
+struct coverage_depth_part {
+    float *z, *value;
+    const float *verts, *attribute, *cam;
+    const int32_t *faces;
+    size_t F, n, shares;
+};
+
+/* One of them. */
+static void coverage_depth_part(void *ctx, size_t i)
+{
+    const struct coverage_depth_part *c = ctx;
+
+    coverage_depth_share(c->z, c->value, c->verts, c->attribute, c->faces, c->F,
+                         c->cam, c->n, (struct coverage_share){ i, c->shares });
+}
+
 /* A z-buffer at the cells' centres. */
 void coverage_depth(float *z, float *value, const float *verts,
                     const float *attribute, const int32_t *faces, size_t F,
@@ -306,33 +362,45 @@ void coverage_depth(float *z, float *value, const float *verts,
         z[i] = INFINITY;
     if (value)
         memset(value, 0, n * n * sizeof *value);
-#pragma omp parallel for schedule(static, 1)
-    for (size_t i = 0; i < shares; i++)
-        coverage_depth_share(z, value, verts, attribute, faces, F, cam, n,
-                             (struct coverage_share){i, shares});
+
+    parallel_for(shares, 1, coverage_depth_part,
+                 &(struct coverage_depth_part){ z, value, verts, attribute, cam,
+                                                faces, F, n, shares });
+}
+
+struct coverage_seen_part {
+    const float *cam, *x, *z;
+    float *seen;
+    size_t n;
+    float slack;
+};
+
+/* One of them. */
+static void coverage_seen_part(void *ctx, size_t k)
+{
+    const struct coverage_seen_part *c = ctx;
+    float uv[2], depth, sum = 0;
+
+    camera_project(uv, &depth, c->cam, (float)c->n, c->x + 3 * k, 1);
+    c->seen[k] = 0;
+    if (!(depth > CAMERA_NEAR) || !(uv[0] >= 0) || !(uv[1] >= 0) ||
+        !(uv[0] <= (float)c->n) || !(uv[1] <= (float)c->n))
+        return;
+    float fx = floorf(uv[0] - 0.5f), fy = floorf(uv[1] - 0.5f);
+    for (int q = 0; q < 4; q++) {
+        long j = (long)fx + (q & 1), i = (long)fy + (q >> 1);
+
+        j = j < 0 ? 0 : j >= (long)c->n ? (long)c->n - 1 : j;
+        i = i < 0 ? 0 : i >= (long)c->n ? (long)c->n - 1 : i;
+        sum += depth <= c->z[(size_t)i * c->n + (size_t)j] + c->slack;
+    }
+    c->seen[k] = 0.25f * sum;
 }
 
 /* The depth test of each point against the four cells around it. */
 void coverage_seen(float *seen, const float *x, size_t N, const float *z,
                    size_t n, const float cam[12], float slack)
 {
-#pragma omp parallel for schedule(static)
-    for (size_t k = 0; k < N; k++) {
-        float uv[2], depth, sum = 0;
-
-        camera_project(uv, &depth, cam, (float)n, x + 3 * k, 1);
-        seen[k] = 0;
-        if (!(depth > CAMERA_NEAR) || !(uv[0] >= 0) || !(uv[1] >= 0) ||
-            !(uv[0] <= (float)n) || !(uv[1] <= (float)n))
-            continue;
-        float fx = floorf(uv[0] - 0.5f), fy = floorf(uv[1] - 0.5f);
-        for (int q = 0; q < 4; q++) {
-            long j = (long)fx + (q & 1), i = (long)fy + (q >> 1);
-
-            j = j < 0 ? 0 : j >= (long)n ? (long)n - 1 : j;
-            i = i < 0 ? 0 : i >= (long)n ? (long)n - 1 : i;
-            sum += depth <= z[(size_t)i * n + (size_t)j] + slack;
-        }
-        seen[k] = 0.25f * sum;
-    }
+    parallel_for(N, 1, coverage_seen_part,
+                 &(struct coverage_seen_part){ cam, x, z, seen, n, slack });
 }

@@ -5,6 +5,8 @@
 
 #include <math.h>
 
+#include "lib/base/parallel.h"
+
 #define NOBODY 0.05f    /* the largest matte that is background */
 #define REACH 0.5f      /* standard deviation over the way to the edge */
 #define DIAGONAL 1.4142f
@@ -41,17 +43,28 @@ void edge_scale_find(float *most, const float *rgba, float least, size_t n)
         most[k] = fmaxf(REACH * most[k], least);
 }
 
+struct edge_scale_clamp_part {
+    const float *most;
+    float *clamped, *scale;
+    float cell;
+};
+
+/* One of them. */
+static void edge_scale_clamp_part(void *ctx, size_t i)
+{
+    const struct edge_scale_clamp_part *c = ctx;
+    const float limit = c->most[i / 3] * c->cell;
+
+    if (c->clamped)
+        c->clamped[i] = c->scale[i] > limit;
+    c->scale[i] = fminf(c->scale[i], limit);
+}
+
 void edge_scale_clamp(float *scale, float *clamped, const float *most,
                       float cell, size_t count)
 {
-#pragma omp parallel for schedule(static)
-    for (size_t i = 0; i < 3 * count; i++) {
-        const float limit = most[i / 3] * cell;
-
-        if (clamped)
-            clamped[i] = scale[i] > limit;
-        scale[i] = fminf(scale[i], limit);
-    }
+    parallel_for(3 * count, 1, edge_scale_clamp_part,
+                 &(struct edge_scale_clamp_part){ most, clamped, scale, cell });
 }
 
 void edge_scale_clamp_backward(float *dscale, const float *clamped,

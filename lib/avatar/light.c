@@ -7,6 +7,8 @@
 #include <stdbool.h>
 #include <string.h>
 
+#include "lib/base/parallel.h"
+
 #define ROUNDS 8        /* of reweighting */
 #define RIDGE 1e-3      /* regularisation of l, share of the weights' sum */
 #define OTHER 0.05      /* distance of chroma that halves a vertex's weight */
@@ -116,6 +118,16 @@ static bool light_fit_again(struct light_model *f, const float *colors,
     return true;
 }
 
+struct light_fit_part { float *tmp; const float *rgba; };
+
+/* One vertex. */
+static void light_fit_part(void *ctx, size_t v)
+{
+    const struct light_fit_part *c = ctx;
+
+    light_split(c->tmp + 4 * v, c->rgba + 4 * v);
+}
+
 /* l is the fit's slope over its mean. */
 void light_fit(float l[3], const float *rgba, const float *normal,
                const float *weight, size_t V, float *tmp)
@@ -124,9 +136,8 @@ void light_fit(float l[3], const float *rgba, const float *normal,
     double length = 0;
 
     memset(l, 0, 3 * sizeof *l);
-#pragma omp parallel for schedule(static)
-    for (size_t v = 0; v < V; v++)
-        light_split(tmp + 4 * v, rgba + 4 * v);
+
+    parallel_for(V, 1, light_fit_part, &(struct light_fit_part){ tmp, rgba });
     for (int round = 0; round < ROUNDS; round++)
         if (!light_fit_again(&f, tmp, normal, weight, V))
             return;

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "lib/avatar/coverage.h"
+#include "lib/base/parallel.h"
 #include "lib/base/slices.h"
 #include "lib/base/camera.h"
 #include "lib/base/neck_blend.h"
@@ -64,15 +65,23 @@ void source_mesh_normal(float normal[3], const float cam[12])
         normal[i] = -cam[8 + i];
 }
 
+struct source_mesh_project_part { float *place; const float *cam, *x; };
+
+/* One of them. */
+static void source_mesh_project_part(void *ctx, size_t i)
+{
+    const struct source_mesh_project_part *c = ctx;
+
+    camera_project(c->place + 2 * i, NULL, c->cam, 2, c->x + 3 * i, 1);
+    c->place[2 * i] -= 1;
+    c->place[2 * i + 1] -= 1;
+}
+
 void source_mesh_project(float *place, const float *x, size_t N,
                          const float cam[12])
 {
-#pragma omp parallel for schedule(static) if (N > 1)
-    for (size_t i = 0; i < N; i++) {
-        camera_project(place + 2 * i, NULL, cam, 2, x + 3 * i, 1);
-        place[2 * i] -= 1;
-        place[2 * i + 1] -= 1;
-    }
+    parallel_for(N, 1, source_mesh_project_part,
+                 &(struct source_mesh_project_part){ place, cam, x });
 }
 
 size_t source_mesh_cell(const float place[2], size_t n)

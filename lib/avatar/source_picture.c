@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "lib/base/parallel.h"
 #include "lib/base/slices.h"
 #include "lib/base/resample.h"
 
@@ -32,33 +33,54 @@ void source_picture_release(struct source_picture *p)
     memset(p, 0, sizeof *p);
 }
 
+struct source_picture_inside_part {
+    const float *rgba;
+    uint8_t *across;
+    size_t S;
+};
+
+/* One row. */
+static void source_picture_inside_part(void *ctx, size_t y)
+{
+    const struct source_picture_inside_part *c = ctx;
+
+    for (size_t x = 0; x < c->S; x++) {
+        const size_t from = x < 2 ? 0 : x - 2;
+        const size_t to = x + 2 < c->S ? x + 2 : c->S - 1;
+        bool all = true;
+
+        for (size_t i = from; i <= to; i++)
+            all = all && c->rgba[4 * (y * c->S + i) + 3] > 0.95f;
+        c->across[y * c->S + x] = all;
+    }
+}
+
+struct source_picture_column_part { uint8_t *inside, *across; size_t S; };
+
+/* One row. */
+static void source_picture_column_part(void *ctx, size_t y)
+{
+    const struct source_picture_column_part *c = ctx;
+    const size_t from = y < 2 ? 0 : y - 2;
+    const size_t to = y + 2 < c->S ? y + 2 : c->S - 1;
+
+    memcpy(c->inside + y * c->S, c->across + from * c->S, c->S);
+    for (size_t i = from + 1; i <= to; i++)
+        for (size_t x = 0; x < c->S; x++)
+            c->inside[y * c->S + x] &= c->across[i * c->S + x];
+}
+
 /* inside (S,S): whether a pixel and all within two pixels are the person's:
  * lenses and codecs smear colours over the edge.  across (S,S): the same along
  * rows. */
 static void source_picture_inside(uint8_t *inside, uint8_t *across,
                                   const float *rgba, size_t S)
 {
-#pragma omp parallel for schedule(static)
-    for (size_t y = 0; y < S; y++)
-        for (size_t x = 0; x < S; x++) {
-            const size_t from = x < 2 ? 0 : x - 2;
-            const size_t to = x + 2 < S ? x + 2 : S - 1;
-            bool all = true;
+    parallel_for(S, 1, source_picture_inside_part,
+                 &(struct source_picture_inside_part){ rgba, across, S });
 
-            for (size_t i = from; i <= to; i++)
-                all = all && rgba[4 * (y * S + i) + 3] > 0.95f;
-            across[y * S + x] = all;
-        }
-#pragma omp parallel for schedule(static)
-    for (size_t y = 0; y < S; y++) {
-        const size_t from = y < 2 ? 0 : y - 2;
-        const size_t to = y + 2 < S ? y + 2 : S - 1;
-
-        memcpy(inside + y * S, across + from * S, S);
-        for (size_t i = from + 1; i <= to; i++)
-            for (size_t x = 0; x < S; x++)
-                inside[y * S + x] &= across[i * S + x];
-    }
+    parallel_for(S, 1, source_picture_column_part,
+                 &(struct source_picture_column_part){ inside, across, S });
 }
 
 /* Pixels of done (S,S) that wait for their step. */
@@ -130,6 +152,27 @@ static void source_picture_pad(float *rgba, uint8_t *done, uint32_t *list,
     }
 }
 
+struct source_picture_set_part {
+    const uint8_t *matte, *rgb;
+    float *value;
+    struct source_picture *p;
+};
+
+/* One of them. */
+static void source_picture_set_part(void *ctx, size_t i)
+{
+    const struct source_picture_set_part *a = ctx;
+    float m = a->matte ? a->value[a->matte[i]] : 1;
+
+    for (size_t c = 0; c < 3; c++) {
+        float x = a->value[a->rgb[3 * i + c]];
+
+        a->p->rgba[4 * i + c] = x;
+        a->p->rgb[3 * i + c] = m * x;
+    }
+    a->p->rgba[4 * i + 3] = m;
+}
+
 /* Bytes to floats, matte, then colours outwards. */
 void source_picture_set(struct source_picture *p, const uint8_t *rgb,
                         const uint8_t *matte, bool pad)
@@ -139,18 +182,9 @@ void source_picture_set(struct source_picture *p, const uint8_t *rgb,
 
     for (int i = 0; i < 256; i++)
         value[i] = (float)i / 255;
-#pragma omp parallel for schedule(static)
-    for (size_t i = 0; i < S * S; i++) {
-        float m = matte ? value[matte[i]] : 1;
 
-        for (size_t c = 0; c < 3; c++) {
-            float x = value[rgb[3 * i + c]];
-
-            p->rgba[4 * i + c] = x;
-            p->rgb[3 * i + c] = m * x;
-        }
-        p->rgba[4 * i + 3] = m;
-    }
+    parallel_for(S * S, 1, source_picture_set_part,
+                 &(struct source_picture_set_part){ matte, rgb, value, p });
     if (!pad)
         return;
     source_picture_inside(p->padded, p->across, p->rgba, S);

@@ -10,6 +10,7 @@
 #include "lib/avatar/cheek_back.h"
 #include "lib/avatar/edge_scale.h"
 #include "lib/avatar/unseen_hair.h"
+#include "lib/base/parallel.h"
 #include "lib/base/slices.h"
 #include "lib/base/camera.h"
 #include "lib/base/neck_blend.h"
@@ -24,61 +25,6 @@
 /* By how many times its distance below the chin grows for the neck blend, for
  * every metre beside the mesh. */
 #define SHOULDER_FALL 40
-
-/* ---- the equations ----------------------------------------------------- */
-
-void static_branch_grid(float *U0, size_t n)
-{
-    for (size_t i = 0; i < n; i++)
-        for (size_t j = 0; j < n; j++) {
-            U0[2 * (i * n + j)] = (float)(2 * j + 1) / (float)n - 1;
-            U0[2 * (i * n + j) + 1] = (float)(2 * i + 1) / (float)n - 1;
-        }
-}
-
-void static_branch_lift(float *mu, const float *U, const float *p,
-                        const float *surface, const float cam[12],
-                        const float normal[3], size_t N)
-{
-    float o[3];
-
-    camera_origin(o, cam);
-#pragma omp parallel for schedule(static) if (N > 1)
-    for (size_t k = 0; k < N; k++) {
-        float rise = surface ? surface[k] : 0;
-        /* x/z and y/z of the ray: NDC over the focal length; its camera depth
-         * at the plane is t_z, so d_s r_k = depth (x/z, y/z, 1) turned into
-         * the head's frame */
-        float depth = cam[11] - rise;
-        float x = U[2 * k] / CAMERA_FOCAL, y = U[2 * k + 1] / CAMERA_FOCAL;
-
-        for (int i = 0; i < 3; i++) {
-            float ray = cam[i] * x + cam[4 + i] * y + cam[8 + i];
-
-            mu[3 * k + i] = o[i] + depth * ray +
-                            (2 * p[k] - 1 - rise) * normal[i];
-        }
-    }
-}
-
-void static_branch_lift_backward(float *dU, float *dp, const float *dmu,
-                                 const float *surface, const float cam[12],
-                                 const float normal[3], size_t N)
-{
-#pragma omp parallel for schedule(static)
-    for (size_t k = 0; k < N; k++) {
-        const float *d = dmu + 3 * k;
-        float depth = cam[11] - (surface ? surface[k] : 0);
-
-        /* mu = o + depth R^T (U/f, 1) + (2p - 1 - rise) n */
-        for (int c = 0; c < 2; c++)
-            dU[2 * k + c] += depth / CAMERA_FOCAL *
-                             (cam[4 * c] * d[0] + cam[4 * c + 1] * d[1] +
-                              cam[4 * c + 2] * d[2]);
-        dp[k] += 2 * (normal[0] * d[0] + normal[1] * d[1] +
-                      normal[2] * d[2]);
-    }
-}
 
 /* ---- the branch -------------------------------------------------------- */
 
@@ -171,20 +117,31 @@ void static_branch_release(struct static_branch *b)
 
 /* ---- what the plane's cells lie on --------------------------------------- */
 
+struct static_branch_surface_part {
+    const struct source_mesh *mesh;
+    struct static_branch *b;
+};
+
+/* One of them. */
+static void static_branch_surface_part(void *ctx, size_t k)
+{
+    const struct static_branch_surface_part *c = ctx;
+    const float h = c->mesh->cam[11] - c->mesh->depth[k];
+    const float most = STATIC_BRANCH_HEIGHT;
+
+    c->b->height[k] = isfinite(h) && c->mesh->coverage[k] >= BESIDE_OUTLINE
+                          ? fminf(fmaxf(h, -most), most)
+                          : 0;
+}
+
 /* Where the mesh lies over the plane, towards the camera; 0 beside it and on
  * its very outline, where a cell may have the colour of what is behind: at the
  * skin's depth, a turn to the side would show a line of specks. */
 static void static_branch_surface(struct static_branch *b,
                                   const struct source_mesh *mesh)
 {
-#pragma omp parallel for schedule(static)
-    for (size_t k = 0; k < b->count; k++) {
-        const float h = mesh->cam[11] - mesh->depth[k];
-        const float most = STATIC_BRANCH_HEIGHT;
-
-        b->height[k] = isfinite(h) && mesh->coverage[k] >= BESIDE_OUTLINE
-                     ? fminf(fmaxf(h, -most), most) : 0;
-    }
+    parallel_for(b->count, 1, static_branch_surface_part,
+                 &(struct static_branch_surface_part){ mesh, b });
 }
 
 /* Neck blend weight of a point at height y, `aside` cells beside the mesh.
@@ -200,6 +157,25 @@ static float static_branch_neck_weight(const struct static_branch *b,
 
     return neck_blend_weight(blend, blend->top - (blend->top - y) *
                                         (1 + SHOULDER_FALL * beside));
+}
+
+struct static_branch_neck_part {
+    float *mean, *back, *neck;
+    struct static_branch *b;
+    const struct source_mesh *mesh;
+};
+
+/* One of them. */
+static void static_branch_neck_part(void *ctx, size_t k)
+{
+    const struct static_branch_neck_part *c = ctx;
+    const float *x = c->mean + 3 * k;
+    float y =
+        c->back[4] * x[0] + c->back[5] * x[1] + c->back[6] * x[2] + c->back[7];
+
+    /* neck has the distances till here */
+    c->neck[k] =
+        static_branch_neck_weight(c->b, c->mesh, 0.5f * (x[1] + y), c->neck[k]);
 }
 
 /* Neck blend weights (n*n), from where the cells lie on the surface: a point
@@ -224,15 +200,10 @@ static void static_branch_neck(float *neck, float *mean,
     static_branch_lift(mean, b->U, b->p, b->height, mesh->cam, mesh->normal,
                        b->count);
     beside_distance(neck, mesh->coverage, b->n);
-#pragma omp parallel for schedule(static)
-    for (size_t k = 0; k < b->count; k++) {
-        const float *x = mean + 3 * k;
-        float y = back[4] * x[0] + back[5] * x[1] + back[6] * x[2] + back[7];
 
-        /* neck has the distances till here */
-        neck[k] = static_branch_neck_weight(b, mesh, 0.5f * (x[1] + y),
-                                            neck[k]);
-    }
+    parallel_for(
+        b->count, 1, static_branch_neck_part,
+        &(struct static_branch_neck_part){ mean, back, neck, b, mesh });
 }
 
 /* b->moving, what may not be drawn: where the mesh moves, and thin rims beside
@@ -263,24 +234,52 @@ static void static_branch_map(float *neck, float *mean,
     static_branch_mask(b, picture, mesh);
 }
 
+struct static_branch_locate_part {
+    struct static_branch *b;
+    float *neck, *scratch;
+};
+
+/* One of them. */
+static void static_branch_locate_part(void *ctx, size_t k)
+{
+    const struct static_branch_locate_part *c = ctx;
+    const size_t at = source_mesh_cell(c->b->U + 2 * k, c->b->n);
+
+    c->b->cell[k] = (uint32_t)at;
+    c->b->surface[k] = c->b->height[at];
+    c->b->most[k] = c->b->edge[at];
+    c->neck[k] = c->scratch[at];
+}
+
 /* Where the Gaussians have moved to: the cells they lie in now, and what the
  * maps say there.  scratch (n*n). */
 static void static_branch_locate(float *neck, float *scratch,
                                  struct static_branch *b)
 {
     memcpy(scratch, neck, b->count * sizeof *neck);
-#pragma omp parallel for schedule(static)
-    for (size_t k = 0; k < b->count; k++) {
-        const size_t at = source_mesh_cell(b->U + 2 * k, b->n);
 
-        b->cell[k] = (uint32_t)at;
-        b->surface[k] = b->height[at];
-        b->most[k] = b->edge[at];
-        neck[k] = scratch[at];
-    }
+    parallel_for(b->count, 1, static_branch_locate_part,
+                 &(struct static_branch_locate_part){ b, neck, scratch });
 }
 
 /* ---- forward and backward ------------------------------------------------ */
+
+struct static_branch_deform_part {
+    struct static_branch *b;
+    const float *features;
+    const struct source_mesh *mesh;
+    size_t Cf;
+};
+
+/* One of them. */
+static void static_branch_deform_part(void *ctx, size_t k)
+{
+    const struct static_branch_deform_part *c = ctx;
+    float *row = c->b->init_in + k * (c->Cf + 1);
+
+    memcpy(row, c->features + k * c->Cf, c->Cf * sizeof *row);
+    row[c->Cf] = c->mesh->coverage[k];
+}
 
 /* U = U_0 + Phi_init([F, C]). */
 static void static_branch_deform(const float *features,
@@ -291,16 +290,27 @@ static void static_branch_deform(const float *features,
 
     if (b->uniform)
         return;
-#pragma omp parallel for schedule(static)
-    for (size_t k = 0; k < b->count; k++) {
-        float *row = b->init_in + k * (Cf + 1);
 
-        memcpy(row, features + k * Cf, Cf * sizeof *row);
-        row[Cf] = mesh->coverage[k];
-    }
+    parallel_for(b->count, 1, static_branch_deform_part,
+                 &(struct static_branch_deform_part){ b, features, mesh, Cf });
     plane_init_forward(b->delta, b->init_in, &b->init);
     for (size_t k = 0; k < 2 * b->count; k++)
         b->U[k] += b->delta[k];
+}
+
+struct static_branch_deform_backward_part {
+    float *dfeatures;
+    struct static_branch *b;
+    size_t Cf;
+};
+
+/* One of them. */
+static void static_branch_deform_backward_part(void *ctx, size_t k)
+{
+    const struct static_branch_deform_backward_part *a = ctx;
+
+    for (size_t c = 0; c < a->Cf; c++)
+        a->dfeatures[k * a->Cf + c] += a->b->dinit_in[k * (a->Cf + 1) + c];
 }
 
 /* Undo it; dfeatures is added to. */
@@ -312,10 +322,45 @@ static void static_branch_deform_backward(float *dfeatures,
     if (b->uniform)
         return;
     plane_init_backward(b->dinit_in, b->dU, &b->init);
-#pragma omp parallel for schedule(static)
-    for (size_t k = 0; k < b->count; k++)
-        for (size_t c = 0; c < Cf; c++)
-            dfeatures[k * Cf + c] += b->dinit_in[k * (Cf + 1) + c];
+
+    parallel_for(
+        b->count, 1, static_branch_deform_backward_part,
+        &(struct static_branch_deform_backward_part){ dfeatures, b, Cf });
+}
+
+struct static_branch_inputs_part {
+    float *rows;
+    struct static_branch *b;
+    const float *features;
+    const struct source_mesh *mesh;
+    size_t stride, Cf;
+    float size_shift;
+};
+
+/* One of them. */
+static void static_branch_inputs_part(void *ctx, size_t k)
+{
+    const struct static_branch_inputs_part *a = ctx;
+    float *row = a->rows + k * a->stride;
+    const float *pixel = a->b->pixel + 4 * k;
+    const size_t at = a->b->cell[k];
+
+    grid_sample(row, a->features, a->b->U + 2 * k, 1, a->b->n, a->b->n, a->Cf,
+                1, false, RESAMPLE_BORDER);
+    row[a->Cf] = a->b->U[2 * k];
+    row[a->Cf + 1] = a->b->U[2 * k + 1];
+    if (!a->b->prior)
+        return;
+    row[a->Cf + 2] = a->mesh->coverage[at];
+    row[a->Cf + 3] = pixel[3];
+    row[a->Cf + 4] = a->b->surface[k];
+    row[a->Cf + 5] = isfinite(a->mesh->depth[at]) ? 1 : 0;
+    for (int c = 0; c < 3; c++)
+        a->b->logit[3 * k + c] = attribute_logit(pixel[c]);
+    a->b->start.visible[k] = fminf(pixel[3], 1) * (1 - a->b->moving[at]);
+    a->b->start.opacity_shift[k] = -COVERED * a->mesh->coverage[at];
+    a->b->start.scale_shift[k] = a->size_shift;
+    a->b->p_shift[k] = attribute_logit(0.5f + 0.5f * a->b->surface[k]);
 }
 
 /* The decoder's input rows [F at U, U, extras], and the prior. */
@@ -328,29 +373,32 @@ static void static_branch_inputs(const float *features,
     float cell = source_mesh_spacing(mesh, b->n);
     float size_shift = attribute_logit(OVERLAP * cell / BRANCH_SCALE_MAX);
 
-#pragma omp parallel for schedule(static)
-    for (size_t k = 0; k < b->count; k++) {
-        float *row = rows + k * stride;
-        const float *pixel = b->pixel + 4 * k;
-        const size_t at = b->cell[k];
+    parallel_for(b->count, 1, static_branch_inputs_part,
+                 &(struct static_branch_inputs_part){ rows, b, features, mesh,
+                                                      stride, Cf, size_shift });
+}
 
-        grid_sample(row, features, b->U + 2 * k, 1, b->n, b->n, Cf, 1, false,
-                    RESAMPLE_BORDER);
-        row[Cf] = b->U[2 * k];
-        row[Cf + 1] = b->U[2 * k + 1];
-        if (!b->prior)
-            continue;
-        row[Cf + 2] = mesh->coverage[at];
-        row[Cf + 3] = pixel[3];
-        row[Cf + 4] = b->surface[k];
-        row[Cf + 5] = isfinite(mesh->depth[at]) ? 1 : 0;
-        for (int c = 0; c < 3; c++)
-            b->logit[3 * k + c] = attribute_logit(pixel[c]);
-        b->start.visible[k] = fminf(pixel[3], 1) * (1 - b->moving[at]);
-        b->start.opacity_shift[k] = -COVERED * mesh->coverage[at];
-        b->start.scale_shift[k] = size_shift;
-        b->p_shift[k] = attribute_logit(0.5f + 0.5f * b->surface[k]);
-    }
+struct static_branch_inputs_backward_part {
+    struct static_branch *b;
+    size_t Cf;
+};
+
+/* One of them. */
+static void static_branch_inputs_backward_part(void *ctx, size_t k)
+{
+    const struct static_branch_inputs_backward_part *a = ctx;
+    const float *row = a->b->din + k * a->b->inputs;
+
+    memcpy(a->b->dsampled + k * a->Cf, row, a->Cf * sizeof *row);
+    a->b->dU[2 * k] += row[a->Cf];
+    a->b->dU[2 * k + 1] += row[a->Cf + 1];
+    if (!a->b->prior)
+        return;
+    a->b->dpixel[4 * k + 3] =
+        row[a->Cf + 3] + a->b->dvisible[k] * (1 - a->b->moving[a->b->cell[k]]);
+    for (int c = 0; c < 3; c++)
+        a->b->dpixel[4 * k + c] = attribute_logit_backward(
+            a->b->dlogit[3 * k + c], a->b->pixel[4 * k + c]);
 }
 
 /* Gradients of the decoder's input rows into dU, dsampled and dpixel. */
@@ -358,20 +406,26 @@ static void static_branch_inputs_backward(struct static_branch *b)
 {
     size_t Cf = b->feature;
 
-#pragma omp parallel for schedule(static)
-    for (size_t k = 0; k < b->count; k++) {
-        const float *row = b->din + k * b->inputs;
+    parallel_for(b->count, 1, static_branch_inputs_backward_part,
+                 &(struct static_branch_inputs_backward_part){ b, Cf });
+}
 
-        memcpy(b->dsampled + k * Cf, row, Cf * sizeof *row);
-        b->dU[2 * k] += row[Cf];
-        b->dU[2 * k + 1] += row[Cf + 1];
-        if (!b->prior)
-            continue;
-        b->dpixel[4 * k + 3] = row[Cf + 3] +
-                               b->dvisible[k] * (1 - b->moving[b->cell[k]]);
-        for (int c = 0; c < 3; c++)
-            b->dpixel[4 * k + c] = attribute_logit_backward(
-                b->dlogit[3 * k + c], b->pixel[4 * k + c]);
+struct static_branch_clamp_tint_part {
+    const struct static_branch *b;
+    struct branch_set *out;
+};
+
+/* One of them. */
+static void static_branch_clamp_tint_part(void *ctx, size_t k)
+{
+    const struct static_branch_clamp_tint_part *a = ctx;
+
+    for (size_t c = 0; c < 3; c++) {
+        const float own = 1 / (1 + expf(-a->b->logit[3 * k + c]));
+        float *color = a->out->color + k * a->out->channels + c;
+
+        a->b->clamped[3 * k + c] = fabsf(*color - own) > TINT ? own : 0;
+        *color = fminf(fmaxf(*color, own - TINT), own + TINT);
     }
 }
 
@@ -380,15 +434,29 @@ static void static_branch_inputs_backward(struct static_branch *b)
 static void static_branch_clamp_tint(struct branch_set *out,
                                      const struct static_branch *b)
 {
-#pragma omp parallel for schedule(static)
-    for (size_t k = 0; k < out->n; k++)
-        for (size_t c = 0; c < 3; c++) {
-            const float own = 1 / (1 + expf(-b->logit[3 * k + c]));
-            float *color = out->color + k * out->channels + c;
+    parallel_for(out->n, 1, static_branch_clamp_tint_part,
+                 &(struct static_branch_clamp_tint_part){ b, out });
+}
 
-            b->clamped[3 * k + c] = fabsf(*color - own) > TINT ? own : 0;
-            *color = fminf(fmaxf(*color, own - TINT), own + TINT);
-        }
+struct static_branch_clamp_tint_backward_part {
+    struct static_branch *b;
+    struct branch_set *dout;
+};
+
+/* One of them. */
+static void static_branch_clamp_tint_backward_part(void *ctx, size_t k)
+{
+    const struct static_branch_clamp_tint_backward_part *a = ctx;
+
+    for (size_t c = 0; c < 3; c++) {
+        float *own = a->b->clamped + 3 * k + c;
+        float *d = a->dout->color + k * a->dout->channels + c;
+
+        if (!(*own > 0))
+            continue;
+        *own = *d * *own * (1 - *own);
+        *d = 0;
+    }
 }
 
 /* Reverse of static_branch_clamp_tint, in place: what was clamped follows the
@@ -396,17 +464,19 @@ static void static_branch_clamp_tint(struct branch_set *out,
 static void static_branch_clamp_tint_backward(struct branch_set *dout,
                                               struct static_branch *b)
 {
-#pragma omp parallel for schedule(static)
-    for (size_t k = 0; k < dout->n; k++)
-        for (size_t c = 0; c < 3; c++) {
-            float *own = b->clamped + 3 * k + c;
-            float *d = dout->color + k * dout->channels + c;
+    parallel_for(dout->n, 1, static_branch_clamp_tint_backward_part,
+                 &(struct static_branch_clamp_tint_backward_part){ b, dout });
+}
 
-            if (!(*own > 0))
-                continue;
-            *own = *d * *own * (1 - *own);
-            *d = 0;
-        }
+struct static_branch_forward_part { struct static_branch *b; };
+
+/* One of them. */
+static void static_branch_forward_part(void *ctx, size_t k)
+{
+    const struct static_branch_forward_part *c = ctx;
+
+    c->b->p[k] = c->b->prior ? attribute_shift(c->b->p_raw[k], c->b->p_shift[k])
+                             : c->b->p_raw[k];
 }
 
 /* Rows [F at U, U, extras] through Phi_S, lifted from the plane. */
@@ -432,10 +502,9 @@ void static_branch_forward(struct branch_set *out, const float *features,
         edge_scale_clamp(out->scale, b->enlarged, b->most,
                          source_mesh_spacing(mesh, b->n), b->count);
     }
-#pragma omp parallel for schedule(static)
-    for (size_t k = 0; k < b->count; k++)
-        b->p[k] = b->prior ? attribute_shift(b->p_raw[k], b->p_shift[k])
-                           : b->p_raw[k];
+
+    parallel_for(b->count, 1, static_branch_forward_part,
+                 &(struct static_branch_forward_part){ b });
     static_branch_lift(out->mean, b->U, b->p, b->prior ? b->surface : NULL,
                        mesh->cam, mesh->normal, b->count);
     for (size_t k = 0; k < b->count; k++)
@@ -446,6 +515,17 @@ void static_branch_forward(struct branch_set *out, const float *features,
         cheek_back_set(out, b->back, picture, mesh, b->n);
         unseen_hair_set(out, b->from, b->front, mesh);
     }
+}
+
+struct static_branch_backward_part { struct static_branch *b; };
+
+/* One of them. */
+static void static_branch_backward_part(void *ctx, size_t k)
+{
+    const struct static_branch_backward_part *c = ctx;
+
+    c->b->dp[k] =
+        attribute_shift_backward(c->b->dp[k], c->b->p_raw[k], c->b->p_shift[k]);
 }
 
 /* Reverse of static_branch_forward, line by line. */
@@ -468,10 +548,9 @@ void static_branch_backward(float *dfeatures, struct branch_set *dout,
     static_branch_lift_backward(b->dU, b->dp, dout->mean,
                                 b->prior ? b->surface : NULL, mesh->cam,
                                 mesh->normal, b->count);
-#pragma omp parallel for schedule(static)
-    for (size_t k = 0; k < shifted; k++)
-        b->dp[k] = attribute_shift_backward(b->dp[k], b->p_raw[k],
-                                            b->p_shift[k]);
+
+    parallel_for(shifted, 1, static_branch_backward_part,
+                 &(struct static_branch_backward_part){ b });
     if (b->prior)
         edge_scale_clamp_backward(dout->scale, b->enlarged, b->count);
     branch_prior_backward(dout, b->dvisible, &b->start, b->prior);

@@ -131,6 +131,28 @@ void cpu_keep_denormals(void)
 #endif
 }
 
+unsigned cpu_float_mode(void)
+{
+#if defined(SPID_X86)
+    return _mm_getcsr() & ~0x3fu;       /* without what has happened so far */
+#elif defined(__aarch64__)
+    return (unsigned)cpu_fpcr();
+#else
+    return 0;
+#endif
+}
+
+void cpu_set_float_mode(unsigned mode)
+{
+#if defined(SPID_X86)
+    _mm_setcsr(mode);
+#elif defined(__aarch64__)
+    cpu_set_fpcr(mode);
+#else
+    (void)mode;
+#endif
+}
+
 double cpu_seconds(void)
 {
     struct timespec t;

@@ -27,11 +27,25 @@ const char *cpu_name(void);
 
 /* Flush denormals to zero (FTZ and DAZ of x86, FZ of aarch64) in the calling
  * thread and in every thread that it starts from now on: new threads inherit
- * the mode, so a call before the first parallel region covers OpenMP's
- * workers.  cli_parse does it. */
+ * the mode, and those of lib/base/parallel.h take it from whom they work for.
+ * cli_parse does it. */
 void cpu_flush_denormals(void);
 /* Undo it in the calling thread: for programs that print and convert. */
 void cpu_keep_denormals(void);
+
+/* How the calling thread rounds and treats denormals, for another one. */
+unsigned cpu_float_mode(void);
+void cpu_set_float_mode(unsigned mode);
+
+/* Between two looks at what another thread writes. */
+static inline void cpu_relax(void)
+{
+#ifdef SPID_X86
+    __builtin_ia32_pause();
+#elif defined(__aarch64__)
+    __asm__ volatile("yield");
+#endif
+}
 
 /* Seconds of a monotonic clock. */
 double cpu_seconds(void);

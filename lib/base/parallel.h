@@ -1,23 +1,51 @@
-/* How many threads share the work: a count that is taken once and is the same
- * for everything planned, in whichever thread. */
+/* Work shared by threads: one pool for the whole process, whose threads sleep
+ * while there is nothing to do and are never waited for unless they have begun.
+ * How many there are is one count, taken once and the same for all that is
+ * planned, in whichever thread. */
 #ifndef SPID_BASE_PARALLEL_H
 #define SPID_BASE_PARALLEL_H
 
+#include <stdbool.h>
 #include <stddef.h>
 
-/* Set it, before anything is planned; what was planned with another count must
- * not be run any more. */
+#include "lib/base/error.h"
+
+#define PARALLEL_MOST 64        /* threads */
+
+/* Set the count (at most PARALLEL_MOST), before anything is planned; what was
+ * planned with a smaller one must not be run any more. */
 void parallel_set_width(int threads);
 
 /* The count: what was set, or processors_allowed().  Room for one part a thread
  * is sized by it. */
 int parallel_width(void);
 
-/* In a thread of its own, first: it works with no more threads than were
- * planned for. */
-void parallel_enter(void);
+/* Work on item i; ctx is the caller's. */
+typedef void parallel_fn(void *ctx, size_t i);
 
-/* Which of parallel_width() parts of such room is the calling thread's. */
+/* Call run for every i in [0, count), on this thread and others that are free,
+ * `grain` or more items at once to each; returns when all is done.  Who does
+ * what, and when, is different every time: no result may depend on it.  Any
+ * thread may call it; inside run, and after parallel_alone, the caller does it
+ * all, as it does where there are no other threads: it never fails.  All treat
+ * denormals as the caller does. */
+void parallel_for(size_t count, size_t grain, parallel_fn *run, void *ctx);
+
+/* The same, one item at a time, for work that can fail: 0, or -1 with the error
+ * of the first item (by number) that failed; all are tried. */
+int parallel_try(size_t count,
+                 int (*run)(void *ctx, size_t i, struct error *err), void *ctx,
+                 struct error *err);
+
+/* Whether the calling thread shares no work from now on, since it is one of
+ * several that each have their own; returns what held before. */
+bool parallel_alone(bool yes);
+
+/* How many threads at most work on what the calling one shares. */
+int parallel_threads(void);
+
+/* Inside run: which of parallel_width() parts of some room is this thread's
+ * alone until run returns.  Elsewhere 0. */
 size_t parallel_slot(void);
 
 #endif

@@ -5,6 +5,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/parallel.h"
 #include "lib/nn/image.h"
 
 static const float mean[3] = { 0.485f, 0.456f, 0.406f };
@@ -306,13 +307,22 @@ static void dino_fusion_forward(struct dino_base *d, size_t i)
     rescale_forward(f->o, f->c, &f->grow);
 }
 
+struct dino_base_normalise_part { float *x; };
+
+/* One of them. */
+static void dino_base_normalise_part(void *ctx, size_t i)
+{
+    const struct dino_base_normalise_part *a = ctx;
+
+    for (size_t c = 0; c < 3; c++)
+        a->x[3 * i + c] = (a->x[3 * i + c] - mean[c]) / deviation[c];
+}
+
 /* To the mean and deviation that DINOv2 was trained with. */
 static void dino_base_normalise(float *x, size_t pixels)
 {
-#pragma omp parallel for schedule(static)
-    for (size_t i = 0; i < pixels; i++)
-        for (size_t c = 0; c < 3; c++)
-            x[3 * i + c] = (x[3 * i + c] - mean[c]) / deviation[c];
+    parallel_for(pixels, 1, dino_base_normalise_part,
+                 &(struct dino_base_normalise_part){ x });
 }
 
 void dino_base_forward(float *features, const float *rgb, struct dino_base *d)

@@ -6,6 +6,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/parallel.h"
 #include "lib/nn/math.h"
 
 #define SCALE_MAX 0.05f
@@ -114,16 +115,31 @@ static double gaussian_points_norm(const float *raw, size_t N, size_t stride,
     return fmax(sqrt(sum), TINY);
 }
 
+struct gaussian_head_forward_part {
+    struct gaussian_out *out;
+    const float *raw, *rgb_logit;
+    const struct gaussian_head *h;
+    size_t stride, N, image_w;
+};
+
+/* One of them. */
+static void gaussian_head_forward_part(void *ctx, size_t at)
+{
+    const struct gaussian_head_forward_part *c = ctx;
+
+    gaussian_forward(c->out, c->raw + at * c->stride,
+                     c->rgb_logit ? c->rgb_logit + 3 * at : NULL, c->h, at,
+                     at % c->N, c->image_w);
+}
+
 void gaussian_head_forward(struct gaussian_out *out, const float *raw,
                            const float *rgb_logit,
                            const struct gaussian_head *h, size_t B, size_t N,
                            size_t stride, size_t image_w)
 {
-#pragma omp parallel for schedule(static)
-    for (size_t at = 0; at < B * N; at++)
-        gaussian_forward(out, raw + at * stride,
-                         rgb_logit ? rgb_logit + 3 * at : NULL, h, at, at % N,
-                         image_w);
+    parallel_for(B * N, 1, gaussian_head_forward_part,
+                 &(struct gaussian_head_forward_part){ out, raw, rgb_logit, h,
+                                                       stride, N, image_w });
     if (!h->quirk_rotation)
         return;
     for (size_t b = 0; b < B; b++)
@@ -240,19 +256,36 @@ static void gaussian_points_backward(float *draw, const float *dq,
     }
 }
 
+struct gaussian_head_backward_part {
+    float *draw, *drgb_logit;
+    const struct gaussian_out *dout;
+    const float *raw, *rgb_logit;
+    const struct gaussian_head *h;
+    size_t stride, N, image_w;
+};
+
+/* One of them. */
+static void gaussian_head_backward_part(void *ctx, size_t at)
+{
+    const struct gaussian_head_backward_part *c = ctx;
+
+    gaussian_backward(c->draw + at * c->stride,
+                      c->drgb_logit ? c->drgb_logit + 3 * at : NULL, c->dout,
+                      c->raw + at * c->stride,
+                      c->rgb_logit ? c->rgb_logit + 3 * at : NULL, c->h, at,
+                      at % c->N, c->image_w);
+}
+
 void gaussian_head_backward(float *draw, float *drgb_logit,
                             const struct gaussian_out *dout, const float *raw,
                             const float *rgb_logit,
                             const struct gaussian_head *h, size_t B, size_t N,
                             size_t stride, size_t image_w)
 {
-#pragma omp parallel for schedule(static)
-    for (size_t at = 0; at < B * N; at++)
-        gaussian_backward(draw + at * stride,
-                          drgb_logit ? drgb_logit + 3 * at : NULL, dout,
-                          raw + at * stride,
-                          rgb_logit ? rgb_logit + 3 * at : NULL, h, at, at % N,
-                          image_w);
+    parallel_for(B * N, 1, gaussian_head_backward_part,
+                 &(struct gaussian_head_backward_part){ draw, drgb_logit, dout,
+                                                        raw, rgb_logit, h,
+                                                        stride, N, image_w });
     if (h->quirk_rotation && dout->quat)
         for (size_t b = 0; b < B; b++)
             gaussian_points_backward(draw + b * N * stride,

@@ -7,6 +7,8 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/parallel.h"
+
 #define EPS 1e-5f
 #define STAGES 4
 
@@ -174,6 +176,23 @@ size_t iresnet_size(const struct iresnet *n)
 
 /* ---- forward ------------------------------------------------------------ */
 
+struct iresnet_normalise_part {
+    float *y;
+    const float *x, *m, *w, *v, *o;
+    size_t C;
+};
+
+/* One row. */
+static void iresnet_normalise_part(void *ctx, size_t r)
+{
+    const struct iresnet_normalise_part *a = ctx;
+
+    for (size_t c = 0; c < a->C; c++)
+        a->y[r * a->C + c] =
+            (a->x[r * a->C + c] - a->m[c]) * (a->w[c] / sqrtf(a->v[c] + EPS)) +
+            a->o[c];
+}
+
 /* y (rows,C) = batch norm of x with the running statistics.  Before a padded
  * convolution it cannot be folded: the padding is 0 after it, not before. */
 static void iresnet_normalise(float *y, const float *x,
@@ -183,21 +202,27 @@ static void iresnet_normalise(float *y, const float *x,
     const float *w = param_w(b->ps, b->weight), *o = param_w(b->ps, b->bias);
     const float *m = param_w(b->ps, b->mean), *v = param_w(b->ps, b->var);
 
-    #pragma omp parallel for
-    for (size_t r = 0; r < rows; r++)
-        for (size_t c = 0; c < C; c++)
-            y[r * C + c] = (x[r * C + c] - m[c]) * (w[c] / sqrtf(v[c] + EPS)) +
-                           o[c];
+    parallel_for(rows, 1, iresnet_normalise_part,
+                 &(struct iresnet_normalise_part){ y, x, m, w, v, o, C });
+}
+
+struct iresnet_prelu_part { float *x; const float *slope; size_t C; };
+
+/* One row. */
+static void iresnet_prelu_part(void *ctx, size_t r)
+{
+    const struct iresnet_prelu_part *a = ctx;
+
+    for (size_t c = 0; c < a->C; c++)
+        if (a->x[r * a->C + c] < 0)
+            a->x[r * a->C + c] *= a->slope[c];
 }
 
 /* x < 0 is multiplied by its channel's slope, in place. */
 static void iresnet_prelu(float *x, const float *slope, size_t rows, size_t C)
 {
-    #pragma omp parallel for
-    for (size_t r = 0; r < rows; r++)
-        for (size_t c = 0; c < C; c++)
-            if (x[r * C + c] < 0)
-                x[r * C + c] *= slope[c];
+    parallel_for(rows, 1, iresnet_prelu_part,
+                 &(struct iresnet_prelu_part){ x, slope, C });
 }
 
 /* n->x -> n->x */

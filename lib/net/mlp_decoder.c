@@ -6,6 +6,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/parallel.h"
 #include "lib/net/attribute_heads.h"
 #include "lib/net/harmonic.h"
 #include "lib/nn/conv.h"
@@ -177,6 +178,27 @@ void mlp_decoder_release(struct mlp_decoder *d)
     memset(d, 0, sizeof *d);
 }
 
+struct mlp_decoder_gather_part {
+    float *const *part;
+    struct mlp_decoder_impl *im;
+    _Bool back;
+    int i;
+    size_t n, row, at;
+};
+
+/* One row. */
+static void mlp_decoder_gather_part(void *ctx, size_t r)
+{
+    const struct mlp_decoder_gather_part *c = ctx;
+
+    if (c->back)
+        memcpy(c->part[c->i] + r * c->n, c->im->draw + r * c->row + c->at,
+               c->n * sizeof(float));
+    else
+        memcpy(c->im->raw + r * c->row + c->at, c->part[c->i] + r * c->n,
+               c->n * sizeof(float));
+}
+
 /* raw (rows,colors+8) <-> the four attributes' own arrays. */
 static void mlp_decoder_gather(struct mlp_decoder *d, float *const part[4],
                                bool back)
@@ -186,15 +208,10 @@ static void mlp_decoder_gather(struct mlp_decoder *d, float *const part[4],
 
     for (int i = 0; i < 4; i++) {
         size_t n = mlp_decoder_width(d, i);
-#pragma omp parallel for schedule(static)
-        for (size_t r = 0; r < rows; r++) {
-            if (back)
-                memcpy(part[i] + r * n, im->draw + r * row + at,
-                       n * sizeof(float));
-            else
-                memcpy(im->raw + r * row + at, part[i] + r * n,
-                       n * sizeof(float));
-        }
+
+        parallel_for(
+            rows, 1, mlp_decoder_gather_part,
+            &(struct mlp_decoder_gather_part){ part, im, back, i, n, row, at });
         at += n;
     }
 }

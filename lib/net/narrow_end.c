@@ -4,6 +4,8 @@
 
 #include <string.h>
 
+#include "lib/base/parallel.h"
+
 #define CELL NARROW_END_CELL
 #define TILE WINOGRAD_TILE
 
@@ -157,6 +159,29 @@ static void narrow_end_add(float *rgb, size_t line, const float *cell,
         }
 }
 
+struct narrow_end_forward_part {
+    struct narrow_end *e;
+    float *field, *rgb;
+    size_t w, out, said, own, line;
+};
+
+/* One row. */
+static void narrow_end_forward_part(void *ctx, size_t y)
+{
+    const struct narrow_end_forward_part *c = ctx;
+
+    for (size_t x = 0; x < c->w; x++) {
+        const float *cell = c->e->map + (y * c->w + x) * c->out;
+
+        if (c->said)
+            memcpy(c->field + (y * c->w + x) * c->said, cell + c->own,
+                   c->said * sizeof *c->field);
+        if (!c->e->some || c->e->cell[y * c->w + x])
+            narrow_end_add(c->rgb + y * CELL * c->line + x * 3 * CELL, c->line,
+                           cell, c->e->most);
+    }
+}
+
 void narrow_end_forward(float *rgb, float *field, const float *before,
                         struct narrow_end *e)
 {
@@ -165,16 +190,8 @@ void narrow_end_forward(float *rgb, float *field, const float *before,
     const size_t said = e->field ? e->field->out : 0;
 
     winograd_forward(e->map, before, &e->joint);
-#pragma omp parallel for schedule(static)
-    for (size_t y = 0; y < rows; y++)
-        for (size_t x = 0; x < w; x++) {
-            const float *cell = e->map + (y * w + x) * out;
 
-            if (said)
-                memcpy(field + (y * w + x) * said, cell + own,
-                       said * sizeof *field);
-            if (!e->some || e->cell[y * w + x])
-                narrow_end_add(rgb + y * CELL * line + x * 3 * CELL, line,
-                               cell, e->most);
-        }
+    parallel_for(rows, 1, narrow_end_forward_part,
+                 &(struct narrow_end_forward_part){ e, field, rgb, w, out, said,
+                                                    own, line });
 }

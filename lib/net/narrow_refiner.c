@@ -370,7 +370,6 @@ static void narrow_refiner_clamp(float *d, size_t n)
 {
     const float most = NARROW_REFINER_MOST;
 
-#pragma omp parallel for schedule(static)
     for (size_t i = 0; i < n; i++)
         d[i] = d[i] < -most ? -most : d[i] > most ? most : d[i];
 }
@@ -521,7 +520,6 @@ void narrow_refiner_backward(float *dfeat, float *dphoto, const float *drgb,
     if (!dfeat)
         return;
     /* rgb = feat's first three + correction */
-#pragma omp parallel for schedule(static)
     for (size_t i = 0; i < r->batch * r->h * r->w; i++)
         for (size_t c = 0; c < 3; c++)
             dfeat[i * C + c] += drgb[i * 3 + c];

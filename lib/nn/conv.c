@@ -119,8 +119,7 @@ static void conv_forward_int8(float *out, const float *in, struct conv *c)
     struct conv_impl *im = c->impl;
     const uint8_t *bytes = int8_input(&im->int8, c, in, im->bias);
 
-    nn_call_set(&im->fwd, 5, im->int8.scale);
-    conv_onednn_forward(out, bytes, im->int8.bias, c);
+    conv_onednn_forward(out, bytes, im->int8.bias, im->int8.scale, c);
 }
 
 static void conv_plan_small_linear(struct conv *c, const struct conv_shape *s)
@@ -254,7 +253,7 @@ static void conv_forward_direct(float *out, const float *in, struct conv *c)
         image_round_bf16(half, in, count);
     else
         half = NULL;
-    conv_onednn_forward(out, half ? half : in, c->impl->bias, c);
+    conv_onednn_forward(out, half ? half : in, c->impl->bias, NULL, c);
 }
 
 /* In the order in which they are asked; the last takes any layer. */
@@ -369,8 +368,10 @@ void conv_release(struct conv *c)
 
     if (!im)
         return;
-    nn_call_release(&im->fwd);
-    nn_call_release(&im->bwd_data);
+    for (size_t i = 0; i < CONV_BANDS; i++) {
+        nn_call_release(&im->fwd.band[i].call);
+        nn_call_release(&im->bwd_data.band[i].call);
+    }
     nn_call_release(&im->to_fwd);
     nn_call_release(&im->to_bwd);
     nn_call_release(&im->add_dw);
@@ -461,7 +462,7 @@ void conv_update(struct conv *c, const struct batch_norm *bn)
                                 : conv_staged_weights(c, bn);
 
     im->method->update(c, w);
-    if (im->bwd_data.prim)
+    if (im->bwd_data.count)
         conv_onednn_reorder(&im->to_bwd, im->w_bwd, w, c);
 }
 

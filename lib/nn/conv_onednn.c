@@ -4,10 +4,10 @@
  * is made from a fixed number of parts, each on one thread, so that it is the
  * same bits for any number of threads. */
 #include <assert.h>
-#include <omp.h>
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/parallel.h"
 #include "lib/nn/conv_impl.h"
 #include "lib/nn/image.h"
 
@@ -210,44 +210,102 @@ static void conv_onednn_plan_reorder(struct nn_call *call,
     dnnl_primitive_attr_destroy(attr);
 }
 
+/* The arguments of one band's primitive. */
+static void conv_onednn_plan_call(struct nn_call *call, struct conv *c,
+                                  dnnl_primitive_desc_t pd, bool back,
+                                  size_t *scratch)
+{
+    struct nn_plan *p = c->plan;
+    size_t bytes;
+
+    nn_call_init(call, pd, p);
+    nn_call_arg(call, back ? DNNL_ARG_DIFF_SRC : DNNL_ARG_SRC,
+                conv_onednn_query(pd, back ? dnnl_query_diff_src_md
+                                           : dnnl_query_src_md), p);
+    nn_call_arg(call, DNNL_ARG_WEIGHTS,
+                conv_onednn_query(pd, dnnl_query_weights_md), p);
+    nn_call_arg(call, back ? DNNL_ARG_DIFF_DST : DNNL_ARG_DST,
+                conv_onednn_query(pd, back ? dnnl_query_diff_dst_md
+                                           : dnnl_query_dst_md), p);
+    bytes = (nn_call_scratch(call, pd, p) + 4095) & ~(size_t)4095;
+    *scratch = bytes > *scratch ? bytes : *scratch;
+    if (back)
+        return;
+    nn_call_arg(call, DNNL_ARG_BIAS,
+                dnnl_primitive_desc_query_md(pd, dnnl_query_weights_md, 1), p);
+    if (c->impl->input == dnnl_u8) {
+        dnnl_memory_desc_t scale;
+        conv_onednn_describe_scale(&scale, c);
+        nn_call_arg(call, DNNL_ARG_ATTR_MULTIPLE_POST_OP(0) |
+                    DNNL_ARG_SRC_1, &scale, p);
+    }
+}
+
+/* All bands of a pass, and the layout of its weights; false when a band asks
+ * for another layout than the first. */
+static bool conv_onednn_plan_bands(struct conv_bands *b,
+                                   dnnl_memory_desc_t *weights, struct conv *c,
+                                   const struct conv_shape *s, size_t n,
+                                   bool back)
+{
+    b->count = 0;
+    for (size_t i = 0; i < n; i++) {
+        struct conv_band *band = &b->band[i];
+        const struct conv_shape cut = conv_band_cut(band, c, s, i, n, back);
+        dnnl_primitive_desc_t pd = conv_onednn_primitive(
+            c, back ? BACKWARD_DATA : FORWARD, &cut);
+
+        if (!pd)
+            return true;
+        const dnnl_memory_desc_t *md =
+            conv_onednn_query(pd, dnnl_query_weights_md);
+        const bool same = i == 0 || dnnl_memory_desc_equal(md, weights);
+        if (i == 0)
+            *weights = *md;
+        if (same)
+            conv_onednn_plan_call(&band->call, c, pd, back, &b->scratch);
+        dnnl_primitive_desc_destroy(pd);
+        if (!same)
+            return false;
+    }
+    b->count = n;
+    return true;
+}
+
+/* Plan a pass in bands, and where its weights go: *w, by the reorder. */
+static void conv_onednn_plan_pass(struct conv_bands *b, void **w,
+                                  struct nn_call *reorder, struct conv *c,
+                                  const struct conv_shape *s, bool back)
+{
+    dnnl_memory_desc_t weights = {0};
+    size_t n = conv_band_count(c, s, back ? s->h / c->stride : s->oh);
+
+    n = n > s->n ? n / s->n * s->n : n;
+    if (!conv_onednn_plan_bands(b, &weights, c, s, n, back)) {
+        for (size_t i = 0; i < CONV_BANDS; i++)
+            nn_call_release(&b->band[i].call);
+        conv_onednn_plan_bands(b, &weights, c, s, 1, back);
+    }
+    if (!b->count)
+        return;
+    *w = nn_plan_bytes(c->plan, dnnl_memory_desc_get_size(&weights));
+    conv_onednn_plan_reorder(reorder, c, &weights, false);
+}
+
 void conv_onednn_plan_forward(struct conv *c, const struct conv_shape *s)
 {
     struct conv_impl *im = c->impl;
     struct nn_plan *p = c->plan;
-    size_t values = c->batch * c->h * c->w * c->in_data;
+    size_t values = c->batch * c->h * c->w * c->in_data, scratch;
 
-    dnnl_primitive_desc_t pd = conv_onednn_primitive(c, FORWARD, s);
-
-    if (!pd)
-        return;
-    nn_call_init(&im->fwd, pd, p);
-    nn_call_arg(&im->fwd, DNNL_ARG_SRC,
-                conv_onednn_query(pd, dnnl_query_src_md), p);
-    nn_call_arg(&im->fwd, DNNL_ARG_WEIGHTS,
-                conv_onednn_query(pd, dnnl_query_weights_md), p);
-    nn_call_arg(&im->fwd, DNNL_ARG_BIAS,
-                dnnl_primitive_desc_query_md(pd, dnnl_query_weights_md, 1), p);
-    nn_call_arg(&im->fwd, DNNL_ARG_DST,
-                conv_onednn_query(pd, dnnl_query_dst_md), p);
-    size_t scratch = nn_call_scratch(&im->fwd, pd, p);
-    im->half_at = (scratch + 4095) & ~(size_t)4095;
-    if (im->input == dnnl_u8) {
-        dnnl_memory_desc_t scale;
-        conv_onednn_describe_scale(&scale, c);
-        nn_call_arg(&im->fwd, DNNL_ARG_ATTR_MULTIPLE_POST_OP(0) |
-                    DNNL_ARG_SRC_1, &scale, p);
-        scratch = im->half_at + int8_input_size(&im->int8, c);
-    } else if (nn_plan_type(p) == NN_BF16 || conv_onednn_half(c)) {
-        scratch = im->half_at + values * (im->input == dnnl_bf16
-                                              ? sizeof(uint16_t)
-                                              : sizeof(float));
-    }
+    conv_onednn_plan_pass(&im->fwd, &im->w_fwd, &im->to_fwd, c, s, false);
+    im->half_at = scratch = im->fwd.count * im->fwd.scratch;
+    if (im->input == dnnl_u8)
+        scratch += int8_input_size(&im->int8, c);
+    else if (nn_plan_type(p) == NN_BF16 || conv_onednn_half(c))
+        scratch += values * (im->input == dnnl_bf16 ? sizeof(uint16_t)
+                                                    : sizeof(float));
     nn_plan_scratch(p, scratch);
-    const dnnl_memory_desc_t *md = conv_onednn_query(pd,
-                                                     dnnl_query_weights_md);
-    im->w_fwd = nn_plan_bytes(p, dnnl_memory_desc_get_size(md));
-    conv_onednn_plan_reorder(&im->to_fwd, c, md, false);
-    dnnl_primitive_desc_destroy(pd);
 }
 
 /* A backward's scratch: `bytes` of oneDNN's, then the input and the output's
@@ -270,44 +328,9 @@ void conv_onednn_plan_backward_data(struct conv *c,
                                     const struct conv_shape *s)
 {
     struct conv_impl *im = c->impl;
-    struct nn_plan *p = c->plan;
 
-    dnnl_primitive_desc_t pd = conv_onednn_primitive(c, BACKWARD_DATA, s);
-
-    if (!pd)
-        return;
-    nn_call_init(&im->bwd_data, pd, p);
-    nn_call_arg(&im->bwd_data, DNNL_ARG_DIFF_SRC,
-                conv_onednn_query(pd, dnnl_query_diff_src_md), p);
-    nn_call_arg(&im->bwd_data, DNNL_ARG_WEIGHTS,
-                conv_onednn_query(pd, dnnl_query_weights_md), p);
-    nn_call_arg(&im->bwd_data, DNNL_ARG_DIFF_DST,
-                conv_onednn_query(pd, dnnl_query_diff_dst_md), p);
-    conv_onednn_reserve(c, nn_call_scratch(&im->bwd_data, pd, p));
-    const dnnl_memory_desc_t *md = conv_onednn_query(pd,
-                                                     dnnl_query_weights_md);
-    im->w_bwd = nn_plan_bytes(p, dnnl_memory_desc_get_size(md));
-    conv_onednn_plan_reorder(&im->to_bwd, c, md, false);
-    dnnl_primitive_desc_destroy(pd);
-}
-
-/* Rows [y0,y1) of one image of the output as a convolution of its own; first:
- * the first row of the input that it sees. */
-static struct conv_shape conv_onednn_band(const struct conv_shape *s,
-                                          const struct conv *c, size_t y0,
-                                          size_t y1, size_t *first)
-{
-    struct conv_shape b = *s;
-    size_t lo = y0 * c->stride, hi = (y1 - 1) * c->stride + c->kernel;
-
-    b.n = 1;
-    b.oh = y1 - y0;
-    b.top = lo < s->top ? s->top - lo : 0;
-    *first = lo < s->top ? 0 : lo - s->top;
-    size_t end = hi - s->top;
-    b.bottom = end > s->h ? end - s->h : 0;
-    b.h = (end > s->h ? s->h : end) - *first;
-    return b;
+    conv_onednn_plan_pass(&im->bwd_data, &im->w_bwd, &im->to_bwd, c, s, true);
+    conv_onednn_reserve(c, im->bwd_data.count * im->bwd_data.scratch);
 }
 
 /* One part of the weights' gradient; the first also decides the layout. */
@@ -348,13 +371,11 @@ void conv_onednn_plan_backward_weights(struct conv *c,
                                        const struct conv_shape *s)
 {
     struct conv_impl *im = c->impl;
-    int threads = omp_get_max_threads();
     size_t bands = s->n < NN_PARTS ? NN_PARTS / s->n : 1;
 
     if (s->oh < 4 * bands)
         bands = 1;
     im->parts = bands > 1 ? s->n * bands : s->n < NN_PARTS ? s->n : NN_PARTS;
-    omp_set_num_threads(1);
     for (size_t i = 0; i < im->parts; i++) {
         struct conv_part *part = &im->part[i];
         struct conv_shape b = *s;
@@ -365,7 +386,7 @@ void conv_onednn_plan_backward_weights(struct conv *c,
 
             image = i / bands;
             y0 = k * s->oh / bands;
-            b = conv_onednn_band(s, c, y0, (k + 1) * s->oh / bands, &first);
+            b = conv_band_of_output(s, c, y0, (k + 1) * s->oh / bands, &first);
         } else {
             b.n = (i + 1) * s->n / im->parts - image;
         }
@@ -373,7 +394,6 @@ void conv_onednn_plan_backward_weights(struct conv *c,
         part->out_at = (image * s->oh + y0) * s->ow * c->out;
         conv_onednn_plan_part(c, part, &b, i == 0);
     }
-    omp_set_num_threads(threads);
     for (size_t i = 0; i < im->parts; i++)
         im->part[i].dw = nn_plan_floats(c->plan, im->dw_count);
     conv_onednn_reserve(c, im->scratch * im->parts);
@@ -390,17 +410,46 @@ void conv_onednn_reorder(struct nn_call *call, void *to, const void *from,
     nn_call_run(call);
 }
 
-void conv_onednn_forward(void *out, const void *src, const float *bias,
-                         struct conv *c)
-{
-    struct nn_call *call = &c->impl->fwd;
+/* A pass over all bands. */
+struct conv_pass {
+    struct conv_bands *bands;
+    const char *in, *out;        /* read and written; of a backward, the other
+                                  * way round */
+    const void *w;
+    const float *bias, *scale;
+    char *scratch;
+    size_t in_size, out_size;    /* bytes of a value */
+};
 
-    nn_call_set(call, 0, src);
-    nn_call_set(call, 1, c->impl->w_fwd);
-    nn_call_set(call, 2, bias);
-    nn_call_set(call, 3, out);
-    nn_call_set(call, 4, c->plan->scratch);
-    nn_call_run(call);
+/* Band i. */
+static void conv_onednn_run_band(void *ctx, size_t i)
+{
+    const struct conv_pass *a = ctx;
+    struct conv_band *b = &a->bands->band[i];
+
+    nn_call_set(&b->call, 0, a->in + b->in_at * a->in_size);
+    nn_call_set(&b->call, 1, a->w);
+    nn_call_set(&b->call, 2, a->out + b->out_at * a->out_size);
+    nn_call_set(&b->call, 3, a->scratch + i * a->bands->scratch);
+    if (a->bias)
+        nn_call_set(&b->call, 4, a->bias);
+    if (a->scale)
+        nn_call_set(&b->call, 5, a->scale);
+    nn_call_run(&b->call);
+}
+
+void conv_onednn_forward(void *out, const void *src, const float *bias,
+                         const float *scale, struct conv *c)
+{
+    struct conv_impl *im = c->impl;
+    struct conv_pass a = {
+        .bands = &im->fwd, .in = src, .out = out, .w = im->w_fwd, .bias = bias,
+        .scale = scale, .scratch = c->plan->scratch,
+        .in_size = im->input == dnnl_u8 ? 1 : im->input == dnnl_bf16 ? 2 : 4,
+        .out_size = c->half_out ? 2 : 4
+    };
+
+    parallel_for(im->fwd.count, 1, conv_onednn_run_band, &a);
 }
 
 /* n values at place `at` of the backward's bfloat16 ones; or as they are, where
@@ -428,20 +477,41 @@ static const void *conv_onednn_at(const void *x, size_t at,
 
 void conv_onednn_backward_data(void *din, const void *dout, struct conv *c)
 {
-    struct nn_call *call = &c->impl->bwd_data;
+    struct conv_bands *b = &c->impl->bwd_data;
     const bool full = conv_onednn_full_data(c);
     void *to = full && c->half_in ? c->plan->scratch + c->impl->back_at : din;
     const void *from = conv_onednn_narrow(dout, c->batch * c->oh * c->ow *
                                           c->out, 0, full || c->half_out, c);
+    struct conv_pass a = {
+        .bands = b, .in = to, .out = from, .w = c->impl->w_bwd,
+        .scratch = c->plan->scratch,
+        .in_size = c->half_in && !full ? 2 : 4,
+        .out_size = conv_onednn_half(c) && !full ? 2 : 4
+    };
 
-    assert(call->prim && !(full && c->half_out));
-    nn_call_set(call, 0, to);
-    nn_call_set(call, 1, c->impl->w_bwd);
-    nn_call_set(call, 2, from);
-    nn_call_set(call, 3, c->plan->scratch);
-    nn_call_run(call);
+    assert(b->count && !(full && c->half_out));
+    parallel_for(b->count, 1, conv_onednn_run_band, &a);
     if (to != din)
         image_to_bf16(din, to, c->batch * c->h * c->w * c->in_data);
+}
+
+struct conv_weights_pass {
+    struct conv_impl *im;
+    const void *x, *d;
+    struct conv *c;
+};
+
+/* Part i of the gradient. */
+static void conv_onednn_run_part(void *ctx, size_t i)
+{
+    const struct conv_weights_pass *a = ctx;
+    struct conv_part *part = &a->im->part[i];
+
+    nn_call_set(&part->call, 0, conv_onednn_at(a->x, part->in_at, a->c));
+    nn_call_set(&part->call, 1, conv_onednn_at(a->d, part->out_at, a->c));
+    nn_call_set(&part->call, 2, part->dw);
+    nn_call_set(&part->call, 3, a->c->plan->scratch + i * a->im->scratch);
+    nn_call_run(&part->call);
 }
 
 const float *conv_onednn_backward_weights(const void *dout, const void *in,
@@ -453,16 +523,9 @@ const float *conv_onednn_backward_weights(const void *dout, const void *in,
     const void *x = conv_onednn_narrow(in, c->batch * c->h * c->w *
                                        c->in_data, (out + 31) & ~(size_t)31,
                                        c->half_in, c);
-#pragma omp parallel for schedule(static, 1)
-    for (size_t i = 0; i < im->parts; i++) {
-        struct conv_part *part = &im->part[i];
 
-        nn_call_set(&part->call, 0, conv_onednn_at(x, part->in_at, c));
-        nn_call_set(&part->call, 1, conv_onednn_at(d, part->out_at, c));
-        nn_call_set(&part->call, 2, part->dw);
-        nn_call_set(&part->call, 3, c->plan->scratch + i * im->scratch);
-        nn_call_run(&part->call);
-    }
+    parallel_for(im->parts, 1, conv_onednn_run_part,
+                 &(struct conv_weights_pass){ im, x, d, c });
     float *sum = im->part[0].dw;
     for (size_t i = 1; i < im->parts; i++)
         for (size_t k = 0; k < im->dw_count; k++)

@@ -90,18 +90,73 @@ static float *depthwise_thread_pad(const struct depthwise *d)
            parallel_slot() * d->pad_size;
 }
 
+struct depthwise_forward_part {
+    const struct nn_kernels *k;
+    float *out;
+    const float *in;
+    struct depthwise *d;
+    size_t L, R, bands, blocks;
+};
+
+/* One of them. */
+static void depthwise_forward_part(void *ctx, size_t at)
+{
+    const struct depthwise_forward_part *a = ctx;
+    size_t n = at / (a->bands * a->blocks), b = at / a->blocks % a->bands,
+           c = at % a->blocks;
+
+    a->k->depthwise_forward(a->out, a->in, depthwise_thread_pad(a->d), a->d, n,
+                            c * a->L, b * a->R,
+                            b + 1 < a->bands ? (b + 1) * a->R : a->d->oh);
+}
+
 void depthwise_forward(float *out, const float *in, struct depthwise *d)
 {
     const struct nn_kernels *k = nn_kernels();
     size_t R = DEPTHWISE_ROWS, L = DEPTHWISE_LANES;
     size_t blocks = (d->channels + L - 1) / L, bands = (d->oh + R - 1) / R;
-#pragma omp parallel for collapse(3) schedule(static)
-    for (size_t n = 0; n < d->batch; n++)
-        for (size_t b = 0; b < bands; b++)
-            for (size_t c = 0; c < blocks; c++)
-                k->depthwise_forward(out, in, depthwise_thread_pad(d), d, n,
-                                     c * L, b * R,
-                                     b + 1 < bands ? (b + 1) * R : d->oh);
+
+    parallel_for(
+        d->batch * bands * blocks, 1, depthwise_forward_part,
+        &(struct depthwise_forward_part){ k, out, in, d, L, R, bands, blocks });
+}
+
+struct depthwise_backward_part {
+    const struct nn_kernels *k;
+    struct depthwise *d;
+    const float *dout, *in;
+    size_t taps, C, L, blocks;
+};
+
+/* One of them. */
+static void depthwise_backward_part(void *ctx, size_t at)
+{
+    const struct depthwise_backward_part *a = ctx;
+    size_t n = at / a->blocks, c = at % a->blocks;
+
+    a->k->depthwise_backward_weights(a->d->dw + n * a->taps * a->C, a->dout,
+                                     a->in, depthwise_thread_pad(a->d), a->d, n,
+                                     c * a->L);
+}
+
+struct depthwise_data_part {
+    const struct nn_kernels *k;
+    float *din;
+    const float *dout;
+    struct depthwise *d;
+    size_t L, R, bands, blocks;
+};
+
+/* One of them. */
+static void depthwise_data_part(void *ctx, size_t at)
+{
+    const struct depthwise_data_part *a = ctx;
+    size_t n = at / (a->bands * a->blocks), b = at / a->blocks % a->bands,
+           c = at % a->blocks;
+
+    a->k->depthwise_backward_data(a->din, a->dout, depthwise_thread_pad(a->d),
+                                  a->d, n, c * a->L, b * a->R,
+                                  b + 1 < a->bands ? (b + 1) * a->R : a->d->h);
 }
 
 /* In the forward pass this was, per channel, with S the stride:
@@ -113,11 +168,10 @@ void depthwise_backward(float *din, const float *dout, const float *in,
     size_t R = DEPTHWISE_ROWS, L = DEPTHWISE_LANES, C = d->channels;
     size_t blocks = (C + L - 1) / L, bands = (d->h + R - 1) / R;
     size_t taps = d->kernel * d->kernel;
-#pragma omp parallel for collapse(2) schedule(static)
-    for (size_t n = 0; n < d->batch; n++)
-        for (size_t c = 0; c < blocks; c++)
-            k->depthwise_backward_weights(d->dw + n * taps * C, dout, in,
-                                          depthwise_thread_pad(d), d, n, c * L);
+
+    parallel_for(d->batch * blocks, 1, depthwise_backward_part,
+                 &(struct depthwise_backward_part){ k, d, dout, in, taps, C, L,
+                                                    blocks });
     float *g = param_g(d->ps, d->weight);
     for (size_t n = 0; n < d->batch; n++)
         for (size_t i = 0; i < taps; i++)
@@ -125,11 +179,8 @@ void depthwise_backward(float *din, const float *dout, const float *in,
                 g[c * taps + i] += d->dw[(n * taps + i) * C + c];
     if (!din)
         return;
-#pragma omp parallel for collapse(3) schedule(static)
-    for (size_t n = 0; n < d->batch; n++)
-        for (size_t b = 0; b < bands; b++)
-            for (size_t c = 0; c < blocks; c++)
-                k->depthwise_backward_data(
-                    din, dout, depthwise_thread_pad(d), d, n, c * L, b * R,
-                    b + 1 < bands ? (b + 1) * R : d->h);
+
+    parallel_for(d->batch * bands * blocks, 1, depthwise_data_part,
+                 &(struct depthwise_data_part){ k, din, dout, d, L, R,
+                                                     bands, blocks });
 }

@@ -3,6 +3,7 @@
 #include "lib/nn/engine.h"
 
 #include <assert.h>
+#include <omp.h>
 #include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
@@ -71,8 +72,17 @@ static void engine_start(void)
         engine = NULL;
 }
 
+/* oneDNN's own threads are OpenMP's, which wait for each other at barriers;
+ * work is shared by lib/base/parallel.h instead, and every call of oneDNN is
+ * planned and run for the calling thread alone. */
+static void engine_one_thread(void)
+{
+    omp_set_num_threads(1);
+}
+
 dnnl_engine_t nn_engine(void)
 {
+    engine_one_thread();
     pthread_once(&once, engine_start);
     return engine;
 }
@@ -153,6 +163,7 @@ void nn_call_set(struct nn_call *c, int i, const void *data)
 
 void nn_call_run(struct nn_call *c)
 {
+    engine_one_thread();
     dnnl_status_t status =
         dnnl_primitive_execute(c->prim, stream, c->count, c->arg);
     assert(status == dnnl_success);

@@ -35,7 +35,7 @@ size_t nn_call_scratch(struct nn_call *c, const_dnnl_primitive_desc_t pd,
                        struct nn_plan *p);
 /* Point argument index i at data. */
 void nn_call_set(struct nn_call *c, int i, const void *data);
-/* Run it on the stream, with the arguments as set. */
+/* Run it on the stream, with the arguments as set, on this thread alone. */
 void nn_call_run(struct nn_call *c);
 
 #endif

@@ -153,10 +153,23 @@ static void fused_stem_line(float *out, float *rgb,
     }
 }
 
+struct fused_stem_forward_part {
+    float *out, *rgb;
+    const struct feature_view *in;
+    const struct fused_stem *f;
+};
+
+/* One row. */
+static void fused_stem_forward_part(void *ctx, size_t r)
+{
+    const struct fused_stem_forward_part *c = ctx;
+
+    fused_stem_line(c->out, c->rgb, c->in, c->f, r);
+}
+
 void fused_stem_forward(float *out, float *rgb, const struct feature_view *in,
                         const struct fused_stem *f)
 {
-#pragma omp parallel for schedule(static)
-    for (size_t r = 0; r < f->batch * (f->h / 2); r++)
-        fused_stem_line(out, rgb, in, f, r);
+    parallel_for(f->batch * (f->h / 2), 1, fused_stem_forward_part,
+                 &(struct fused_stem_forward_part){ out, rgb, in, f });
 }

@@ -4,6 +4,7 @@
 
 #include <string.h>
 
+#include "lib/base/parallel.h"
 #include "lib/nn/conv.h"
 #include "lib/nn/kernels.h"
 
@@ -55,6 +56,24 @@ static size_t im2col_piece(const struct im2col *t, size_t j, size_t *first)
     return in - at < PIECE ? in - at : PIECE;
 }
 
+struct im2col_update_part {
+    struct im2col *t;
+    const struct nn_kernels *k;
+    const float *w;
+    size_t in, taps, out;
+};
+
+/* One of them. */
+static void im2col_update_part(void *ctx, size_t j)
+{
+    const struct im2col_update_part *c = ctx;
+    size_t first, terms = im2col_piece(c->t, j, &first);
+
+    c->k->gemm_pack(c->t->w + first * c->t->N,
+                    c->w + first % c->in * c->taps + first / c->in, c->taps,
+                    c->taps * c->in, terms, c->out);
+}
+
 /* w (out,in,k,k): term (tap,i) of the sum is row tap * in + i of a matrix. */
 void im2col_update(struct im2col *t, const float *w, const float *bias)
 {
@@ -63,12 +82,39 @@ void im2col_update(struct im2col *t, const float *w, const float *bias)
     size_t taps = t->c->kernel * t->c->kernel;
 
     memcpy(t->bias, bias, out * sizeof *bias);
-#pragma omp parallel for schedule(static)
-    for (size_t j = 0; j < im2col_pieces(t); j++) {
-        size_t first, terms = im2col_piece(t, j, &first);
 
-        k->gemm_pack(t->w + first * t->N, w + first % in * taps + first / in,
-                     taps, taps * in, terms, out);
+    parallel_for(im2col_pieces(t), 1, im2col_update_part,
+                 &(struct im2col_update_part){ t, k, w, in, taps, out });
+}
+
+struct im2col_unfold_part {
+    const struct conv *c;
+    struct im2col *t;
+    const float *in;
+    size_t m0, k, C, half;
+};
+
+/* One of them. */
+static void im2col_unfold_part(void *ctx, size_t row)
+{
+    const struct im2col_unfold_part *a = ctx;
+    size_t r = a->m0 + row, n = r / (a->c->oh * a->c->ow);
+    size_t y = r / a->c->ow % a->c->oh * a->c->stride,
+           x = r % a->c->ow * a->c->stride;
+    float *to = a->t->rows + row * a->t->K;
+
+    for (size_t tap = 0; tap < a->k * a->k; tap++, to += a->C) {
+        size_t yy = y + tap / a->k, xx = x + tap % a->k; /* `half` too many */
+
+        if (yy < a->half || yy >= a->c->h + a->half || xx < a->half ||
+            xx >= a->c->w + a->half)
+            memset(to, 0, a->C * sizeof *to);
+        else
+            memcpy(to,
+                   a->in +
+                       ((n * a->c->h + yy - a->half) * a->c->w + xx - a->half) *
+                           a->C,
+                   a->C * sizeof *to);
     }
 }
 
@@ -79,22 +125,32 @@ static void im2col_unfold(const float *in, struct im2col *t, size_t m0,
 {
     const struct conv *c = t->c;
     size_t C = c->in_data, k = c->kernel, half = k / 2;
-#pragma omp parallel for schedule(static)
-    for (size_t r = m0; r < m0 + M; r++) {
-        size_t n = r / (c->oh * c->ow);
-        size_t y = r / c->ow % c->oh * c->stride, x = r % c->ow * c->stride;
-        float *to = t->rows + (r - m0) * t->K;
 
-        for (size_t tap = 0; tap < k * k; tap++, to += C) {
-            size_t yy = y + tap / k, xx = x + tap % k;   /* `half` too many */
+    parallel_for(M, 1, im2col_unfold_part,
+                 &(struct im2col_unfold_part){ c, t, in, m0, k, C, half });
+}
 
-            if (yy < half || yy >= c->h + half || xx < half ||
-                xx >= c->w + half)
-                memset(to, 0, C * sizeof *to);
-            else
-                memcpy(to, in + ((n * c->h + yy - half) * c->w + xx - half) * C,
-                       C * sizeof *to);
-        }
+struct im2col_multiply_part {
+    struct im2col *t;
+    const struct nn_kernels *k;
+    size_t N, M;
+};
+
+/* One of them. */
+static void im2col_multiply_part(void *ctx, size_t at)
+{
+    const struct im2col_multiply_part *c = ctx;
+    const size_t across = (c->t->N + COLUMNS - 1) / COLUMNS;
+    size_t m0 = at / across * ROWS, n0 = at % across * COLUMNS;
+    size_t n = c->N - n0 < COLUMNS ? c->N - n0 : COLUMNS;
+    size_t m = c->M - m0 < ROWS ? c->M - m0 : ROWS;
+
+    for (size_t j = 0; j < im2col_pieces(c->t); j++) {
+        size_t first, terms = im2col_piece(c->t, j, &first);
+
+        c->k->gemm(c->t->sum + m0 * c->t->N + n0, c->t->N,
+                   c->t->rows + m0 * c->t->K + first, c->t->K, 1,
+                   c->t->w + first * c->t->N + n0 * terms, m, n, terms, j > 0);
     }
 }
 
@@ -103,20 +159,10 @@ static void im2col_multiply(float *out, struct im2col *t, size_t M)
 {
     const struct nn_kernels *k = nn_kernels();
     size_t N = t->c->out;
-#pragma omp parallel for collapse(2) schedule(static)
-    for (size_t m0 = 0; m0 < M; m0 += ROWS)
-        for (size_t n0 = 0; n0 < t->N; n0 += COLUMNS) {
-            size_t n = N - n0 < COLUMNS ? N - n0 : COLUMNS;
-            size_t m = M - m0 < ROWS ? M - m0 : ROWS;
 
-            for (size_t j = 0; j < im2col_pieces(t); j++) {
-                size_t first, terms = im2col_piece(t, j, &first);
-
-                k->gemm(t->sum + m0 * t->N + n0, t->N,
-                        t->rows + m0 * t->K + first, t->K, 1,
-                        t->w + first * t->N + n0 * terms, m, n, terms, j > 0);
-            }
-        }
+    parallel_for((M + ROWS - 1) / ROWS * ((t->N + COLUMNS - 1) / COLUMNS), 1,
+                 im2col_multiply_part,
+                 &(struct im2col_multiply_part){ t, k, N, M });
     for (size_t r = 0; r < M; r++) {
         float *to = out + r * N;
         const float *from = t->sum + r * t->N;

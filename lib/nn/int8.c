@@ -5,6 +5,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "lib/base/parallel.h"
 #include "lib/nn/conv.h"
 #include "lib/nn/kernels.h"
 
@@ -54,18 +55,35 @@ void int8_update(struct int8 *q, const struct conv *c, const float *w)
     }
 }
 
+#define RANGES 64               /* parts whose least and greatest are taken */
+
+struct int8_range {
+    const float *in;
+    size_t n;
+    float lo[RANGES], hi[RANGES];
+};
+
+/* Those of part k. */
+static void int8_range_part(void *ctx, size_t k)
+{
+    struct int8_range *r = ctx;
+    const size_t at = r->n * k / RANGES, end = r->n * (k + 1) / RANGES;
+
+    r->lo[k] = r->hi[k] = 0;
+    nn_kernels()->range(&r->lo[k], &r->hi[k], r->in + at, end - at);
+}
+
 /* Least and greatest of 0 and the input. */
 static void int8_range(float *lo, float *hi, const float *in, size_t n)
 {
-    const struct nn_kernels *k = nn_kernels();
-    float least = 0, most = 0;
+    struct int8_range r = { .in = in, .n = n };
 
-#pragma omp parallel for schedule(static) reduction(min : least)             \
-    reduction(max : most)
-    for (size_t i = 0; i < n; i += CHUNK)
-        k->range(&least, &most, in + i, n - i < CHUNK ? n - i : CHUNK);
-    *lo = least;
-    *hi = most;
+    parallel_for(RANGES, 1 + CHUNK / (n / RANGES + 1), int8_range_part, &r);
+    *lo = *hi = 0;
+    for (size_t k = 0; k < RANGES; k++) {
+        *lo = fminf(*lo, r.lo[k]);
+        *hi = fmaxf(*hi, r.hi[k]);
+    }
 }
 
 /* Row y of the padded picture, from row y - top of the picture if it has it. */
@@ -86,6 +104,24 @@ static void int8_quantise_row(uint8_t *to, const float *in,
     memset(to + q->left * C + n, z, (q->w - q->left - c->w) * C);
 }
 
+struct int8_input_part {
+    uint8_t *bytes;
+    const float *in;
+    struct int8 *q;
+    const struct conv *c;
+    size_t row, image;
+    float step, zero;
+};
+
+/* One row. */
+static void int8_input_part(void *ctx, size_t y)
+{
+    const struct int8_input_part *a = ctx;
+
+    int8_quantise_row(a->bytes + y * a->row, a->in + y / a->q->h * a->image,
+                      a->q, a->c, y % a->q->h, 1 / a->step, a->zero);
+}
+
 const uint8_t *int8_input(struct int8 *q, const struct conv *c,
                           const float *in, const float *bias)
 {
@@ -96,10 +132,10 @@ const uint8_t *int8_input(struct int8 *q, const struct conv *c,
     int8_range(&lo, &hi, in, c->batch * image);
     const float step = hi > lo ? (hi - lo) / 255 : 1;
     const float zero = rintf(-lo / step);
-#pragma omp parallel for schedule(static)
-    for (size_t y = 0; y < c->batch * q->h; y++)
-        int8_quantise_row(bytes + y * row, in + y / q->h * image, q, c,
-                          y % q->h, 1 / step, zero);
+
+    parallel_for(
+        c->batch * q->h, 1, int8_input_part,
+        &(struct int8_input_part){ bytes, in, q, c, row, image, step, zero });
     for (size_t o = 0; o < c->out; o++) {
         q->scale[o] = step * q->step[o];
         q->bias[o] = bias[o] / q->scale[o] - zero * q->sum[o];

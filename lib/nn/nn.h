@@ -13,8 +13,8 @@
  *                                 added; NULL where nobody wants it)
  *   X_release(&x)                 an all-zero struct is fine, twice is fine
  * Activations are rows of channels (NHWC) at every border.  A network is not
- * for two threads at once, and not for use inside an OpenMP region; it runs
- * on parallel_width() threads with the same bits for any number. */
+ * for two threads at once; it runs on parallel_threads() of them, with the
+ * same bits for any number. */
 #ifndef SPID_NN_NN_H
 #define SPID_NN_NN_H
 

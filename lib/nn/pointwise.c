@@ -52,21 +52,36 @@ void pointwise_update(struct pointwise *t, const float *w)
     k->pointwise_pack(t->back, w, t->in, 1, t->out, t->in);
 }
 
+struct pointwise_multiply_part {
+    const struct pointwise *t;
+    const struct nn_kernels *k;
+    float *C;
+    const float *A;
+    const uint32_t *packed;
+    size_t N, K;
+};
+
+/* One chunk. */
+static void pointwise_multiply_part(void *ctx, size_t part)
+{
+    const struct pointwise_multiply_part *c = ctx;
+    size_t r = part * c->t->band;
+    size_t m = c->t->rows - r < c->t->band ? c->t->rows - r : c->t->band;
+    char *half = c->t->plan->scratch + parallel_slot() * c->t->half_size;
+
+    c->k->pointwise_rows(c->C + r * c->N, c->A + r * c->K,
+                         (uint32_t *)(void *)half, c->packed, m, c->N, c->K);
+}
+
 /* C (rows,N) = A (rows,K) times packed weights. */
 static void pointwise_multiply(float *C, const float *A,
                                const uint32_t *packed, size_t N, size_t K,
                                const struct pointwise *t)
 {
     const struct nn_kernels *k = nn_kernels();
-#pragma omp parallel for schedule(static)
-    for (size_t r = 0; r < t->rows; r += t->band) {
-        size_t m = t->rows - r < t->band ? t->rows - r : t->band;
-        char *half = t->plan->scratch +
-                     parallel_slot() * t->half_size;
 
-        k->pointwise_rows(C + r * N, A + r * K, (uint32_t *)(void *)half,
-                          packed, m, N, K);
-    }
+    parallel_for((t->rows + t->band - 1) / t->band, 1, pointwise_multiply_part,
+                 &(struct pointwise_multiply_part){ t, k, C, A, packed, N, K });
 }
 
 void pointwise_forward(float *out, const float *in, struct pointwise *t)
@@ -80,21 +95,35 @@ void pointwise_backward_data(float *din, const float *dout,
     pointwise_multiply(din, dout, t->back, t->in, t->out, t);
 }
 
+struct pointwise_backward_weights_part {
+    struct pointwise *t;
+    const struct nn_kernels *k;
+    const float *dout, *in;
+    size_t size;
+};
+
+/* One of them. */
+static void pointwise_backward_weights_part(void *ctx, size_t i)
+{
+    const struct pointwise_backward_weights_part *c = ctx;
+    size_t r = i * c->t->rows / NN_PARTS;
+    size_t m = (i + 1) * c->t->rows / NN_PARTS - r;
+    char *pairs = c->t->plan->scratch + i * c->t->pairs_size;
+
+    c->k->pointwise_weights(c->t->dw + i * c->size, c->dout + r * c->t->out,
+                            c->in + r * c->t->in, (uint32_t *)(void *)pairs, m,
+                            c->t->out, c->t->in);
+}
+
 void pointwise_backward_weights(float *g, const float *dout, const float *in,
                                 struct pointwise *t)
 {
     const struct nn_kernels *k = nn_kernels();
     size_t wide = pointwise_panels(t->in), size = t->out * wide;
-#pragma omp parallel for schedule(static, 1)
-    for (size_t i = 0; i < NN_PARTS; i++) {
-        size_t r = i * t->rows / NN_PARTS;
-        size_t m = (i + 1) * t->rows / NN_PARTS - r;
-        char *pairs = t->plan->scratch + i * t->pairs_size;
 
-        k->pointwise_weights(t->dw + i * size, dout + r * t->out,
-                             in + r * t->in, (uint32_t *)(void *)pairs, m,
-                             t->out, t->in);
-    }
+    parallel_for(
+        NN_PARTS, 1, pointwise_backward_weights_part,
+        &(struct pointwise_backward_weights_part){ t, k, dout, in, size });
     for (size_t o = 0; o < t->out; o++)
         for (size_t i = 0; i < NN_PARTS; i++)
             k->add(g + o * t->in, t->dw + i * size + o * wide, t->in);

@@ -3,6 +3,7 @@
 
 #include <string.h>
 
+#include "lib/base/parallel.h"
 #include "lib/nn/conv.h"
 #include "lib/nn/kernels.h"
 
@@ -32,21 +33,39 @@ void small_linear_update(struct small_linear *t, const float *w,
     memcpy(t->bias, bias, t->c->out * sizeof *bias);
 }
 
+struct small_linear_forward_part {
+    const struct nn_kernels *k;
+    const struct small_linear *t;
+    const float *in;
+    float *out;
+    const struct conv *c;
+    size_t rows, K, N;
+};
+
+/* One of them. */
+static void small_linear_forward_part(void *ctx, size_t o)
+{
+    const struct small_linear_forward_part *a = ctx;
+
+    for (size_t r = 0; r < a->rows; r++) {
+        double sum = a->k->dot(a->t->w + o * a->K, a->in + r * a->K, a->K) +
+                     (double)a->t->bias[o];
+        float *to = a->out + r * a->N + o;
+
+        *to = (float)(a->c->add ? sum + (double)*to : sum);
+    }
+}
+
 void small_linear_forward(float *out, const float *in,
                           const struct small_linear *t)
 {
     const struct nn_kernels *k = nn_kernels();
     const struct conv *c = t->c;
     size_t rows = c->batch * c->h * c->w, K = c->in_data, N = c->out;
-#pragma omp parallel for schedule(static) if (N * K > 65536)
-    for (size_t o = 0; o < N; o++)
-        for (size_t r = 0; r < rows; r++) {
-            double sum = k->dot(t->w + o * K, in + r * K, K) +
-                         (double)t->bias[o];
-            float *to = out + r * N + o;
 
-            *to = (float)(c->add ? sum + (double)*to : sum);
-        }
+    parallel_for(
+        N, N * K > 65536 ? 1 : N, small_linear_forward_part,
+        &(struct small_linear_forward_part){ k, t, in, out, c, rows, K, N });
     if (c->act != ACT_NONE)
         act_forward(out, out, c->act, rows * N);
 }

@@ -4,6 +4,7 @@
 
 #include <string.h>
 
+#include "lib/base/parallel.h"
 #include "lib/nn/conv_impl.h"
 #include "lib/nn/kernels.h"
 #include "lib/nn/pairs_size.h"
@@ -134,17 +135,40 @@ static void wgrad_scatter(float *dw, const struct wgrad *g, size_t i)
     }
 }
 
+struct wgrad_add_part {
+    struct wgrad *g;
+    const void *dout, *in;
+    uint32_t *room;
+    size_t each, all;
+};
+
+/* One of them. */
+static void wgrad_add_part(void *ctx, size_t i)
+{
+    const struct wgrad_add_part *c = ctx;
+
+    wgrad_sum(c->g->dw + i * c->each, c->dout, c->in, c->room + i * c->g->words,
+              c->g, i * c->all / NN_PARTS, (i + 1) * c->all / NN_PARTS);
+}
+
+struct wgrad_scatter_part { float *dw; struct wgrad *g; };
+
+/* One of them. */
+static void wgrad_scatter_part(void *ctx, size_t i)
+{
+    const struct wgrad_scatter_part *c = ctx;
+
+    wgrad_scatter(c->dw, c->g, i);
+}
+
 void wgrad_add(float *dw, const void *dout, const void *in, struct wgrad *g)
 {
     const size_t all = g->images * g->oh;
     const size_t each = g->kernel * g->kernel * g->in * g->wide;
     uint32_t *room = (uint32_t *)(void *)g->plan->scratch;
 
-#pragma omp parallel for schedule(static, 1)
-    for (size_t i = 0; i < NN_PARTS; i++)
-        wgrad_sum(g->dw + i * each, dout, in, room + i * g->words, g,
-                  i * all / NN_PARTS, (i + 1) * all / NN_PARTS);
-#pragma omp parallel for schedule(static)
-    for (size_t i = 0; i < g->in; i++)
-        wgrad_scatter(dw, g, i);
+    parallel_for(NN_PARTS, 1, wgrad_add_part,
+                 &(struct wgrad_add_part){ g, dout, in, room, each, all });
+
+    parallel_for(g->in, 1, wgrad_scatter_part, &(struct wgrad_scatter_part){ dw, g });
 }

@@ -84,26 +84,41 @@ static void winograd_weight(double u[36], const float *w)
                            t[i][2] * G[j][2];
 }
 
+struct winograd_update_part {
+    const float *w;
+    struct winograd *g;
+    size_t in, out;
+};
+
+/* One of them. */
+static void winograd_update_part(void *ctx, size_t o)
+{
+    const struct winograd_update_part *c = ctx;
+
+    for (size_t i = 0; i < c->in; i++) {
+        double u[36];
+
+        winograd_weight(u, c->w + (o * c->in + i) * 9);
+        /* piece by piece, each as gemm_pack lays it out: panels of 32
+         * columns */
+        size_t first = i / c->g->piece * c->g->piece;
+        size_t terms =
+            c->in - first < c->g->piece ? c->in - first : c->g->piece;
+        size_t at = first * ((c->out + 31) / 32 * 32) +
+                    (o / 32 * terms + i - first) * 32 + o % 32;
+        for (size_t k = 0; k < 36; k++)
+            c->g->u[k * c->g->u_size + at] = (float)u[k];
+    }
+}
+
 void winograd_update(struct winograd *g, const float *w, const float *bias)
 {
     size_t in = g->in, out = g->out;
 
     memcpy(g->bias, bias, out * sizeof *bias);
-#pragma omp parallel for schedule(static)
-    for (size_t o = 0; o < out; o++)
-        for (size_t i = 0; i < in; i++) {
-            double u[36];
 
-            winograd_weight(u, w + (o * in + i) * 9);
-            /* piece by piece, each as gemm_pack lays it out: panels of 32
-             * columns */
-            size_t first = i / g->piece * g->piece;
-            size_t terms = in - first < g->piece ? in - first : g->piece;
-            size_t at = first * ((out + 31) / 32 * 32) +
-                        (o / 32 * terms + i - first) * 32 + o % 32;
-            for (size_t k = 0; k < 36; k++)
-                g->u[k * g->u_size + at] = (float)u[k];
-        }
+    parallel_for(out, 1, winograd_update_part,
+                 &(struct winograd_update_part){ w, g, in, out });
 }
 
 /* The number of tile i of those that are wanted. */
@@ -143,16 +158,30 @@ static void winograd_group(float *out, const float *in,
     }
 }
 
+struct winograd_forward_part {
+    struct winograd *g;
+    float *out;
+    const float *in;
+    size_t all;
+};
+
+/* One chunk. */
+static void winograd_forward_part(void *ctx, size_t k)
+{
+    const struct winograd_forward_part *c = ctx;
+    size_t t = k * c->g->tiles;
+    float *v =
+        (float *)(void *)c->g->plan->scratch + parallel_slot() * c->g->work;
+
+    winograd_group(c->out, c->in, c->g, v, t,
+                   c->all - t < c->g->tiles ? c->all - t : c->g->tiles);
+}
+
 void winograd_forward(float *out, const float *in, struct winograd *g)
 {
     size_t all = g->list ? g->listed
                          : g->batch * ((g->w + 3) / 4) * ((g->h + 3) / 4);
-#pragma omp parallel for schedule(static)
-    for (size_t t = 0; t < all; t += g->tiles) {
-        float *v = (float *)(void *)g->plan->scratch +
-                   parallel_slot() * g->work;
 
-        winograd_group(out, in, g, v, t,
-                       all - t < g->tiles ? all - t : g->tiles);
-    }
+    parallel_for((all + g->tiles - 1) / g->tiles, 1, winograd_forward_part,
+                 &(struct winograd_forward_part){ g, out, in, all });
 }

@@ -10,6 +10,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/parallel.h"
 #include "lib/photo/pyramid.h"
 
 #define SIDE 64                 /* cells across */
@@ -270,6 +271,22 @@ static void backdrop_pixel(uint8_t *out, const struct matting *m,
     }
 }
 
+struct backdrop_fill_part { struct matting *m; struct backdrop *b; size_t n; };
+
+/* One of them. */
+static void backdrop_fill_part(void *ctx, size_t i)
+{
+    const struct backdrop_fill_part *o = ctx;
+    const unsigned a = o->m->alpha[i];
+
+    if (!backdrop_hidden(o->m, i))
+        return;
+    backdrop_pixel(o->m->back + 3 * i, o->m, o->b, i % o->n, i / o->n);
+    for (size_t c = 3 * i; c < 3 * i + 3 && !o->m->inside[i]; c++)
+        o->m->rgb[c] =
+            (uint8_t)((a * o->m->rgb[c] + (255 - a) * o->m->back[c]) / 255);
+}
+
 int backdrop_fill(struct matting *m, struct error *err)
 {
     const size_t n = m->n;
@@ -284,17 +301,9 @@ int backdrop_fill(struct matting *m, struct error *err)
         backdrop_vote(b);
     }
     backdrop_compare(b, (int)n);
-#pragma omp parallel for schedule(dynamic, 4096)
-    for (size_t i = 0; i < n * n; i++) {
-        const unsigned a = m->alpha[i];
 
-        if (!backdrop_hidden(m, i))
-            continue;
-        backdrop_pixel(m->back + 3 * i, m, b, i % n, i / n);
-        for (size_t c = 3 * i; c < 3 * i + 3 && !m->inside[i]; c++)
-            m->rgb[c] = (uint8_t)((a * m->rgb[c] + (255 - a) * m->back[c]) /
-                                  255);
-    }
+    parallel_for(n * n, 1, backdrop_fill_part,
+                 &(struct backdrop_fill_part){ m, b, n });
     free(b);
     return 0;
 }

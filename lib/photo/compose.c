@@ -5,6 +5,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "lib/base/parallel.h"
 #include "lib/photo/lookup.h"
 #include "lib/photo/lookup_kernel.h"
 
@@ -33,14 +34,28 @@ void texture_mix(float *color, size_t channels, float *alpha,
     }
 }
 
+struct texture_clamp_to_alpha_part {
+    float *color;
+    const float *alpha;
+    size_t channels;
+};
+
+/* One of them. */
+static void texture_clamp_to_alpha_part(void *ctx, size_t i)
+{
+    const struct texture_clamp_to_alpha_part *a = ctx;
+
+    for (size_t c = 0; c < 3; c++)
+        a->color[a->channels * i + c] =
+            compose_min(a->color[a->channels * i + c], a->alpha[i]);
+}
+
 void texture_clamp_to_alpha(float *color, size_t channels, const float *alpha,
                             size_t n)
 {
-#pragma omp parallel for schedule(static)
-    for (size_t i = 0; i < n; i++)
-        for (size_t c = 0; c < 3; c++)
-            color[channels * i + c] = compose_min(color[channels * i + c],
-                                                  alpha[i]);
+    parallel_for(
+        n, 1, texture_clamp_to_alpha_part,
+        &(struct texture_clamp_to_alpha_part){ color, alpha, channels });
 }
 
 /* ---- the field --------------------------------------------------------- */
@@ -173,25 +188,39 @@ static void compose_run(float *rgb, float *alpha, const float *photo,
     }
 }
 
+struct texture_compose_part {
+    const struct texture_field *field;
+    float *rgb, *alpha;
+    const float *photo;
+    size_t width;
+};
+
+/* One row. */
+static void texture_compose_part(void *ctx, size_t y)
+{
+    const struct texture_compose_part *c = ctx;
+
+    field4 line[COMPOSE_PLACES] = { { 0 } };
+
+    for (size_t x = 0; x < c->width; x += COMPOSE_RUN) {
+        const size_t i = y * c->width + x, left = c->width - x;
+
+        if (c->field->at)
+            compose_field_line(
+                line, c->field,
+                compose_tap_make(y, c->field->height, TEXTURE_FIELD_STEP), x);
+        compose_run(c->rgb + 3 * i, c->alpha + i, c->photo + TEXTURE_PHOTO * i,
+                    line, left < COMPOSE_RUN ? left : COMPOSE_RUN);
+    }
+}
+
 void texture_compose(float *rgb, float *alpha, const float *photo,
                      const struct texture_field *field, size_t height,
                      size_t width)
 {
-#pragma omp parallel for schedule(static)
-    for (size_t y = 0; y < height; y++) {
-        field4 line[COMPOSE_PLACES] = {{0}};
-
-        for (size_t x = 0; x < width; x += COMPOSE_RUN) {
-            const size_t i = y * width + x, left = width - x;
-
-            if (field->at)
-                compose_field_line(line, field,
-                                   compose_tap_make(y, field->height,
-                                                    TEXTURE_FIELD_STEP), x);
-            compose_run(rgb + 3 * i, alpha + i, photo + TEXTURE_PHOTO * i,
-                        line, left < COMPOSE_RUN ? left : COMPOSE_RUN);
-        }
-    }
+    parallel_for(
+        height, 1, texture_compose_part,
+        &(struct texture_compose_part){ field, rgb, alpha, photo, width });
 }
 
 /* ---- backward ---------------------------------------------------------- */

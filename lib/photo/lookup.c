@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "lib/base/cpu.h"
+#include "lib/base/parallel.h"
 #include "lib/photo/lookup_kernel.h"
 
 /* Octaves by which a finer level is preferred. */
@@ -94,21 +95,57 @@ static bool lookup_run(float *photo, const struct lookup *k, size_t x0,
     return true;
 }
 
+struct texture_lookup_part { float *photo; size_t size; struct lookup k; };
+
+/* One row. */
+static void texture_lookup_part(void *ctx, size_t y)
+{
+    const struct texture_lookup_part *c = ctx;
+
+    for (size_t x = 0; x < c->size; x += LOOKUP_RUN) {
+        const size_t n = c->size - x < LOOKUP_RUN ? c->size - x : LOOKUP_RUN;
+        float *to = c->photo + TEXTURE_PHOTO * (y * c->size + x);
+
+        if (!lookup_run(to, &c->k, x, n, y))
+            memset(to, 0, TEXTURE_PHOTO * n * sizeof *to);
+    }
+}
+
 void texture_lookup(float *photo, const struct texture *t,
                     const struct splat_place_view *v, const float *place,
                     const float *alpha, size_t size)
 {
     const struct lookup k = lookup_make(t, v, place, alpha, size);
 
-#pragma omp parallel for schedule(dynamic, 8)
-    for (size_t y = 0; y < size; y++)
-        for (size_t x = 0; x < size; x += LOOKUP_RUN) {
-            const size_t n = size - x < LOOKUP_RUN ? size - x : LOOKUP_RUN;
-            float *to = photo + TEXTURE_PHOTO * (y * size + x);
+    parallel_for(size, 1, texture_lookup_part,
+                 &(struct texture_lookup_part){ photo, size, k });
+}
 
-            if (!lookup_run(to, &k, x, n, y))
-                memset(to, 0, TEXTURE_PHOTO * n * sizeof *to);
-        }
+struct lookup_apply_part {
+    const struct lookup *k;
+    const struct texture_field *field;
+    float *color, *alpha;
+    float step;
+    size_t channels;
+};
+
+/* One row. */
+static void lookup_apply_part(void *ctx, size_t y)
+{
+    const struct lookup_apply_part *c = ctx;
+
+    for (size_t x = 0; x < c->k->size; x += LOOKUP_RUN) {
+        const size_t at = y * c->k->size + x, left = c->k->size - x;
+        const size_t n = left < LOOKUP_RUN ? left : LOOKUP_RUN;
+        float photo[TEXTURE_PHOTO * LOOKUP_RUN];
+
+        if (!lookup_run(photo, c->k, x, n, y))
+            continue;
+        if (c->field)
+            texture_field_row(photo, c->field, c->step, x, n, y);
+        texture_mix(c->color + c->channels * at, c->channels, c->alpha + at,
+                    photo, n);
+    }
 }
 
 /* Run by run over color (size,size,channels) and alpha, with a field or
@@ -117,19 +154,9 @@ static void lookup_apply(float *color, size_t channels, float *alpha,
                          const struct lookup *k,
                          const struct texture_field *field, float step)
 {
-#pragma omp parallel for schedule(dynamic, 8)
-    for (size_t y = 0; y < k->size; y++)
-        for (size_t x = 0; x < k->size; x += LOOKUP_RUN) {
-            const size_t at = y * k->size + x, left = k->size - x;
-            const size_t n = left < LOOKUP_RUN ? left : LOOKUP_RUN;
-            float photo[TEXTURE_PHOTO * LOOKUP_RUN];
-
-            if (!lookup_run(photo, k, x, n, y))
-                continue;
-            if (field)
-                texture_field_row(photo, field, step, x, n, y);
-            texture_mix(color + channels * at, channels, alpha + at, photo, n);
-        }
+    parallel_for(
+        k->size, 1, lookup_apply_part,
+        &(struct lookup_apply_part){ k, field, color, alpha, step, channels });
 }
 
 void texture_apply(float *color, size_t channels, float *alpha,

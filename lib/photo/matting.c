@@ -7,6 +7,7 @@
 #include <sysexits.h>
 
 #include "lib/base/crop.h"
+#include "lib/base/parallel.h"
 #include "lib/nn/math.h"
 #include "lib/photo/backdrop.h"
 #include "lib/photo/pyramid.h"
@@ -223,17 +224,24 @@ static void matting_prepare_state(struct matting_cell *c, int state)
     c->spread[state] = variance - variance * variance * matting_dot(g, d);
 }
 
+struct matting_prepare_part { struct matting_work *k; };
+
+/* One of them. */
+static void matting_prepare_part(void *ctx, size_t i)
+{
+    const struct matting_prepare_part *a = ctx;
+    struct matting_cell *c = a->k->cell + i;
+
+    for (int side = 0; side < SIDES; side++)
+        matting_normal(&c->side[side], a->k->moment[side] + i * MOMENTS);
+    for (int state = 0; state < STATES; state++)
+        matting_prepare_state(c, state);
+}
+
 static void matting_prepare(struct matting_work *k)
 {
-#pragma omp parallel for schedule(static)
-    for (size_t i = 0; i < CELLS * CELLS; i++) {
-        struct matting_cell *c = k->cell + i;
-
-        for (int side = 0; side < SIDES; side++)
-            matting_normal(&c->side[side], k->moment[side] + i * MOMENTS);
-        for (int state = 0; state < STATES; state++)
-            matting_prepare_state(c, state);
-    }
+    parallel_for(CELLS * CELLS, 1, matting_prepare_part,
+                 &(struct matting_prepare_part){ k });
 }
 
 /* ---- the posterior ------------------------------------------------------ */
@@ -422,17 +430,27 @@ static void matting_pixel(struct matting *m, const struct matting_work *k,
         matting_layer(m, a, b, t, c, i);
 }
 
+struct matting_pixels_part {
+    struct matting *m;
+    const struct matting_work *k;
+};
+
+/* One row. */
+static void matting_pixels_part(void *ctx, size_t y)
+{
+    const struct matting_pixels_part *c = ctx;
+    struct matting_row row;
+
+    row.column = 0;
+    memset(row.made, 0, sizeof row.made);
+    for (size_t x = 0; x < c->m->n; x++)
+        matting_pixel(c->m, c->k, &row, x, y);
+}
+
 static void matting_pixels(struct matting *m, const struct matting_work *k)
 {
-#pragma omp parallel for schedule(dynamic, 8)
-    for (size_t y = 0; y < m->n; y++) {
-        struct matting_row row;
-
-        row.column = 0;
-        memset(row.made, 0, sizeof row.made);
-        for (size_t x = 0; x < m->n; x++)
-            matting_pixel(m, k, &row, x, y);
-    }
+    parallel_for(m->n, 1, matting_pixels_part,
+                 &(struct matting_pixels_part){ m, k });
 }
 
 /* ---- together ----------------------------------------------------------- */

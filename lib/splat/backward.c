@@ -6,7 +6,6 @@
 #include "lib/splat/backward.h"
 
 #include <math.h>
-#include <omp.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
@@ -123,18 +122,26 @@ static int backward_make_room(struct splat *s, struct error *err)
                      "out of memory", s->pairs);
 }
 
-/* Number the pairs Gaussian by Gaussian; every thread its part, which begins
- * where the parts before it end. */
-static void backward_number_pairs(const struct splat *s, uint32_t *part)
+/* What the steps of a backward share. */
+struct pulling {
+    struct splat *s;
+    const struct splat_kernels *k;
+    const struct splat_gradients *g;
+    const struct splat_picture_gradients *d;
+    uint32_t part[SPLAT_MAX_THREADS];       /* pairs of each share */
+};
+
+/* Number the pairs of share t of the Gaussians, from 0 on. */
+static void backward_number_pairs(void *ctx, size_t t)
 {
+    struct pulling *p = ctx;
+    const struct splat *s = p->s;
     const struct splat_state *st = s->state;
     struct splat_gradient_state *b = st->gradient;
-    int t = omp_get_thread_num(), threads = omp_get_num_threads();
-    size_t first = state_share(s->n, t, threads);
-    size_t last = state_share(s->n, t + 1, threads);
-    uint32_t sum = 0, at = 0;
+    size_t last = state_share(s->n, (int)t + 1, st->threads);
+    uint32_t sum = 0;
 
-    for (size_t i = first; i < last; i++) {
+    for (size_t i = state_share(s->n, (int)t, st->threads); i < last; i++) {
         struct rect r = st->rect[i];
         uint32_t across = (uint32_t)(r.x1 - r.x0);
 
@@ -142,16 +149,46 @@ static void backward_number_pairs(const struct splat *s, uint32_t *part)
         if (st->key[i] != HIDDEN)
             sum += across * (uint32_t)(r.y1 - r.y0);
     }
-    part[t] = sum;
-#pragma omp barrier
-    for (int k = 0; k < t; k++)
-        at += part[k];
+    p->part[t] = sum;
+}
+
+/* A share begins where those before it end; and nothing is seen yet. */
+static void backward_join_numbers(void *ctx, size_t t)
+{
+    const struct pulling *p = ctx;
+    const struct splat *s = p->s;
+    const int threads = s->state->threads;
+    struct splat_gradient_state *b = s->state->gradient;
+    size_t first = state_share(s->n, (int)t, threads);
+    size_t last = state_share(s->n, (int)t + 1, threads);
+    uint32_t at = 0;
+
+    for (size_t k = 0; k < t; k++)
+        at += p->part[k];
     for (size_t i = first; at && i < last; i++)
         b->range[i].origin += at;
-    first = state_share(s->pairs, t, threads);
+    first = state_share(s->pairs, (int)t, threads);
     memset(b->seen + first, 0,
-           state_share(s->pairs, t + 1, threads) - first);
-#pragma omp barrier
+           state_share(s->pairs, (int)t + 1, threads) - first);
+}
+
+/* Tile i in Z order. */
+static void backward_tile(void *ctx, size_t i)
+{
+    const struct pulling *p = ctx;
+    const struct splat_state *st = p->s->state;
+
+    p->k->tile_backward(p->s, state_work(st), st->zorder[i], p->d);
+}
+
+/* Batch i of Gaussians. */
+static void backward_batch(void *ctx, size_t i)
+{
+    const struct pulling *p = ctx;
+    size_t first = i * GRADIENT_BATCH, last = first + GRADIENT_BATCH;
+
+    p->k->gaussian_backward(p->s, first, last < p->s->n ? last : p->s->n, p->g,
+                            p->s->state->gradient->rt + 12 * i);
 }
 
 /* rt += the batches' sums, in double and in order. */
@@ -172,10 +209,9 @@ int backward_run(struct splat *s, const struct splat_gradients *g,
 {
     struct splat_state *st = s->state;
     struct splat_gradient_state *b = st->gradient;
-    const struct splat_kernels *k = splat_kernels(st->level);
-    uint32_t tiles = (uint32_t)(st->view.tx * st->view.ty);
+    struct pulling p = {.s = s, .k = splat_kernels(st->level), .g = g, .d = d};
+    const size_t shares = (size_t)st->threads;
     size_t batches = (s->n + GRADIENT_BATCH - 1) / GRADIENT_BATCH;
-    uint32_t part[SPLAT_MAX_THREADS];
 
     if (!b || !b->drawn || !st->projected)
         return error_set(err, EX_SOFTWARE, "no picture to differentiate "
@@ -186,24 +222,10 @@ int backward_run(struct splat *s, const struct splat_gradients *g,
     if (backward_make_room(s, err))
         return -1;
     b->pulled = d->place != NULL;
-#pragma omp parallel num_threads(st->threads)
-    {
-        struct splat_work *w = (struct splat_work *)
-            ((char *)st->work +
-             (size_t)omp_get_thread_num() * st->work_size);
-
-        backward_number_pairs(s, part);
-#pragma omp for schedule(dynamic, 1)
-        for (uint32_t i = 0; i < tiles; i++)
-            k->tile_backward(s, w, st->zorder[i], d);
-#pragma omp for schedule(static)
-        for (size_t i = 0; i < batches; i++) {
-            size_t first = i * GRADIENT_BATCH, last = first + GRADIENT_BATCH;
-
-            k->gaussian_backward(s, first, last < s->n ? last : s->n, g,
-                                 b->rt + 12 * i);
-        }
-    }
+    state_each(st, shares, backward_number_pairs, &p);
+    state_each(st, shares, backward_join_numbers, &p);
+    state_each(st, (size_t)(st->view.tx * st->view.ty), backward_tile, &p);
+    state_each(st, batches, backward_batch, &p);
     if (g->rt)
         backward_sum_camera(g->rt, b->rt, batches);
     return 0;

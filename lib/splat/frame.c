@@ -4,7 +4,6 @@
  * same way for any number of threads as far as results go. */
 #include "lib/splat/frame.h"
 
-#include <omp.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
@@ -22,7 +21,11 @@ struct drawing {
     struct splat *s;
     const struct target *out;
     const struct splat_kernels *k;
-    int threads;
+    int threads;               /* shares of every step but drawing */
+    size_t first, last;        /* Gaussians that have moved */
+    uint64_t *from, *to;       /* the sort's, of this pass ... */
+    int shift;                 /* ... over the bits from here on */
+    bool shared;               /* ... in equal shares, not as collected */
     size_t lo[SPLAT_MAX_THREADS], count[SPLAT_MAX_THREADS];
     uint32_t least[SPLAT_MAX_THREADS], most[SPLAT_MAX_THREADS];
     size_t room;               /* of the tile lists */
@@ -31,13 +34,11 @@ struct drawing {
     double clock;              /* when the last phase ended */
 };
 
-/* Thread 0 notes what has passed since the last phase. */
-static void frame_note_phase(struct drawing *f, int t, enum splat_phase p)
+/* Note what has passed since the last phase. */
+static void frame_note_phase(struct drawing *f, enum splat_phase p)
 {
-    double now = t ? 0 : omp_get_wtime();
+    const double now = cpu_seconds();
 
-    if (t)
-        return;
     f->s->ms[p] = 1e3 * (now - f->clock);
     f->clock = now;
 }
@@ -71,10 +72,13 @@ static void frame_collect(struct drawing *f, int t, size_t i, size_t end)
     f->most[t] = most;
 }
 
-/* Project what moved in [first, last) of all Gaussians, and collect it. */
-static void frame_project(struct drawing *f, int t, size_t first, size_t last)
+/* Project share t of what moved, and collect it. */
+static void frame_project(void *ctx, size_t share)
 {
+    struct drawing *f = ctx;
     struct splat_state *st = f->s->state;
+    const int t = (int)share;
+    const size_t first = f->first, last = f->last;
     size_t n = last - first;
     size_t i = first + state_share(n, t, f->threads) / PAD * PAD;
     size_t end = t + 1 == f->threads ? last
@@ -138,35 +142,62 @@ static size_t frame_collected(const struct drawing *f)
     return all;
 }
 
+/* Entries [*lo, *lo + n) are share t of this pass; returns n. */
+static size_t frame_share(size_t *lo, const struct drawing *f, int t)
+{
+    const size_t all = frame_collected(f);
+
+    *lo = f->shared ? state_share(all, t, f->threads) : f->lo[t];
+    return f->shared ? state_share(all, t + 1, f->threads) - *lo : f->count[t];
+}
+
+/* Share t of a pass: its digits. */
+static void frame_count_digits(void *ctx, size_t t)
+{
+    struct drawing *f = ctx;
+    size_t lo, n = frame_share(&lo, f, (int)t);
+
+    frame_histogram(f->s->state->histogram + t * RADIX, f->from + lo, n,
+                    f->least[0], f->shift);
+}
+
+/* Share t of a pass, to where it goes. */
+static void frame_move(void *ctx, size_t t)
+{
+    struct drawing *f = ctx;
+    size_t lo, n = frame_share(&lo, f, (int)t);
+    uint32_t at[RADIX];
+
+    frame_offsets(at, f->s->state->histogram, (int)t, f->threads);
+    frame_scatter(f->to, at, f->from + lo, n, f->least[0], f->shift);
+}
+
 /* Sort what was collected; returns where it is, sort0 or sort1. */
-static uint64_t *frame_sort(struct drawing *f, int t)
+static uint64_t *frame_sort(struct drawing *f)
 {
     struct splat_state *st = f->s->state;
-    uint32_t least = UINT32_MAX, most = 0, at[RADIX];
-    uint64_t *from = st->sort0, *to = st->sort1;
-    size_t lo = f->lo[t], n = f->count[t], all = frame_collected(f);
+    const size_t shares = (size_t)f->threads;
+    uint32_t most = 0;
 
     for (int k = 0; k < f->threads; k++) {
-        least = f->least[k] < least ? f->least[k] : least;
+        f->least[0] = f->least[k] < f->least[0] ? f->least[k] : f->least[0];
         most = f->most[k] > most ? f->most[k] : most;
     }
-    for (int shift = 0; all; shift += 11) {
-        bool last = shift == 22 || (most - least) >> (shift + 11) == 0;
-        uint64_t *swap = from;
+    f->from = st->sort0;
+    f->to = st->sort1;
+    f->shared = false;
+    for (f->shift = 0; frame_collected(f); f->shift += 11) {
+        uint64_t *swap = f->from;
 
-        frame_histogram(st->histogram + t * RADIX, from + lo, n, least, shift);
-#pragma omp barrier
-        frame_offsets(at, st->histogram, t, f->threads);
-        frame_scatter(to, at, from + lo, n, least, shift);
-#pragma omp barrier
-        from = to;
-        to = swap;
-        if (last)
+        state_each(st, shares, frame_count_digits, f);
+        state_each(st, shares, frame_move, f);
+        f->from = f->to;
+        f->to = swap;
+        f->shared = true;
+        if (f->shift == 22 || (most - f->least[0]) >> (f->shift + 11) == 0)
             break;
-        lo = state_share(all, t, f->threads);
-        n = state_share(all, t + 1, f->threads) - lo;
     }
-    return from;
+    return f->from;
 }
 
 /* ---- sort from the last frame's order ------------------------------------ */
@@ -224,12 +255,14 @@ static void frame_sort_ties(struct splat_state *st, size_t n)
 
 /* ---- tile lists ---------------------------------------------------------- */
 
-/* Count the tiles of this thread's part of the order: each rectangle [x0,x1)
+/* Count the tiles of share t of the order: each rectangle [x0,x1)
  * x [y0,y1) as four corners of a difference table, then the table summed up.
  * The rectangles are copied in order, for fill. */
-static void frame_count_tiles(struct drawing *f, int t)
+static void frame_count_tiles(void *ctx, size_t share)
 {
+    struct drawing *f = ctx;
     struct splat_state *st = f->s->state;
+    const int t = (int)share;
     size_t end = state_share(f->s->drawn, t + 1, f->threads);
     int tx = st->view.tx, ty = st->view.ty, stride = tx + 1;
     size_t cells = (size_t)stride * (size_t)(ty + 1);
@@ -293,13 +326,15 @@ static void frame_plan_lists(struct drawing *f)
     }
 }
 
-/* Append this thread's part of the order to the lists of its tiles.  Most
+/* Append share t of the order to the lists of its tiles.  Most
  * Gaussians touch at most 2 x 2 tiles: four are written, those that do not
  * count to a spare place, so that no branch waits for the rectangle's
  * shape. */
-static void frame_fill_lists(struct drawing *f, int t)
+static void frame_fill_lists(void *ctx, size_t share)
 {
+    struct drawing *f = ctx;
     struct splat_state *st = f->s->state;
+    const int t = (int)share;
     size_t cells = (size_t)(st->view.tx + 1) * (size_t)(st->view.ty + 1);
     size_t last = state_share(f->s->drawn, t + 1, f->threads);
     int stride = st->view.tx + 1;
@@ -343,90 +378,81 @@ static bool frame_tile_stays(const struct drawing *f, uint32_t t)
     return f->kept && was && st->empty[t];
 }
 
-/* Draw: runs of neighbouring tiles go to whichever thread is free. */
-static void frame_draw_tiles(struct drawing *f, int t)
+/* Draw run k of neighbouring tiles. */
+static void frame_draw_tiles(void *ctx, size_t k)
 {
+    struct drawing *f = ctx;
     struct splat_state *st = f->s->state;
-    uint32_t tiles = (uint32_t)(st->view.tx * st->view.ty);
-    struct splat_work *w = (struct splat_work *)
-        ((char *)st->work + (size_t)t * st->work_size);
+    const uint32_t tiles = (uint32_t)(st->view.tx * st->view.ty);
+    struct splat_work *w = state_work(st);
 
-#pragma omp for schedule(dynamic, TILES) nowait
-    for (uint32_t i = 0; i < tiles; i++)
+    for (uint32_t i = (uint32_t)k * TILES; i < tiles && i < (k + 1) * TILES;
+         i++)
         if (!frame_tile_stays(f, st->zorder[i]))
             f->k->tile(f->s, w, st->zorder[i], f->out);
+}
+
+/* The sorted become the order: all of it, or merged into the last frame's. */
+static void frame_keep_order(struct drawing *f, uint64_t *sorted)
+{
+    struct splat_state *st = f->s->state;
+    const bool some = f->last - f->first < f->s->n;
+    uint64_t **own = sorted == st->sort0 ? &st->sort0 : &st->sort1;
+    uint64_t *other = sorted == st->sort0 ? st->sort1 : st->sort0;
+
+    f->s->drawn = some ? frame_merge(other, st->order, f->s->drawn, sorted,
+                                     frame_collected(f), f->first, f->last)
+                       : frame_collected(f);
+    /* the buffer of the order is taken out of the sort's two */
+    uint64_t **to = other == st->sort0 ? &st->sort0 : &st->sort1;
+    uint64_t *old = st->order;
+
+    st->order = some ? other : sorted;
+    *(some ? to : own) = old;
+    if (st->fine[2])
+        frame_sort_ties(st, f->s->drawn);
 }
 
 /* Gaussians to sorted lists.  With all Gaussians in place but those of
  * [first, last), only these are projected and sorted, and merged into the
  * order of the last frame. */
-static void frame_make_lists(struct drawing *f, int t, size_t first,
-                             size_t last)
+static void frame_make_lists(struct drawing *f)
 {
     struct splat_state *st = f->s->state;
-    bool some = last - first < f->s->n;
+    const size_t shares = (size_t)f->threads;
 
-    frame_project(f, t, first, last);
-#pragma omp barrier
-    frame_note_phase(f, t, SPLAT_PROJECT);
-    uint64_t *sorted = frame_sort(f, t);
-
-    if (t == 0) {
-        uint64_t **own = sorted == st->sort0 ? &st->sort0 : &st->sort1;
-        uint64_t *other = sorted == st->sort0 ? st->sort1 : st->sort0;
-
-        f->s->drawn = some ? frame_merge(other, st->order, f->s->drawn, sorted,
-                                         frame_collected(f), first, last)
-                           : frame_collected(f);
-        /* the buffer of the order is taken out of the sort's two */
-        uint64_t **to = other == st->sort0 ? &st->sort0 : &st->sort1;
-        uint64_t *old = st->order;
-
-        st->order = some ? other : sorted;
-        *(some ? to : own) = old;
-        if (st->fine[2])
-            frame_sort_ties(st, f->s->drawn);
-    }
-#pragma omp barrier
-    frame_note_phase(f, t, SPLAT_SORT);
-    frame_count_tiles(f, t);
-#pragma omp barrier
-#pragma omp single
+    state_each(st, shares, frame_project, f);
+    frame_note_phase(f, SPLAT_PROJECT);
+    frame_keep_order(f, frame_sort(f));
+    frame_note_phase(f, SPLAT_SORT);
+    state_each(st, shares, frame_count_tiles, f);
     frame_plan_lists(f);
     if (!f->failed)
-        frame_fill_lists(f, t);
-#pragma omp barrier
-    frame_note_phase(f, t, SPLAT_BIN);
+        state_each(st, shares, frame_fill_lists, f);
+    frame_note_phase(f, SPLAT_BIN);
 }
 
-/* All steps in one parallel region; those whose input has not changed are left
- * out. */
+/* All steps; those whose input has not changed are left out. */
 int frame_draw(struct splat *s, const struct target *out, struct error *err)
 {
     struct splat_state *st = s->state;
     struct drawing f = {.s = s, .out = out, .k = splat_kernels(st->level),
-                      .clock = omp_get_wtime()};
-    size_t first = 0, last = s->n;
+                        .threads = st->threads, .last = s->n,
+                        .clock = cpu_seconds()};
+    const size_t tiles = (size_t)(st->view.tx * st->view.ty);
 
     if (st->projected) {
-        first = frame_min_size(st->dirty0 / PAD * PAD, s->n);
-        last = st->dirty1;
+        f.first = frame_min_size(st->dirty0 / PAD * PAD, s->n);
+        f.last = st->dirty1;
     }
     f.kept = s->opt.kept && !s->opt.gradients && !out->background &&
              !memcmp(&st->drawn_to, out, sizeof *out);
     memset(s->ms, 0, sizeof s->ms);
-#pragma omp parallel num_threads(st->threads)
-    {
-        int t = omp_get_thread_num();
-
-#pragma omp single
-        f.threads = omp_get_num_threads();
-        if (first < last || !st->projected)
-            frame_make_lists(&f, t, first, last);
-        if (!f.failed)
-            frame_draw_tiles(&f, t);
-    }
-    frame_note_phase(&f, 0, SPLAT_DRAW);
+    if (f.first < f.last || !st->projected)
+        frame_make_lists(&f);
+    if (!f.failed)
+        state_each(st, (tiles + TILES - 1) / TILES, frame_draw_tiles, &f);
+    frame_note_phase(&f, SPLAT_DRAW);
     st->projected = !f.failed;
     st->drawn_to = f.failed ? (struct target){0} : *out;
     st->dirty0 = SIZE_MAX;

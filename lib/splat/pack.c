@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "lib/base/half.h"
+#include "lib/base/parallel.h"
 #include "lib/splat/state.h"
 
 /* Channel c of Gaussian i. */
@@ -59,6 +60,29 @@ static void pack_one(struct splat *s, const struct gaussians *g, size_t i)
                 c < s->opt.channels ? pack_color(g, i, c) : 0;
 }
 
+struct pack_fixed_part {
+    float *most;
+    const struct gaussians *g;
+    struct splat_state *st;
+    int C;
+};
+
+/* One of them. */
+static void pack_fixed_part(void *ctx, size_t i)
+{
+    const struct pack_fixed_part *a = ctx;
+
+    for (int e = 0; e < 32; e++) {
+        /* element e of a row: lane e/8, low or high half of the lane */
+        int c = e / 8 * 4 + e % 4 + (e % 8 >= 4 ? 16 : 0);
+        float x = c < a->C && a->most[c] > 0
+                      ? pack_color(a->g, i, c) / a->most[c] * 32767
+                      : 0;
+
+        a->st->fixed[i * 32 + (size_t)e] = (int16_t)lrintf(x);
+    }
+}
+
 /* Colours in Q15 of each channel's greatest magnitude.  Within each group of
  * 8 the two halves are spread so that interleaving the rows of two Gaussians
  * (unpack low, high) puts channels 0..15 in the first and 16..31 in the
@@ -74,16 +98,19 @@ static void pack_fixed(struct splat *s, const struct gaussians *g)
             most[c] = fmaxf(most[c], fabsf(pack_color(g, i, c)));
     for (int c = 0; c < SPLAT_MAX_CHANNELS; c++)
         st->fixed_scale[c] = most[c] / (32767.0f * 32767.0f);
-#pragma omp parallel for if (g->n > 10000)
-    for (size_t i = 0; i < g->n; i++)
-        for (int e = 0; e < 32; e++) {
-            /* element e of a row: lane e/8, low or high half of the lane */
-            int c = e / 8 * 4 + e % 4 + (e % 8 >= 4 ? 16 : 0);
-            float x = c < C && most[c] > 0
-                ? pack_color(g, i, c) / most[c] * 32767 : 0;
 
-            st->fixed[i * 32 + (size_t)e] = (int16_t)lrintf(x);
-        }
+    parallel_for(g->n, g->n > 10000 ? 1 : g->n, pack_fixed_part,
+                 &(struct pack_fixed_part){ most, g, st, C });
+}
+
+struct pack_gaussians_part { struct splat *s; const struct gaussians *g; };
+
+/* One of them. */
+static void pack_gaussians_part(void *ctx, size_t i)
+{
+    const struct pack_gaussians_part *c = ctx;
+
+    pack_one(c->s, c->g, i);
 }
 
 void pack_gaussians(struct splat *s, const struct gaussians *g)
@@ -91,9 +118,8 @@ void pack_gaussians(struct splat *s, const struct gaussians *g)
     struct splat_state *st = s->state;
     size_t n = (g->n + PAD - 1) / PAD * PAD + PAD;
 
-#pragma omp parallel for num_threads(st->threads) if (g->n > 10000)
-    for (size_t i = 0; i < g->n; i++)
-        pack_one(s, g, i);
+    parallel_for(g->n, g->n > 10000 ? 1 : g->n, pack_gaussians_part,
+                 &(struct pack_gaussians_part){ s, g });
     for (size_t i = g->n; i < n; i++)
         st->cloud.top[i] = -1e30f;
     if (st->fixed)

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <sysexits.h>
 
+#include "lib/base/parallel.h"
 #include "lib/splat/reference_traversal.h"
 
 /* Colours, alpha and depth of one pixel from its contributions. */
@@ -54,29 +55,40 @@ static void reference_draw_row(double *image, double *alpha, double *depth,
     }
 }
 
+struct reference_rows {
+    double *image, *alpha, *depth;
+    uint8_t *ambiguous;
+    struct traversal *w;
+    struct contribution *found; /* (parallel_width(), longest) */
+    size_t longest;
+};
+
+/* Row y. */
+static void reference_row_part(void *ctx, size_t y)
+{
+    const struct reference_rows *c = ctx;
+
+    reference_draw_row(c->image, c->alpha, c->depth, c->ambiguous, c->w,
+                       c->found + parallel_slot() * c->longest, (int)y);
+}
+
 /* Rows in parallel: no pixel depends on another. */
 int reference_forward(double *image, double *alpha, double *depth,
                       uint8_t *ambiguous, const struct reference *t,
                       struct error *err)
 {
     struct traversal w;
-    int failed = 0;
 
     if (traversal_init(&w, t, err))
         return -1;
-#pragma omp parallel reduction(| : failed)
-    {
-        struct contribution *found =
-            malloc((traversal_longest(&w) + 1) * sizeof *found);
-
-        failed = !found;
-#pragma omp for schedule(dynamic, 1)
-        for (int y = 0; y < t->height; y++)
-            if (found)
-                reference_draw_row(image, alpha, depth, ambiguous, &w, found,
-                                   y);
-        free(found);
-    }
+    struct reference_rows c = {image, alpha, depth, ambiguous, &w, NULL,
+                               traversal_longest(&w) + 1};
+    c.found = calloc((size_t)parallel_width() * c.longest, sizeof *c.found);
+    if (c.found)
+        parallel_for((size_t)t->height, 1, reference_row_part, &c);
     traversal_release(&w);
-    return failed ? error_set(err, EX_OSERR, "out of memory") : 0;
+    if (!c.found)
+        return error_set(err, EX_OSERR, "out of memory");
+    free(c.found);
+    return 0;
 }

@@ -5,6 +5,7 @@
 #include "lib/splat/splat.h"
 
 #include <math.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
@@ -106,6 +107,7 @@ static void splat_settle_options(struct splat *s, struct splat_state *st,
     st->threads = opt->threads > 0 ? opt->threads : parallel_width();
     if (st->threads > SPLAT_MAX_THREADS)
         st->threads = SPLAT_MAX_THREADS;
+    st->slots = parallel_width() > st->threads ? parallel_width() : st->threads;
     if (opt->channels > 4 || (opt->channels == 4 && opt->depth) ||
         (opt->gradients && (opt->channels > 3 || opt->place)))
         st->row = opt->channels > 16 ? 32 : 16;
@@ -164,17 +166,40 @@ void splat_release(struct splat *s)
 
 /* ---- load ---------------------------------------------------------------- */
 
+#define CHECKED 65536            /* numbers at once */
+
+struct splat_check {
+    const float *x;
+    size_t n;
+    float lo, hi;
+    atomic_size_t bad;          /* the first that is not within */
+};
+
+/* One chunk. */
+static void splat_check_part(void *ctx, size_t k)
+{
+    struct splat_check *c = ctx;
+    const size_t end = (k + 1) * CHECKED < c->n ? (k + 1) * CHECKED : c->n;
+    size_t least = SIZE_MAX;
+
+    for (size_t i = k * CHECKED; i < end; i++)
+        if (!(c->x[i] >= c->lo && c->x[i] <= c->hi))
+            least = i < least ? i : least;
+    for (size_t bad = c->bad; least < bad;)
+        if (atomic_compare_exchange_weak(&c->bad, &bad, least))
+            break;
+}
+
 /* Every number within lo .. hi, or EX_DATAERR with its place. */
 static int splat_check_array(const float *x, size_t n, size_t row,
                              const char *name, float lo, float hi,
                              const char *expected, struct error *err)
 {
-    size_t bad = SIZE_MAX;
+    struct splat_check c = {.x = x, .n = n * row, .lo = lo, .hi = hi,
+                            .bad = SIZE_MAX};
 
-#pragma omp parallel for reduction(min : bad) if (n * row > 100000)
-    for (size_t i = 0; i < n * row; i++)
-        if (!(x[i] >= lo && x[i] <= hi))
-            bad = i < bad ? i : bad;
+    parallel_for((c.n + CHECKED - 1) / CHECKED, 1, splat_check_part, &c);
+    const size_t bad = c.bad;
     if (bad == SIZE_MAX)
         return 0;
     return error_set(err, EX_DATAERR, "%s[%zu] is %g (expected %s)", name,

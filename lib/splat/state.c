@@ -2,6 +2,7 @@
  * Gaussians, cut into arrays. */
 #include "lib/splat/state.h"
 
+#include <assert.h>
 #include <stdlib.h>
 #include <sys/mman.h>
 
@@ -28,6 +29,23 @@ void *state_block(size_t bytes)
     return p;
 }
 
+void state_each(const struct splat_state *st, size_t count, parallel_fn *run,
+                void *ctx)
+{
+    if (st->threads > 1)
+        parallel_for(count, 1, run, ctx);
+    else
+        for (size_t i = 0; i < count; i++)
+            run(ctx, i);
+}
+
+struct splat_work *state_work(const struct splat_state *st)
+{
+    assert(parallel_slot() < (size_t)st->slots);
+    return (struct splat_work *)((char *)st->work +
+                                 parallel_slot() * st->work_size);
+}
+
 /* Take bytes of a block; with base NULL only count. */
 static void *state_reserve(char *base, size_t *used, size_t bytes)
 {
@@ -50,7 +68,7 @@ size_t state_screen_layout(struct splat_state *st, char *base)
     st->count = state_reserve(base, &used, T * cells * sizeof *st->count);
     st->histogram = state_reserve(base, &used,
                                   T * 2048 * sizeof *st->histogram);
-    st->work = state_reserve(base, &used, T * st->work_size);
+    st->work = state_reserve(base, &used, (size_t)st->slots * st->work_size);
     return used;
 }
 

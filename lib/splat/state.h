@@ -3,6 +3,7 @@
 #ifndef SPID_SPLAT_STATE_H
 #define SPID_SPLAT_STATE_H
 
+#include "lib/base/parallel.h"
 #include "lib/splat/types.h"
 
 #define TILE 16                /* pixels; a tile is 4 rows of blocks */
@@ -76,7 +77,8 @@ struct target {
 struct splat_state {
     enum cpu_level level;
     size_t work_size;          /* bytes of a struct splat_work */
-    int threads;
+    int threads;               /* that a frame's steps are cut for */
+    int slots;                 /* of parallel_slot, at least threads */
     struct view view;
     struct splat_camera camera;
     bool projected;            /* projection, key, rect are of this camera */
@@ -112,7 +114,7 @@ struct splat_state {
     struct target drawn_to;    /* ... to here */
     int32_t *count;            /* (threads, tiles + border), of each tile */
     uint32_t *histogram;       /* (threads, 2048) */
-    void *work;                /* (threads) struct work, of the kernels */
+    void *work;                /* (slots) struct work, of the kernels */
 
     uint32_t *list;            /* (tile, Gaussian) pairs */
     size_t list_room;
@@ -129,6 +131,12 @@ void *state_block(size_t bytes);
 size_t state_screen_layout(struct splat_state *st, char *block);
 /* The same of what the number of Gaussians decides; n is padded to PAD. */
 size_t state_cloud_layout(struct splat *s, char *block, size_t n);
+
+/* As parallel_for, where a frame is cut for more than one thread. */
+void state_each(const struct splat_state *st, size_t count, parallel_fn *run,
+                void *ctx);
+/* The calling thread's part of st->work. */
+struct splat_work *state_work(const struct splat_state *st);
 
 /* First of n that thread t works on. */
 static inline size_t state_share(size_t n, int t, int threads)

@@ -50,8 +50,7 @@ prepare() { animate_files; }
     cmp one.y4m pipe.y4m
 }
 
-@test "programs of a pipe wait asleep without being told" {
-    unset OMP_WAIT_POLICY
+@test "programs of a pipe with two threads each" {
     spid-animate -q --absolute -m model avatar.spid drive.y4m -o one.y4m
     set -o pipefail
     spid-motion -q -j 2 -m model drive.y4m |

@@ -4,7 +4,6 @@ load helper
 load animate
 
 prepare() {
-    unset OMP_NUM_THREADS
     animate_files
 }
 

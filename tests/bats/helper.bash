@@ -1,8 +1,7 @@
 # Shared by all pipe tests: a directory of its own for each test, the programs
-# of this build, one thread.
+# of this build.
 TOP=${TOP:-$(cd "$BATS_TEST_DIRNAME/../.." && pwd)}
 PATH=$TOP/${BUILD:-build}/bin:$PATH
-export OMP_NUM_THREADS=${OMP_NUM_THREADS:-1} OMP_WAIT_POLICY=passive
 
 setup() {
     cd "$BATS_TEST_TMPDIR" || exit 1

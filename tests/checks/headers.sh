@@ -3,7 +3,7 @@
 set -uo pipefail
 cd "${TOP:-$(dirname "$0")/../..}"
 fail=0 count=0
-flags="-fsyntax-only -Wall -Wextra -Werror -fopenmp -I. -D_GNU_SOURCE"
+flags="-fsyntax-only -Wall -Wextra -Werror -I. -D_GNU_SOURCE"
 flags="$flags -DSPID_VERSION=\"0\" -DSPID_DATADIR=\"/\" $(pkg-config --cflags libcjson)"
 for h in $(git ls-files '*.h' 2>/dev/null || find cmd lib formats tests -name '*.h'); do
     [ -e "$h" ] || continue

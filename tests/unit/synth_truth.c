@@ -9,6 +9,7 @@
 
 #include "lib/base/cpu.h"
 #include "lib/base/isa.h"
+#include "lib/base/parallel.h"
 #include "lib/base/random.h"
 #include "lib/base/camera.h"
 #include "lib/lab/head/sculpt.h"
@@ -178,9 +179,10 @@ static uint64_t truth_run(const struct head *h, int threads)
 {
     struct synth_options opt = {.seed = 9, .people = 3, .frames = 4,
                                 .size = 64, .fps = 2, .effects = 1,
-                                .mesh = true, .threads = threads};
+                                .mesh = true};
     struct error err = {0};
     struct synth_frame f;
+    parallel_set_width(threads);
     struct synth *s = synth_open(h, &opt, &err);
     uint64_t hash = 0xcbf29ce484222325u;
     int rc;

@@ -16,7 +16,7 @@ static int bench_make_clip(struct bench_person *p, struct error *err)
     const struct synth_options opt = {.seed = 11, .people = 1,
                                       .frames = PERSON_FRAMES,
                                       .size = PERSON_SIZE,
-                                      .fps = 25, .threads = p->b->threads};
+                                      .fps = 25};
     const size_t pixels = PERSON_SIZE * PERSON_SIZE;
     struct synth_frame f;
     struct synth *synth = synth_open(&p->head, &opt, err);

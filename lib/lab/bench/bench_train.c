@@ -79,7 +79,7 @@ static int bench_train_people(struct course *c, size_t size, struct error *err)
 {
     const struct synth_options opt = {
         .seed = 9, .people = PEOPLE, .frames = FRAMES, .size = (int)size,
-        .fps = 1, .effects = 1, .threads = c->b->threads};
+        .fps = 1, .effects = 1};
     struct synth *s = synth_open(&c->head, &opt, err);
     struct synth_frame f;
     int rc = s ? 1 : -1;

@@ -7,6 +7,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/parallel.h"
 #include "lib/base/sort.h"
 #include "lib/base/camera.h"
 
@@ -233,26 +234,26 @@ static int fit_person_frames(const struct face_fit *f,
     return 0;
 }
 
-/* fn of every person, in any order; the first error is kept. */
+struct fit_each {
+    struct face_fit *f;
+    int (*fn)(struct face_fit *, struct fit_person *, struct error *);
+};
+
+/* One person. */
+static int fit_each_part(void *ctx, size_t i, struct error *err)
+{
+    const struct fit_each *c = ctx;
+
+    return c->fn(c->f, &c->f->person[i], err);
+}
+
+/* fn of every person, in any order. */
 static int fit_each_person(struct face_fit *f,
                            int (*fn)(struct face_fit *, struct fit_person *,
                                      struct error *), struct error *err)
 {
-    int rc = 0;
-
-#pragma omp parallel for schedule(dynamic, 1)
-    for (size_t i = 0; i < f->people; i++) {
-        struct error own = {0};
-
-        if (fn(f, &f->person[i], &own))
-#pragma omp critical(face_fit)
-        {
-            if (!rc)
-                *err = own;
-            rc = -1;
-        }
-    }
-    return rc;
+    return parallel_try(f->people, fit_each_part, &(struct fit_each){ f, fn },
+                        err);
 }
 
 /* The shape with the poses held, then the poses with the shape held. */

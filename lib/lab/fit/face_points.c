@@ -7,6 +7,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/parallel.h"
 #include "lib/base/rotation.h"
 #include "lib/head/lbs.h"
 
@@ -128,6 +129,22 @@ static struct face_place face_find(const struct head *h,
     return best;
 }
 
+struct face_find_all_part {
+    struct face_place *place;
+    const struct head *h;
+    const struct scan *scan;
+    float *move;
+    const struct landmark_map *m;
+};
+
+/* One of them. */
+static void face_find_all_part(void *ctx, size_t i)
+{
+    const struct face_find_all_part *c = ctx;
+
+    c->place[i] = face_find(c->h, c->scan, c->move, (size_t)c->m->vertex[i]);
+}
+
 /* place (468) for all landmarks. */
 static int face_find_all(struct face_place *place, const struct head *h,
                          const struct scan *scan, const struct landmark_map *m,
@@ -144,9 +161,9 @@ static int face_find_all(struct face_place *place, const struct head *h,
     }
     for (size_t k = 0; k < FACE_MOTIONS; k++)
         face_displacement(move + 3 * h->V * k, &id, face_motion[k]);
-#pragma omp parallel for
-    for (int i = 0; i < N; i++)
-        place[i] = face_find(h, scan, move, (size_t)m->vertex[i]);
+
+    parallel_for(N, 1, face_find_all_part,
+                 &(struct face_find_all_part){ place, h, scan, move, m });
     identity_release(&id);
     free(move);
     return place[0].corner ? 0 : error_set(err, EX_DATAERR, "head has no "

@@ -4,6 +4,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/parallel.h"
 #include "lib/lab/fit/face_fit.h"
 #include "lib/lab/fit/normal.h"
 #include "lib/base/camera.h"
@@ -174,6 +175,16 @@ static void fit_pull_own(struct fit_person *p, struct fit_pull *s,
     fit_pull_solve(p->own, s, FIT_OWN * seen);
 }
 
+struct fit_offsets_part { struct fit_pull *s; struct face_fit *f; };
+
+/* One of them. */
+static void fit_offsets_part(void *ctx, size_t k)
+{
+    const struct fit_offsets_part *c = ctx;
+
+    fit_pull_person(&c->s[k], c->f, &c->f->person[k]);
+}
+
 int fit_offsets(struct face_fit *f, struct error *err)
 {
     /* what a point seen from the front at the usual distance weighs */
@@ -184,9 +195,9 @@ int fit_offsets(struct face_fit *f, struct error *err)
         return error_set(err, EX_OSERR, "out of memory");
     struct fit_pull *sum = s + f->people;
     memset(sum, 0, sizeof *sum);
-#pragma omp parallel for schedule(dynamic, 1)
-    for (size_t k = 0; k < f->people; k++)
-        fit_pull_person(&s[k], f, &f->person[k]);
+
+    parallel_for(f->people, 1, fit_offsets_part,
+                 &(struct fit_offsets_part){ s, f });
     for (size_t k = 0; k < f->people; k++)
         for (size_t i = 0; i < N; i++) {
             for (size_t c = 0; c < 9; c++)

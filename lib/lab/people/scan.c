@@ -10,6 +10,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/parallel.h"
 #include "lib/lab/people/actor.h"
 #include "lib/lab/people/vec.h"
 
@@ -125,13 +126,29 @@ static int scan_load_irises(struct scan_assets *a, const char *dir,
     return rc;
 }
 
+struct scan_lights {
+    struct scan_assets *a;
+    const char *path;
+    char **name;
+};
+
+/* Panorama i. */
+static int scan_load_light(void *ctx, size_t i, struct error *err)
+{
+    const struct scan_lights *c = ctx;
+    char file[PATH + 300];
+
+    snprintf(file, sizeof file, "%s/%s", c->path, c->name[i]);
+    return light_map_load(&c->a->light[i], file, err);
+}
+
 /* All panoramas, each made ready by a thread. */
-static int scan_load_lights(struct scan_assets *a, const char *dir, int threads,
+static int scan_load_lights(struct scan_assets *a, const char *dir,
                             struct error *err)
 {
     char path[PATH];
     size_t n = 0;
-    int failed = 0;
+    int rc;
 
     snprintf(path, sizeof path, "%s/hdri", dir);
     char **name = scan_list_names(path, ".hdr", err);
@@ -141,22 +158,11 @@ static int scan_load_lights(struct scan_assets *a, const char *dir, int threads,
         n++;
     a->light = calloc(n, sizeof *a->light);
     a->nlight = a->light ? n : 0;
-    if (!a->light)
-        failed = error_set(err, EX_OSERR, "out of memory");
-#pragma omp parallel for schedule(dynamic, 1) num_threads(threads)
-    for (size_t i = 0; i < a->nlight; i++) {
-        char file[PATH + 300];
-        struct error mine = {0};
-        snprintf(file, sizeof file, "%s/%s", path, name[i]);
-        if (light_map_load(&a->light[i], file, &mine))
-#pragma omp critical(scan_lights)
-        {
-            failed = -1;
-            *err = mine;
-        }
-    }
+    rc = a->light ? parallel_try(a->nlight, scan_load_light,
+                                 &(struct scan_lights){a, path, name}, err)
+                  : error_set(err, EX_OSERR, "out of memory");
     scan_list_free(name);
-    return failed;
+    return rc;
 }
 
 /* The body's skin from the neck down. */
@@ -269,7 +275,7 @@ static int scan_check_head(const struct scan_assets *a, const struct head *h,
 }
 
 struct scan_assets *scan_open(const char *dir, const struct head *head,
-                              int threads, struct error *err)
+                              struct error *err)
 {
     struct scan_assets *a = calloc(1, sizeof *a);
     char path[PATH];
@@ -293,9 +299,9 @@ struct scan_assets *scan_open(const char *dir, const struct head *head,
          scan_load_rack(&a->cloth, &a->body, dir, "clothes", "_diffuse.png",
                         NULL, LOWEST, err) ||
          scan_load_irises(a, dir, err) ||
-         scan_load_lights(a, dir, threads, err) ||
-         sky_measure(a, threads, err) ||
-         skin_model_fit(&a->skin, &a->face, dir, threads, err) ||
+         scan_load_lights(a, dir, err) ||
+         sky_measure(a, err) ||
+         skin_model_fit(&a->skin, &a->face, dir, err) ||
          act_model_fit(&a->act, dir, err);
     if (rc) {
         scan_close(a);

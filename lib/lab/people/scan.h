@@ -48,7 +48,7 @@ struct scan_assets {
  * lends its regions.  NULL and *err naming the file that is missing, cut,
  * of another shape or holds numbers that are none. */
 struct scan_assets *scan_open(const char *dir, const struct head *head,
-                              int threads, struct error *err);
+                              struct error *err);
 void scan_close(struct scan_assets *a);         /* NULL is allowed */
 
 /* ---- directions of the sky, for visibility ------------------------------ */
@@ -58,7 +58,7 @@ void scan_close(struct scan_assets *a);         /* NULL is allowed */
 /* The k-th of SKY_DIRECTIONS even directions, head frame. */
 void sky_direction(float d[3], int k);
 /* Fill a->seen and every hair's and hat's seen and shade. */
-int sky_measure(struct scan_assets *a, int threads, struct error *err);
+int sky_measure(struct scan_assets *a, struct error *err);
 /* Moments (harmonic2_moments) of the cosine about unit n over the directions
  * in mask. */
 void sky_moments(float m[10], uint64_t mask, const float n[3]);

@@ -99,7 +99,7 @@ void brow_fit_add(struct brow_fit *t, size_t i, const float *log,
     }
 }
 
-int brow_fit_finish(struct brow_model *m, struct brow_fit *t, int threads,
+int brow_fit_finish(struct brow_model *m, struct brow_fit *t,
                     struct error *err)
 {
     size_t n = 0;
@@ -118,7 +118,7 @@ int brow_fit_finish(struct brow_model *m, struct brow_fit *t, int threads,
             t->dense[i * BROW_PLANE + p] -= m->mean[p];
     }
     m->parts = BROW_PARTS < (int)n ? BROW_PARTS : (int)n;
-    m->part = skin_find_parts(t->dense, n, BROW_PLANE, 1, m->parts, threads,
+    m->part = skin_find_parts(t->dense, n, BROW_PLANE, 1, m->parts,
                               err);
     return m->part ? 0 : -1;
 }

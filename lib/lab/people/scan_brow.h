@@ -37,7 +37,7 @@ void brow_fit_release(struct brow_fit *t);
 void brow_fit_add(struct brow_fit *t, size_t i, const float *log,
                   const uint8_t *where);
 /* Mean and parts of all that were added. */
-int brow_fit_finish(struct brow_model *m, struct brow_fit *t, int threads,
+int brow_fit_finish(struct brow_model *m, struct brow_fit *t,
                     struct error *err);
 /* Free what it holds. */
 void brow_model_release(struct brow_model *m);

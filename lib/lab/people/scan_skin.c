@@ -13,6 +13,7 @@
 
 #include "formats/image.h"
 #include "formats/safetensors.h"
+#include "lib/base/parallel.h"
 #include "lib/base/sort.h"
 #include "lib/lab/people/scan_register.h"
 #include "lib/lab/people/scan_skin_fit.h"
@@ -364,38 +365,44 @@ static int skin_list_photographs(struct skin_list *l, const char *dir,
                                      path, l->n);
 }
 
+struct skin_take {
+    struct skin_fit *t;
+    const struct skin_model *s;
+    const struct scan_face *f;
+    const struct register_map *m;
+    const struct skin_list *l;
+    const char *dir;
+};
+
+/* Photograph i of the list. */
+static int skin_take(void *ctx, size_t i, struct error *err)
+{
+    const struct skin_take *c = ctx;
+    const struct skin_list *l = c->l;
+    char path[4096], name[512];
+    const char *e = cJSON_GetArrayItem(l->names, (int)l->row[i])->valuestring;
+    const char *base = strrchr(e, '/');
+
+    snprintf(name, sizeof name, "%.*s", (int)strcspn(base, "#"), base);
+    snprintf(path, sizeof path, "%s/photos/london%s", c->dir, name);
+    return skin_fit_add(c->t, i, c->s, c->f, c->m, path,
+                        l->point + l->row[i] * 478 * 3, err);
+}
+
 /* Every photograph of the list by itself, in parallel. */
 static int skin_take_all(struct skin_fit *t, const struct skin_model *s,
                          const struct scan_face *f,
                          const struct register_map *m,
                          const struct skin_list *l, const char *dir,
-                         int threads, struct error *err)
+                         struct error *err)
 {
-    int failed = 0;
+    struct skin_take c = {t, s, f, m, l, dir};
 
-#pragma omp parallel for schedule(dynamic, 1) num_threads(threads)
-    for (size_t i = 0; i < l->n; i++) {
-        struct error mine = {0};
-        char path[4096], name[512];
-        const char *e = cJSON_GetArrayItem(l->names, (int)l->row[i])
-                        ->valuestring;
-        const char *base = strrchr(e, '/');
-        size_t len = strcspn(base, "#");
-        snprintf(name, sizeof name, "%.*s", (int)len, base);
-        snprintf(path, sizeof path, "%s/photos/london%s", dir, name);
-        if (skin_fit_add(t, i, s, f, m, path, l->point + l->row[i] * 478 * 3,
-                         &mine))
-#pragma omp critical(skin_failed)
-        {
-            failed = -1;
-            *err = mine;
-        }
-    }
-    return failed;
+    return parallel_try(l->n, skin_take, &c, err);
 }
 
 int skin_model_fit(struct skin_model *s, const struct scan_face *f,
-                   const char *dir, int threads, struct error *err)
+                   const char *dir, struct error *err)
 {
     struct register_map m = {.basis = NULL};
     struct skin_list l = {0};
@@ -406,8 +413,8 @@ int skin_model_fit(struct skin_model *s, const struct scan_face *f,
              skin_list_photographs(&l, dir, err) ||
              skin_make_masks(s, f, &m, err) ||
              skin_chart_init(&t.chart, f, err) || skin_fit_init(&t, l.n, err) ||
-             skin_take_all(&t, s, f, &m, &l, dir, threads, err) ||
-             skin_fit_finish(s, &t, threads, err);
+             skin_take_all(&t, s, f, &m, &l, dir, err) ||
+             skin_fit_finish(s, &t, err);
     skin_fit_release(&t);
     register_map_release(&m);
     free(l.row);

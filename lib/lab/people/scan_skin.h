@@ -44,7 +44,7 @@ struct skin_look {
 /* Fit to the photographs under DIR/photos/london with the landmarks of
  * DIR/labels. */
 int skin_model_fit(struct skin_model *m, const struct scan_face *f,
-                   const char *dir, int threads, struct error *err);
+                   const char *dir, struct error *err);
 /* Free what it holds; zeroed then. */
 void skin_model_release(struct skin_model *m);
 

@@ -8,6 +8,7 @@
 #include <sysexits.h>
 
 #include "lib/base/jacobi.h"
+#include "lib/base/parallel.h"
 #include "lib/lab/people/vec.h"
 
 #define N SKIN_SIZE
@@ -332,8 +333,24 @@ static void skin_eigen(double *g, double *v, size_t n)
         jacobi_sweep(g, v, n);
 }
 
+struct skin_find_parts_part { const float *x; double *g; size_t d, every, n; };
+
+/* One of them. */
+static void skin_find_parts_part(void *ctx, size_t i)
+{
+    const struct skin_find_parts_part *c = ctx;
+
+    for (size_t j = 0; j <= i; j++) {
+        float sum = 0;
+        const float *a = c->x + i * c->d, *b = c->x + j * c->d;
+        for (size_t p = 0; p + 2 < c->d; p += 3 * c->every)
+            sum += a[p] * b[p] + a[p + 1] * b[p + 1] + a[p + 2] * b[p + 2];
+        c->g[i * c->n + j] = c->g[j * c->n + i] = (double)sum;
+    }
+}
+
 float *skin_find_parts(const float *x, size_t n, size_t d, size_t every,
-                       int parts, int threads, struct error *err)
+                       int parts, struct error *err)
 {
     double *g = malloc(2 * n * n * sizeof *g);
     float *part = calloc((size_t)parts * d, sizeof *part);
@@ -345,15 +362,9 @@ float *skin_find_parts(const float *x, size_t n, size_t d, size_t every,
         return NULL;
     }
     double *v = g + n * n;
-#pragma omp parallel for schedule(dynamic, 4) num_threads(threads)
-    for (size_t i = 0; i < n; i++)
-        for (size_t j = 0; j <= i; j++) {
-            float sum = 0;
-            const float *a = x + i * d, *b = x + j * d;
-            for (size_t p = 0; p + 2 < d; p += 3 * every)
-                sum += a[p] * b[p] + a[p + 1] * b[p + 1] + a[p + 2] * b[p + 2];
-            g[i * n + j] = g[j * n + i] = (double)sum;
-        }
+
+    parallel_for(n, 1, skin_find_parts_part,
+                 &(struct skin_find_parts_part){ x, g, d, every, n });
     skin_eigen(g, v, n);
     for (int k = 0; k < parts; k++) {
         size_t best = 0;
@@ -424,7 +435,7 @@ static int skin_split_grain(struct skin_model *s, struct skin_fit *t,
     return 0;
 }
 
-int skin_fit_finish(struct skin_model *s, struct skin_fit *t, int threads,
+int skin_fit_finish(struct skin_model *s, struct skin_fit *t,
                     struct error *err)
 {
     double light[3][LIGHT_TERMS];
@@ -447,10 +458,10 @@ int skin_fit_finish(struct skin_model *s, struct skin_fit *t, int threads,
     skin_center(s, x, 2 * t->n, mean);
     s->parts = SKIN_PARTS < (int)(2 * t->n) ? SKIN_PARTS : (int)(2 * t->n);
     /* every third texel will do */
-    s->part = skin_find_parts(x, 2 * t->n, 3 * PLANE, 3, s->parts, threads,
+    s->part = skin_find_parts(x, 2 * t->n, 3 * PLANE, 3, s->parts,
                               err);
     rc = !s->part || skin_split_grain(s, t, err)
-                 || brow_fit_finish(&s->brows, &t->brows, threads, err)
+                 || brow_fit_finish(&s->brows, &t->brows, err)
              ? -1
              : 0;
     s->people = t->n;

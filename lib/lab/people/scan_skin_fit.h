@@ -54,9 +54,9 @@ int skin_fit_add(struct skin_fit *t, size_t i, const struct skin_model *s,
  * taken off: per deviation, largest first.  One of `every` triples of columns
  * tells how alike rows are.  NULL and *err when memory is short. */
 float *skin_find_parts(const float *x, size_t n, size_t d, size_t every,
-                       int parts, int threads, struct error *err);
+                       int parts, struct error *err);
 /* Mean, parts and grain into s. */
-int skin_fit_finish(struct skin_model *s, struct skin_fit *t, int threads,
+int skin_fit_finish(struct skin_model *s, struct skin_fit *t,
                     struct error *err);
 
 #endif

@@ -5,6 +5,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/parallel.h"
 #include "lib/lab/people/scan.h"
 #include "lib/lab/people/tri.h"
 #include "lib/lab/people/vec.h"
@@ -149,16 +150,12 @@ static void sky_look_at_piece(struct look *l, struct piece *p, int k)
     memset(l->map, 0, MAP * MAP * sizeof *l->map);
     sky_draw_depth(l->map, l->worn, p->faces, p->nf, p->uv, &p->picture);
     for (int i = 0; i < FACE_VERTICES; i++)
-        if (!sky_is_free(l->map, &l->face[i])) {
-#pragma omp atomic
-            p->shade[i] |= bit;
-        }
+        if (!sky_is_free(l->map, &l->face[i]))
+            __atomic_fetch_or(&p->shade[i], bit, __ATOMIC_RELAXED);
     for (size_t i = 0; i < p->nc; i++)
         if (sky_is_free(l->map, &l->worn[i]) &&
-            sky_is_free(l->bald, &l->worn[i])) {
-#pragma omp atomic
-            p->seen[i] |= bit;
-        }
+            sky_is_free(l->bald, &l->worn[i]))
+            __atomic_fetch_or(&p->seen[i], bit, __ATOMIC_RELAXED);
 }
 
 static int sky_piece_room(struct piece *p)
@@ -183,17 +180,29 @@ static void sky_look_along(struct look *l, struct scan_assets *a,
         if (f->raw[3 * i] < FACE_NECK_END)
             sky_draw_depth(l->bald, l->face, f->raw + 3 * i, 1, NULL, NULL);
     for (int i = 0; i < FACE_VERTICES; i++)
-        if (sky_is_free(l->bald, &l->face[i])) {
-#pragma omp atomic
-            a->seen[i] |= bit;
-        }
+        if (sky_is_free(l->bald, &l->face[i]))
+            __atomic_fetch_or(&a->seen[i], bit, __ATOMIC_RELAXED);
     for (int r = 0; r < racks; r++)
         for (size_t i = 0; i < rack[r]->n; i++)
             sky_look_at_piece(l, &rack[r]->piece[i], k);
     sky_look_at_piece(l, &a->torso, k);
 }
 
-int sky_measure(struct scan_assets *a, int threads, struct error *err)
+struct sky_all {
+    struct scan_assets *a;
+    struct scan_rack *const *rack;
+    struct look *look;          /* (parallel_width()) */
+};
+
+/* Direction k. */
+static void sky_measure_part(void *ctx, size_t k)
+{
+    const struct sky_all *c = ctx;
+
+    sky_look_along(&c->look[parallel_slot()], c->a, c->rack, 3, (int)k);
+}
+
+int sky_measure(struct scan_assets *a, struct error *err)
 {
     struct scan_rack *const rack[] = {&a->hair, &a->hat, &a->cloth};
     size_t most = a->torso.nc;
@@ -211,21 +220,17 @@ int sky_measure(struct scan_assets *a, int threads, struct error *err)
             failed = failed || sky_piece_room(p);
             most = p->nc > most ? p->nc : most;
         }
-#pragma omp parallel num_threads(threads)
-    {
-        struct look l = {.bald = NULL};
-        bool mine = sky_look_init(&l, most) != 0;
-#pragma omp for schedule(dynamic, 1)
-        for (int k = 0; k < SKY_DIRECTIONS; k++) {
-            if (mine || failed) {
-#pragma omp atomic write
-                failed = true;
-            } else {
-                sky_look_along(&l, a, rack, 3, k);
-            }
-        }
-        sky_look_release(&l);
-    }
+    const size_t threads = (size_t)parallel_width();
+    struct look *look = calloc(threads, sizeof *look);
+    failed = failed || !look;
+    for (size_t i = 0; look && i < threads; i++)
+        failed = sky_look_init(&look[i], most) || failed;
+    if (!failed)
+        parallel_for(SKY_DIRECTIONS, 1, sky_measure_part,
+                     &(struct sky_all){a, rack, look});
+    for (size_t i = 0; look && i < threads; i++)
+        sky_look_release(&look[i]);
+    free(look);
     return failed ? error_set(err, EX_OSERR, "out of memory for the sky") : 0;
 }
 

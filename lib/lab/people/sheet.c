@@ -1,11 +1,11 @@
 /* Rows of people, expressions and lights, rendered small. */
 #include "lib/lab/people/sheet.h"
 
-#include <omp.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/parallel.h"
 #include "lib/lab/people/lens.h"
 #include "lib/lab/people/noise.h"
 #include "lib/lab/people/stage.h"
@@ -74,11 +74,34 @@ static int sheet_draw_cell(struct stage *s, int cell, const struct head *head,
     return rc;
 }
 
+struct sheet {
+    uint8_t *rgb;
+    struct stage *stage;        /* (parallel_width()) */
+    const struct head *head;
+    const struct synth_options *opt;
+};
+
+/* Cell i, drawn and put in its place. */
+static int sheet_make_cell(void *ctx, size_t i, struct error *err)
+{
+    const struct sheet *c = ctx;
+    const size_t n = (size_t)c->opt->size, row = 3 * n * SHEET_COLUMNS;
+    struct stage *s = &c->stage[parallel_slot()];
+    uint8_t *to = c->rgb + i / SHEET_COLUMNS * n * row +
+                  i % SHEET_COLUMNS * 3 * n;
+
+    if (sheet_draw_cell(s, (int)i, c->head, c->opt, err))
+        return -1;
+    for (size_t y = 0; y < n; y++)
+        memcpy(to + y * row, s->rgb + 3 * n * y, 3 * n);
+    return 0;
+}
+
 int synth_sheet(uint8_t *rgb, const struct head *head,
                 const struct synth_options *opt, struct error *err)
 {
     size_t n = (size_t)opt->size, row = 3 * n * SHEET_COLUMNS;
-    int failed = 0, threads = opt->threads < 1 ? 1 : opt->threads;
+    int failed = 0, threads = parallel_width();
     struct stage *stage = calloc((size_t)threads, sizeof *stage);
 
     if (!stage)
@@ -88,25 +111,9 @@ int synth_sheet(uint8_t *rgb, const struct head *head,
     noise_lattice();
     lens_init();
     memset(rgb, 0, row * n * SHEET_ROWS);
-#pragma omp parallel for schedule(dynamic, 1) num_threads(threads)
-    for (int i = 0; i < CELLS; i++) {
-        struct stage *s = &stage[omp_get_thread_num()];
-        struct error mine = { 0 };
-        if (failed)
-            continue;
-        if (sheet_draw_cell(s, i, head, opt, &mine)) {
-#pragma omp critical(sheet_failed)
-            {
-                failed = 1;
-                *err = mine;
-            }
-            continue;
-        }
-        uint8_t *to = rgb + (size_t)(i / SHEET_COLUMNS) * n * row
-                      + (size_t)(i % SHEET_COLUMNS) * 3 * n;
-        for (size_t y = 0; y < n; y++)
-            memcpy(to + y * row, s->rgb + 3 * n * y, 3 * n);
-    }
+    if (!failed)
+        failed = parallel_try(CELLS, sheet_make_cell,
+                              &(struct sheet){rgb, stage, head, opt}, err);
     for (int i = 0; i < threads; i++)
         stage_release(&stage[i]);
     free(stage);

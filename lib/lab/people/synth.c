@@ -5,9 +5,9 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include <omp.h>
 
 #include "lib/base/crop.h"
+#include "lib/base/parallel.h"
 #include "lib/lab/people/lens.h"
 #include "lib/lab/people/noise.h"
 #include "lib/lab/people/scan_scene.h"
@@ -39,6 +39,7 @@ struct synth {
     uint64_t next, total;
     struct synth_scene *scene;          /* (slots) */
     struct synth_picture *picture;          /* (batch) */
+    size_t threads;
     struct stage *stage;        /* (threads) */
     struct scan_worker *worker;     /* (threads), with assets */
 };
@@ -67,14 +68,14 @@ struct synth *synth_open(const struct head *head,
         goto memory;
     s->opt = *opt;
     s->head = head;
-    s->opt.threads = opt->threads < 1 ? 1 : opt->threads;
-    s->slots = (size_t)s->opt.threads * 2;
-    s->batch = (size_t)s->opt.threads * 4;
+    s->threads = (size_t)parallel_width();
+    s->slots = s->threads * 2;
+    s->batch = s->threads * 4;
     s->total = opt->people * opt->frames;
     s->scene = calloc(s->slots, sizeof *s->scene);
     s->picture = calloc(s->batch, sizeof *s->picture);
-    s->stage = calloc((size_t)s->opt.threads, sizeof *s->stage);
-    s->worker = calloc((size_t)s->opt.threads, sizeof *s->worker);
+    s->stage = calloc(s->threads, sizeof *s->stage);
+    s->worker = calloc(s->threads, sizeof *s->worker);
     if (!s->scene || !s->picture || !s->stage || !s->worker)
         goto memory;
     for (size_t i = 0; i < s->slots; i++)
@@ -87,7 +88,7 @@ struct synth *synth_open(const struct head *head,
     for (size_t i = 0; i < s->batch; i++)
         if (synth_picture_init(&s->picture[i], s))
             goto memory;
-    for (int i = 0; i < s->opt.threads; i++)
+    for (size_t i = 0; i < s->threads; i++)
         if (opt->assets ? scan_worker_init(&s->worker[i], head, opt->size, err)
                         : stage_init(&s->stage[i], opt->size, err))
             goto out;
@@ -118,9 +119,9 @@ void synth_close(struct synth *s)
         free(s->picture[i].alone);
         free(s->picture[i].verts);
     }
-    for (int i = 0; s->stage && i < s->opt.threads; i++)
+    for (size_t i = 0; s->stage && i < s->threads; i++)
         stage_release(&s->stage[i]);
-    for (int i = 0; s->worker && i < s->opt.threads; i++)
+    for (size_t i = 0; s->worker && i < s->threads; i++)
         scan_worker_release(&s->worker[i]);
     free(s->worker);
     free(s->scene);
@@ -241,51 +242,41 @@ static int synth_picture_make(struct synth *s, struct synth_picture *t, int me,
                : synth_picture_render(s, t, &s->stage[me], err);
 }
 
+/* One of the batch's people. */
+static int synth_make_scene(void *ctx, size_t i, struct error *err)
+{
+    struct synth *s = ctx;
+
+    return synth_scene_prepare(s, s->next / s->opt.frames + i, err);
+}
+
+/* One of its frames. */
+static int synth_make_picture(void *ctx, size_t i, struct error *err)
+{
+    struct synth *s = ctx;
+
+    s->picture[i].number = s->next + i;
+    return synth_picture_make(s, &s->picture[i], (int)parallel_slot(), err);
+}
+
 /* Make the next batch: first its people, then its frames. */
 static int synth_make_batch(struct synth *s, struct error *err)
 {
     uint64_t left = s->total - s->next;
     uint64_t first = s->next / s->opt.frames, room;
-    int failed = 0;
-    struct error e = { 0 };
 
     s->made = left < s->batch ? (size_t)left : s->batch;
     /* no more people than slots */
     room = (first + s->slots) * s->opt.frames - s->next;
     s->made = room < s->made ? (size_t)room : s->made;
     uint64_t last = (s->next + s->made - 1) / s->opt.frames;
-#pragma omp parallel num_threads(s->opt.threads)
-    {
-#pragma omp for schedule(dynamic, 1)
-        for (uint64_t i = first; i <= last; i++) {
-            struct error mine = { 0 };
-            if (synth_scene_prepare(s, i, &mine))
-#pragma omp critical(synth_failed)
-            {
-                failed = 1;
-                e = mine;
-            }
-        }
-#pragma omp for schedule(dynamic, 1)
-        for (size_t i = 0; i < s->made; i++) {
-            struct error mine = { 0 };
-            s->picture[i].number = s->next + i;
-            if (!failed && synth_picture_make(s, &s->picture[i],
-                                              omp_get_thread_num(), &mine))
-#pragma omp critical(synth_failed)
-            {
-                failed = 1;
-                e = mine;
-            }
-        }
-    }
+    int rc = parallel_try(last - first + 1, synth_make_scene, s, err) ||
+             parallel_try(s->made, synth_make_picture, s, err) ? -1 : 0;
     s->next += s->made;
     s->given = 0;
-    if (failed) {
+    if (rc)
         s->made = 0;
-        *err = e;
-    }
-    return failed ? -1 : 0;
+    return rc;
 }
 
 int synth_next(struct synth *s, struct synth_frame *frame, struct error *err)

@@ -27,7 +27,6 @@ struct synth_options {
                                          * frame k, turn[k % turns]; borrowed */
     size_t turns;               /* 0: as the person moves */
     bool mesh;                  /* also the driven vertices */
-    int threads;
     const struct scan_assets *assets;   /* people of the scans; NULL: drawn
                                          * by procedures.  Borrowed */
 };

@@ -1,0 +1,119 @@
+/* The pool: every item once, each thread in a slot of its own, several callers
+ * at once, calls inside a job, callers that work alone, and denormals. */
+#include "lib/base/parallel.h"
+
+#include <pthread.h>
+#include <stdatomic.h>
+#include <string.h>
+
+#include "lib/base/cpu.h"
+#include "tests/check.h"
+
+#define MOST 5000
+
+struct count {
+    atomic_uchar seen[MOST];
+    atomic_int busy[PARALLEL_MOST];     /* slots in use */
+    atomic_int bad;
+    bool nested;
+    atomic_int kept;            /* items whose denormals were not flushed */
+};
+
+static void count_inner(void *ctx, size_t i)
+{
+    atomic_int *n = ctx;
+
+    atomic_fetch_add(n, (int)i);
+}
+
+static void count_part(void *ctx, size_t i)
+{
+    struct count *c = ctx;
+    const size_t own = parallel_slot();
+    volatile float tiny = 1e-39f;
+
+    c->bad += atomic_fetch_add(&c->busy[own], 1) != 0;
+    c->seen[i]++;
+    c->kept += tiny * 0.5f != 0;
+    if (c->nested) {
+        atomic_int n = 0;
+
+        parallel_for(100, 1, count_inner, &n);
+        c->bad += n != 4950 || parallel_slot() != own;
+    }
+    atomic_fetch_sub(&c->busy[own], 1);
+}
+
+/* One job; how many items were not seen exactly once, and what else failed. */
+static int count_run(struct count *c, size_t count, size_t grain, bool nested)
+{
+    int bad;
+
+    memset(c, 0, sizeof *c);
+    c->nested = nested;
+    parallel_for(count, grain, count_part, c);
+    bad = c->bad;
+    for (size_t i = 0; i < MOST; i++)
+        bad += c->seen[i] != (i < count);
+    return bad;
+}
+
+/* A thread with jobs of its own. */
+static void *count_thread(void *arg)
+{
+    static _Thread_local struct count c;
+    int *bad = arg;
+
+    for (size_t i = 0; i < 300; i++)
+        *bad += count_run(&c, i * 7 % 200, 1 + i % 3, i % 5 == 0);
+    return NULL;
+}
+
+static struct count count;
+
+/* All counts of threads, sizes about the corners. */
+static void sizes_run(void)
+{
+    static const int widths[] = {1, 2, 3, 7, PARALLEL_MOST};
+    static const size_t sizes[] = {0, 1, 2, 3, 7, 64, 65, 1000, MOST};
+    int bad = 0;
+
+    for (int w = 0; w < 5; w++) {
+        parallel_set_width(widths[w]);
+        for (int s = 0; s < 9; s++)
+            for (size_t grain = 0; grain < 40; grain += 13)
+                bad += count_run(&count, sizes[s], grain, s % 2);
+    }
+    expect("items not seen once, or slots shared", bad, 0, 0);
+}
+
+int main(void)
+{
+    pthread_t thread[4];
+    int bad[4] = {0};
+
+    expect("slot outside", (double)parallel_slot(), 0, 0);
+    sizes_run();
+    parallel_set_width(3);
+    for (int i = 0; i < 4; i++)
+        pthread_create(&thread[i], NULL, count_thread, &bad[i]);
+    for (int i = 0; i < 4; i++)
+        pthread_join(thread[i], NULL);
+    expect("the same for four callers at once",
+           bad[0] + bad[1] + bad[2] + bad[3], 0, 0);
+#if defined(__x86_64__) || defined(__aarch64__)
+    cpu_flush_denormals();
+    for (int i = 0, n = 0; i < 200; i++, n += count.kept) {
+        count_run(&count, MOST, 1, false);
+        if (i == 199)
+            expect("items that keep denormals", n, 0, 0);
+    }
+    cpu_keep_denormals();
+    count_run(&count, MOST, 1, false);
+    check_that("and all keep them when the caller does", count.kept == MOST);
+#endif
+    parallel_alone(true);
+    count_run(&count, MOST, 1, false);
+    expect("alone: all of it", count.kept, MOST, 0);
+    return check_status();
+}
