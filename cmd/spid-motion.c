@@ -166,9 +166,8 @@ static void motion_set_relative(struct program *p)
     }
     if (neutral.given)
         motion_find_neutral(p, &rest);
-    driver_set_relative(&p->driver, &source.source,
-                        neutral.given ? &rest : NULL, p->head.nexp,
-                        head_has_arkit(&p->head));
+    driver_set_relative(&p->driver, &source.calm,
+                        neutral.given ? &rest : NULL, p->head.nexp);
     person_release(&source);
 }
 

@@ -30,7 +30,7 @@ static int take_relative(struct relative *r, const char *path, size_t nexp,
     if (person_load(&source, path, nexp, err))
         return -1;
     take_to_motion(&neutral, nexp, rest);
-    relative_init(r, &source.source, &neutral, nexp, true);
+    relative_init(r, &source.calm, &neutral, nexp);
     if (!source.has_source)
         error_set(err, EX_DATAERR, "--relative=%s: no MOTN record (expected "
                   "an identity, as spid-shape writes it)", path);

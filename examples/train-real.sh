@@ -116,9 +116,22 @@ train motion-acts motion-acts held.spid \
 # shellcheck disable=SC2086
 train refiner refiner-photo held-pairs.spid \
     --init "$dir/avatar/model.safetensors" $some
+# faces that turn far: YAW:PITCH of each frame, other people in each piece
+turned='' i=0
+for turn in 75,-60:10,50:-25,-30:30,15 -75,62:-12,-48:20,35:-35,-10:5 \
+    68:15,-66,57,-52:-15,25:25 -70:-8,72:8,-58,44,-38:-20 \
+    65,-63:5,-72,55:18,0:-35 -68:12,60,-55,70:-10,5:35; do
+    make_once "turned-$i.spid" spid-synth --assets "$assets" \
+        --people "$((people / 400 + 1))" --first "$((i * (people / 400 + 1)))" \
+        --frames 5 --size 256 --seed "$((65000 + seed))" --effects 1 --fps 0.8 \
+        --without mesh --head "$dir/head.safetensors" --turn "$turn"
+    turned="$turned $dir/turned-$i.spid"
+    i=$((i + 1))
+done
+# shellcheck disable=SC2086
 train sure sure held.spid \
     --init "$dir/motion-acts/model.safetensors:motion.encoder." \
-    "$dir/faces-384.spid" "$dir/real.spid"
+    "$dir/faces-384.spid" "$dir/real.spid" $turned
 
 # who is in the picture: people of scans, and photographs before plain walls
 # shellcheck disable=SC2046
@@ -128,4 +141,17 @@ make_once plain.spid spid-fit --assets "$assets" --plain \
 # shellcheck disable=SC2086
 train matte matte held.spid \
     $(echo "$mixed" | sed "s:$dir/real.spid:$dir/plain.spid:g")
-join model.safetensors refiner motion-acts shape sure matte
+join faces.safetensors refiner motion-acts shape sure matte
+
+# what that encoder says of calm faces
+rest=''
+for photo in $(awk -F '\t' '$1 == "training" && /london/ { print $3 "neutral" }' \
+    "$here/model/splits.tsv"); do
+    make_once "rest-${photo##*/}.spid" spid-motion -q --no-align \
+        -m "$dir/faces.safetensors" "$assets/${photo#assets/}.jpg"
+    rest="$rest $dir/rest-${photo##*/}.spid"
+done
+mkdir -p "$dir/rest"
+# shellcheck disable=SC2086
+python3 "$here/rest.py" "$dir/rest/model.safetensors" $rest
+join model.safetensors refiner motion-acts shape sure matte rest

@@ -1,4 +1,4 @@
-/* The first face of a clip, by OpenCV's Haar cascades; after it the projected
+/* The first face of a clip, by OpenCV's Haar cascade; after it the projected
  * head says where the next one is. */
 extern "C" {
 #include "formats/facedetect.h"
@@ -18,16 +18,12 @@ extern "C" {
 #include <opencv2/objdetect.hpp>
 
 struct facedetect {
-    cv::CascadeClassifier frontal, profile;
-    bool has_profile = false;           /* loaded when first asked for */
+    cv::CascadeClassifier frontal;
 };
 
 /* The longest side a picture is searched at: small for a portrait's large
  * face, then larger for whatever else there may be. */
 static const double QUICK_SIDE = 240, SEARCH_SIDE = 480;
-/* Heads tilt: where no upright face is, one so many degrees aside is looked
- * for. */
-static const double TILT = 25;
 
 /* From $SPID_CASCADES or where packages put them; tried lists the places. */
 static bool facedetect_cascade_load(cv::CascadeClassifier &c, const char *name,
@@ -101,48 +97,6 @@ static bool facedetect_largest(cv::CascadeClassifier &c, cv::Rect &box,
     return true;
 }
 
-/* Frontal, then the profile cascade (which knows one side) both ways. */
-static bool facedetect_detector_find(facedetect *d, cv::Rect &box,
-                                     const cv::Mat &grey)
-{
-    std::string tried;
-
-    if (facedetect_largest(d->frontal, box, grey, 4))
-        return true;
-    if (!d->has_profile)
-        facedetect_cascade_load(d->profile, "haarcascade_profileface.xml",
-                                tried);
-    d->has_profile = true;
-    if (facedetect_largest(d->profile, box, grey, 4))
-        return true;
-    cv::Mat turned;
-    cv::flip(grey, turned, 1);
-    if (!facedetect_largest(d->profile, box, turned, 4))
-        return facedetect_largest(d->frontal, box, grey, 2);
-    box.x = grey.cols - box.x - box.width;
-    return true;
-}
-
-/* A face that is tilted more than the cascades know, in the picture rolled by
- * `degrees` about its middle; the box is moved back, and stays upright. */
-static bool facedetect_rolled_find(facedetect *d, cv::Rect &box,
-                                   const cv::Mat &grey, double degrees)
-{
-    const cv::Point2f middle(0.5f * (float)grey.cols, 0.5f * (float)grey.rows);
-    cv::Mat rolled, back;
-
-    cv::warpAffine(grey, rolled, cv::getRotationMatrix2D(middle, degrees, 1),
-                   grey.size(), cv::INTER_LINEAR, cv::BORDER_REPLICATE);
-    if (!facedetect_largest(d->frontal, box, rolled, 4))
-        return false;
-    std::vector<cv::Point2f> at{{(float)box.x + 0.5f * (float)box.width,
-                                 (float)box.y + 0.5f * (float)box.height}};
-    cv::transform(at, at, cv::getRotationMatrix2D(middle, -degrees, 1));
-    box.x = (int)std::lround(at[0].x - 0.5f * (float)box.width);
-    box.y = (int)std::lround(at[0].y - 0.5f * (float)box.height);
-    return true;
-}
-
 /* The picture in grey with its longest side at most `side`; returns the
  * scale. */
 static double facedetect_shrink_grey(cv::Mat &grey, const cv::Mat &in,
@@ -170,9 +124,7 @@ int facedetect_find(struct facedetect *d, struct square *face,
         double k = facedetect_shrink_grey(grey, in, QUICK_SIDE);
         if (!facedetect_largest(d->frontal, box, grey, 4, 5)) {
             k = facedetect_shrink_grey(grey, in, SEARCH_SIDE);
-            if (!facedetect_detector_find(d, box, grey)
-                && !facedetect_rolled_find(d, box, grey, TILT)
-                && !facedetect_rolled_find(d, box, grey, -TILT))
+            if (!facedetect_largest(d->frontal, box, grey, 4))
                 return 0;
         }
         face->x = (box.x + box.width / 2.0) / k;

@@ -1,4 +1,4 @@
-/* The first crop: faces by the Haar cascades of Debian's opencv-data. */
+/* The first crop: frontal faces by the Haar cascade of Debian's opencv-data. */
 #ifndef SPID_FORMATS_FACEDETECT_H
 #define SPID_FORMATS_FACEDETECT_H
 
@@ -10,14 +10,13 @@
 
 struct facedetect;
 
-/* Load the cascades: $SPID_CASCADES, then the places distributions use.
+/* Load the cascade: $SPID_CASCADES, then the places distributions use.
  * EX_UNAVAILABLE names what was tried. */
 struct facedetect *facedetect_open(struct error *err);
 void facedetect_close(struct facedetect *d);     /* NULL is allowed */
 
-/* The largest face of the picture [H,W,3], stride bytes a row: frontal
- * first, then profile of either side, then frontal and tilted either way.  1
- * and *face (the detector's box, in picture pixels); 0: none. */
+/* The largest upright, frontal face of the picture [H,W,3], stride bytes a row:
+ * 1 and *face (the detector's box, in picture pixels); 0: none. */
 int facedetect_find(struct facedetect *d, struct square *face,
                     const uint8_t *rgb, size_t W, size_t H, size_t stride);
 

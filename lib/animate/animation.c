@@ -129,9 +129,8 @@ static int animation_set_relative(struct animation *a, struct error *err)
         return 0;
     if (opt->neutral.given && neutral_find(&rest, &opt->neutral, &clip, err))
         return -1;
-    driver_set_relative(&a->driver, &a->source.person.source,
-                        opt->neutral.given ? &rest : NULL, nexp,
-                        head_has_arkit(&a->models->head));
+    driver_set_relative(&a->driver, &a->source.person.calm,
+                        opt->neutral.given ? &rest : NULL, nexp);
     return 0;
 }
 
@@ -172,8 +171,8 @@ static int animation_open_take(struct animation *a, struct error *err)
                        1000);
     take_to_motion(&neutral, h->nexp, rest);
     if (opt->relative && a->source.person.has_source)
-        driver_set_relative(&a->driver, &a->source.person.source, &neutral,
-                            h->nexp, true);
+        driver_set_relative(&a->driver, &a->source.person.calm, &neutral,
+                            h->nexp);
     return 0;
 }
 

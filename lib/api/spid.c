@@ -184,11 +184,12 @@ static int spid_open_track(struct spid *s)
 static void spid_take(struct spid *s, struct track_result *r, bool first)
 {
     const struct head *h = &s->models.head;
-    const struct motion own = s->source.person.source;
+    struct motion calm = r->motion;
 
     r->motion.pose.exp = r->motion.exp;
+    relative_calm(&calm, h->nexp, motion_encoder_rest(s->track.tta.net));
     if (s->opt.relative && first)
-        relative_init(&s->rest, &own, &r->motion, h->nexp, head_has_arkit(h));
+        relative_init(&s->rest, &s->source.person.calm, &calm, h->nexp);
     if (s->opt.relative)
         relative_apply(&r->motion, &s->rest);
     s->motion = r->motion;

@@ -99,6 +99,33 @@ struct array motion_sure(const float *sure)
     return array_make("sure", DTYPE_F32, sure, 1, 1, 0, 0, 0);
 }
 
+struct array motion_calm(const float *face, size_t nexp)
+{
+    return array_make("calm", DTYPE_F32, face, 1, nexp + 5, 0, 0, 0);
+}
+
+int motion_read_calm(struct motion *m, const struct record *rec, size_t nexp,
+                     struct error *err)
+{
+    float face[HEAD_MAX_EXP + 5];
+
+    if (!record_find(rec, "calm"))
+        return 0;
+    if (motion_copy(face, rec, "calm", nexp + 5, 0, err))
+        return -1;
+    memcpy(m->exp, face, nexp * sizeof *face);
+    memcpy(m->pose.jaw, face + nexp, sizeof m->pose.jaw);
+    memcpy(m->pose.lid, face + nexp + 3, sizeof m->pose.lid);
+    return 1;
+}
+
+void motion_face(float *face, const struct motion *m, size_t nexp)
+{
+    memcpy(face, m->exp, nexp * sizeof *face);
+    memcpy(face + nexp, m->pose.jaw, sizeof m->pose.jaw);
+    memcpy(face + nexp + 3, m->pose.lid, sizeof m->pose.lid);
+}
+
 struct array motion_lost(void)
 {
     static const uint8_t one = 1;

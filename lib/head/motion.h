@@ -40,6 +40,14 @@ struct array motion_landmarks(const float *lmk);
 struct array motion_points(const float *points, size_t n);
 /* sure (1): how sure the encoder is, 0 to 1. */
 struct array motion_sure(const float *sure);
+/* What an identity's MOTN has: face (nexp + 5) is expression, jaw and lids of
+ * its person at rest. */
+struct array motion_calm(const float *face, size_t nexp);
+/* m's face from the record's, where it has one: 1, 0, -1 and *err. */
+int motion_read_calm(struct motion *m, const struct record *rec, size_t nexp,
+                     struct error *err);
+/* face (nexp + 5) of m, as in the array. */
+void motion_face(float *face, const struct motion *m, size_t nexp);
 /* No face: the last motion is held. */
 struct array motion_lost(void);
 

@@ -110,6 +110,9 @@ int person_read_record(struct person *p, const struct record *rec, size_t nexp,
     if (record_is(rec, RECORD_MOTN)) {
         if (motion_read(&p->source, rec, nexp, err))
             return -1;
+        p->calm = p->source;
+        if (nexp && motion_read_calm(&p->calm, rec, nexp, err) < 0)
+            return -1;
         p->has_source = true;
         return 1;
     }
@@ -215,12 +218,15 @@ int person_write(struct stream_writer *w, const struct person *p, size_t nexp,
                  struct error *err)
 {
     const struct shape shape = {.beta = p->shape, .n = p->nshape};
+    float face[HEAD_MAX_EXP + 5];
 
-    if (person_write_picture(w, p, err) ||
-        shape_write(w, 0, 0, &shape, err) ||
-        motion_write(w, 0, 0, &p->source, nexp, NULL, 0, err))
-        return -1;
-    return 0;
+    motion_face(face, &p->calm, nexp);
+    const struct array calm = motion_calm(face, nexp);
+    return person_write_picture(w, p, err) ||
+                   shape_write(w, 0, 0, &shape, err) ||
+                   motion_write(w, 0, 0, &p->source, nexp, &calm, 1, err)
+               ? -1
+               : 0;
 }
 
 void person_release(struct person *p)

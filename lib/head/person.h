@@ -29,6 +29,8 @@ struct person {
                                  * PERSON_LARGEST */
     float crop[3];              /* of the source picture in its file */
     struct motion source;       /* the source's own motion */
+    struct motion calm;         /* the same with the person's face at rest, as
+                                 * far as it is known */
     bool has_source;
     char head[17], model[17];   /* hashes of CONF: "head_hash",
                                  * "model_hash"; "" when it has none */

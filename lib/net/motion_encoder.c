@@ -43,6 +43,21 @@ void motion_encoder_add_sure(struct motion_encoder *m, const char *prefix)
     sure_head_init(&m->sure, m->ps, prefix, m->net.features);
 }
 
+void motion_encoder_add_rest(struct motion_encoder *m, const char *prefix)
+{
+    const size_t dims[2] = {2, MOTION_OUT};
+    char name[120];
+
+    nn_name(name, "%srest", prefix);
+    m->rest = params_add(m->ps, name, 2, dims, PARAM_ZERO, 0);
+    m->has_rest = true;
+}
+
+const float *motion_encoder_rest(const struct motion_encoder *m)
+{
+    return m->has_rest ? param_w(m->ps, m->rest) : NULL;
+}
+
 float motion_encoder_sure(const struct motion_encoder *m, size_t n)
 {
     return sure_head_forward(&m->sure, m->pooled + n * m->net.features);

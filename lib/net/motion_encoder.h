@@ -28,6 +28,8 @@ struct motion_encoder {
     struct params *ps;
     size_t head_w[6], head_b[6];  /* tensor indices in ps */
     struct sure_head sure;        /* zeroed: none */
+    bool has_rest;                /* motion_encoder_add_rest was called */
+    size_t rest;                  /* tensor index in ps */
     size_t batch;
     bool quick;                   /* NN_FAST was asked for, NN_BF16 planned */
     struct nn_plan plan;
@@ -41,6 +43,11 @@ int motion_encoder_init(struct motion_encoder *m, struct params *ps,
                         struct error *err);
 /* Declare the sure head, after motion_encoder_init. */
 void motion_encoder_add_sure(struct motion_encoder *m, const char *prefix);
+/* Declare "<prefix>rest" (2,120): what E_m says of calm faces, least and most,
+ * as people's faces differ and E_m errs.  After motion_encoder_init. */
+void motion_encoder_add_rest(struct motion_encoder *m, const char *prefix);
+/* It; NULL where the model does not have it. */
+const float *motion_encoder_rest(const struct motion_encoder *m);
 /* After params_randomise, which gives the heads a tenth of the usual weights:
  * the biases of a frontal face in the middle of its crop (rotation
  * (1,0,0, 0,-1,0), translation (0,0,7), lids 0.12). */

@@ -32,6 +32,8 @@ static const struct schema table[] = {
       "dense landmarks, portrait pixels" },
     { RECORD_MOTN, "lost", "u8", "1", false,
       "1: no face, the last motion held" },
+    { RECORD_MOTN, "calm", "f32", "*", false,
+      "an identity's: expression, jaw and lids at rest" },
     { RECORD_MOTN, "sure", "f32", "1", false,
       "how sure the encoder is, 0 to 1" },
     { RECORD_MESH, "verts", "f32", "V,3", true, "vertices, head units" },

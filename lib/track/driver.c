@@ -8,6 +8,7 @@
 
 #include "lib/base/cpu.h"
 #include "lib/base/list.h"
+#include "lib/track/turned.h"
 #include "lib/track/take.h"
 
 void driver_init(struct driver *d, struct track *t, driver_read_fn *read,
@@ -125,6 +126,22 @@ static int driver_remember(struct driver *d, const struct frame *f,
     return 0;
 }
 
+/* A face in a frame: 1, 0, -1.  In the first one lying faces are looked for,
+ * too: people hold cameras sideways and upside down. */
+static int driver_look(struct driver *d, const struct frame *f,
+                       struct error *err)
+{
+    /* turned_start writes nothing to it */
+    const struct image im = {.width = f->width, .height = f->height,
+                             .rgb = (uint8_t *)(uintptr_t)f->rgb};
+
+    return d->early_count || d->live
+               ? track_start(d->track, &d->found, f->rgb, f->width, f->height,
+                             f->time, err)
+               : turned_start(d->track, &d->found, &d->lying, &im, f->time,
+                              err);
+}
+
 /* What was tried in vain; f is the last frame. */
 static enum driver_status driver_no_face(const struct driver *d,
                                          const struct frame *f,
@@ -134,11 +151,16 @@ static enum driver_status driver_no_face(const struct driver *d,
         error_set(err, EX_DATAERR, "no face before the end");
     else if (d->early_count == 0)
         error_set(err, EX_DATAERR, "no frames");
+    else if (d->lying)
+        error_set(err, EX_DATAERR, "no upright face in %zu frame%s (the first "
+                  "shows one when it is turned by %d degrees clockwise: turn "
+                  "the clip)", d->early_count, d->early_count == 1 ? "" : "s",
+                  90 * d->lying);
     else
         error_set(err, EX_DATAERR,
                   "no face in %zu frame%s of %zu x %zu pixels (looked for "
-                  "frontal and profile faces from a twelfth of the picture "
-                  "up; --crop X,Y,SIZE says where it is)", d->early_count,
+                  "upright faces from a twelfth of the picture up; --crop "
+                  "X,Y,SIZE says where it is)", d->early_count,
                   d->early_count == 1 ? "" : "s", f->width, f->height);
     return DRIVER_NO_FACE;
 }
@@ -153,8 +175,8 @@ enum driver_status driver_start(struct driver *d,
     if (d->records || d->take)
         return driver_start_motions(d, err);
     while ((rc = d->read(d->ctx, &f, err)) == 1) {
-        int found = track_start(d->track, &d->found, f.rgb, f.width,
-                                f.height, f.time, err);
+        const int found = driver_look(d, &f, err);
+
         if (found < 0)
             return DRIVER_ERROR;
         if (found) {
@@ -178,11 +200,13 @@ enum driver_status driver_start(struct driver *d,
 }
 
 void driver_set_relative(struct driver *d, const struct motion *source,
-                         const struct motion *neutral, size_t nexp,
-                         bool arkit)
+                         const struct motion *neutral, size_t nexp)
 {
-    relative_init(&d->rest, source, neutral ? neutral : &d->found.motion,
-                  nexp, arkit);
+    struct motion calm = neutral ? *neutral : d->found.motion;
+
+    if (d->track)
+        relative_calm(&calm, nexp, motion_encoder_rest(d->track->tta.net));
+    relative_init(&d->rest, source, &calm, nexp);
     d->relative = true;
 }
 

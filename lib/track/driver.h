@@ -40,6 +40,8 @@ struct driver {
     struct frame first;         /* the frame with the first face */
     struct track_result found;
     double *early;              /* times of the frames before it */
+    int lying;                  /* quarter turns clockwise after which the
+                                 * first of them would show one; 0: none */
     size_t early_count, early_next, early_room;
     bool started, first_given;
     bool live;                  /* set by the caller before driver_start: looks
@@ -79,11 +81,11 @@ enum driver_status driver_start(struct driver *d,
                                 void *seen_ctx, struct error *err);
 
 /* From now on motions are what the driver does relative to neutral (NULL: its
- * first frame with a face), added to source (relative_init).
- * After driver_start. */
+ * first frame with a face), added to source (relative_init).  Where
+ * motions are the tracker's, neutral is calm (relative_calm).  After
+ * driver_start. */
 void driver_set_relative(struct driver *d, const struct motion *source,
-                         const struct motion *neutral, size_t nexp,
-                         bool arkit);
+                         const struct motion *neutral, size_t nexp);
 
 /* The next frame and its motion: 1; 0 at the end; -1 (all frames before the
  * fault have been delivered).  Frames before the first face come first, marked

@@ -4,7 +4,8 @@
 
 #include <string.h>
 
-/* E_m, with the sure head where the model has one. */
+/* E_m, with its sure head and what it says of calm faces where the model has
+ * them. */
 static int encoders_init_motion(struct encoders *e, const struct model *m,
                                 struct error *err)
 {
@@ -13,6 +14,8 @@ static int encoders_init_motion(struct encoders *e, const struct model *m,
         return -1;
     if (m->st && st_find(m->st, "motion.sure.weight"))
         motion_encoder_add_sure(&e->motion, "motion.");
+    if (m->st && st_find(m->st, "motion.rest"))
+        motion_encoder_add_rest(&e->motion, "motion.");
     return 0;
 }
 

@@ -7,7 +7,7 @@
 
 #include "lib/base/camera.h"
 #include "lib/base/rotation.h"
-#include "lib/head/arkit.h"
+#include "lib/net/motion_encoder.h"
 
 /* How much a radian of looking away weighs beside a standard deviation of
  * expression. */
@@ -15,16 +15,31 @@
 /* The same of a radian of the jaw, and of closing an eye. */
 #define RELATIVE_JAW_WEIGHT 25.0
 #define RELATIVE_LID_WEIGHT 4.0
-/* The most a face does: of ARKit's weights, and of jawOpen. */
-#define RELATIVE_MOST 1.2f
+
+void relative_calm(struct motion *m, size_t nexp, const float *rest)
+{
+    struct {
+        float *x;
+        size_t n, at;
+    } part[] = {{m->exp, nexp, MOTION_EXP},
+                {m->pose.jaw, 3, MOTION_JAW},
+                {m->pose.lid, 2, MOTION_LID}};
+
+    for (size_t k = 0; rest && k < sizeof part / sizeof *part; k++)
+        for (size_t i = 0; i < part[k].n; i++) {
+            const float *range = rest + part[k].at + i;
+
+            part[k].x[i] = fminf(fmaxf(part[k].x[i], range[0]),
+                                 range[MOTION_OUT]);
+        }
+}
 
 void relative_init(struct relative *r, const struct motion *source,
-                   const struct motion *neutral, size_t nexp, bool arkit)
+                   const struct motion *neutral, size_t nexp)
 {
     r->source = *source;
     r->neutral = *neutral;
     r->nexp = nexp;
-    r->arkit = arkit;
     r->source.pose.exp = r->source.exp;
     r->neutral.pose.exp = r->neutral.exp;
 }
@@ -61,42 +76,21 @@ static void relative_move(float t[3], const float neutral[3],
     t[2] = depth;
 }
 
-/* What a step from neutral becomes at source, for the same share of what is
- * left to the most; neutral is below that. */
-static float relative_share(float neutral, float source, float most)
-{
-    return fmaxf(most - source, 0) / (most - neutral);
-}
-
 /* source + lid - neutral; what closes it closes the same share. */
 static float relative_lid(float lid, float neutral, float source)
 {
     float way = lid - neutral;
 
     if (way > 0 && neutral < 1)
-        way *= relative_share(neutral, source, 1);
+        way *= fmaxf(1 - source, 0) / (1 - neutral);
     return fminf(fmaxf(source + way, 0), 1);
 }
 
-/* source + x - neutral; a source that does more of it than the neutral frame
- * goes the same share. */
-static float relative_weight(float x, float neutral, float source, float most)
-{
-    float way = x - neutral;
-
-    if (way > 0 && source > neutral)
-        way *= neutral < most ? relative_share(neutral, source, most) : 0;
-    return source + way;
-}
-
-/* Jaws that are shut shut no further, whatever the neutral frame was, than
- * source or driver themselves do. */
+/* source + open - neutral; jaws that are shut shut no further, whatever the
+ * neutral frame was, than source or driver themselves do. */
 static float relative_open(float open, float neutral, float source)
 {
-    const float most = RELATIVE_MOST * (float)ARKIT_JAW_OPEN;
-
-    return fmaxf(relative_weight(open, neutral, source, most),
-                 fminf(fminf(source, open), 0));
+    return fmaxf(source + open - neutral, fminf(fminf(source, open), 0));
 }
 
 void relative_apply(struct motion *m, const struct relative *r)
@@ -106,9 +100,7 @@ void relative_apply(struct motion *m, const struct relative *r)
     relative_rotate(m->R, n->R, s->R);
     relative_move(m->t, n->t, s->t);
     for (size_t i = 0; i < r->nexp; i++)
-        m->exp[i] = r->arkit ? relative_weight(m->exp[i], n->exp[i],
-                                               s->exp[i], RELATIVE_MOST)
-                             : s->exp[i] + m->exp[i] - n->exp[i];
+        m->exp[i] += s->exp[i] - n->exp[i];
     m->pose.jaw[0] = relative_open(m->pose.jaw[0], n->pose.jaw[0],
                                    s->pose.jaw[0]);
     for (int i = 1; i < 3; i++)

@@ -5,32 +5,34 @@
 #ifndef SPID_TRACK_RELATIVE_H
 #define SPID_TRACK_RELATIVE_H
 
-#include <stdbool.h>
 #include <stddef.h>
 
 #include "lib/head/motion.h"
 
 struct relative {
-    struct motion source;       /* the source picture's own */
-    struct motion neutral;      /* the driver's, at rest */
+    struct motion source;       /* the source picture's pose, its face calm */
+    struct motion neutral;      /* the driver's, likewise */
     size_t nexp;                /* components of expression */
-    bool arkit;                 /* which are weights from 0 to 1 */
 };
 
+/* The face of m, of nexp components of expression, no further from the mean
+ * than rest (2,MOTION_OUT), the least and the most that E_m says of calm faces
+ * (motion_encoder_rest): what a face does beyond is expression, not the
+ * person's own.  NULL: m stays. */
+void relative_calm(struct motion *m, size_t nexp, const float *rest);
+
 /* Motions are to be what has changed since neutral, added to source; nexp
- * components of expression, the head's, which are ARKit's (head_has_arkit) or
- * not.  Nothing is borrowed. */
+ * components of expression, the head's.  Where both faces are calm, a grin is
+ * left by who is driven to be calm, and a driver who begins with a grin is not
+ * taken to grin at rest.  Nothing is borrowed. */
 void relative_init(struct relative *r, const struct motion *source,
-                   const struct motion *neutral, size_t nexp, bool arkit);
+                   const struct motion *neutral, size_t nexp);
 
 /* m, a motion of the driver, in place:
  *   rotation     R R_n^T R_s
  *   place        the source's, moved by as many head widths as the driver's;
  *                nearer by the same factor
- *   expression, jaw, eyes   source + driver - neutral; what the source does
- *                more of than the neutral frame (a smile of ARKit's, an open
- *                jaw) goes the same share of the way to the most a face does,
- *                so that nothing is done twice
+ *   expression, jaw, eyes   source + driver - neutral
  *   lids         from the source's opening to the same share of the way to
  *                closed or wide open, so that a closed lid is closed
  * The crop stays. */

@@ -11,11 +11,9 @@
 #include "lib/photo/matte.h"
 #include "lib/photo/outline.h"
 #include "lib/photo/overlay.h"
+#include "lib/track/relative.h"
 #include "lib/track/tta.h"
 #include "lib/track/turned.h"
-
-#define SOURCE_SURE 0.8         /* surer than this, other turns are not tried */
-#define SOURCE_TURN 0.6         /* and a turn must be surer than this */
 
 const char *source_matte_name(enum source_matte how)
 {
@@ -27,65 +25,18 @@ const char *source_matte_name(enum source_matte how)
     return name[how];
 }
 
-/* How sure E_m is of the face in a (turned) picture; 0 when there is none, -1
- * on an error. */
-static double source_encode_turn(struct source *s, struct track *t,
-                                 struct track_result *r, const struct image *im,
-                                 struct error *err)
-{
-    int found = track_start(t, r, im->rgb, im->width, im->height, 0, err);
-
-    s->detect_s += r->detect_s;
-    return found <= 0 ? found : (double)r->sure;
-}
-
-/* 1 when the picture as it is shows a sure face, then *r; else 0, and *quarters
- * is the turn that shows the surest one; -1 on an error. */
-static int source_find_turn(struct source *s, struct track *t,
-                            struct track_result *r, const struct image *im,
-                            int *quarters, struct error *err)
-{
-    double best = source_encode_turn(s, t, r, im, err);
-
-    *quarters = 0;
-    if (best >= SOURCE_SURE)
-        return 1;
-    for (int k = 1; k < 4 && best >= 0 && best < SOURCE_SURE; k++) {
-        struct track_result other;
-        struct image turned;
-        double sure;
-
-        if (turned_copy(&turned, im, k, err))
-            return -1;
-        sure = source_encode_turn(s, t, &other, &turned, err);
-        image_release(&turned);
-        if (sure < 0)
-            return -1;
-        if (sure > fmax(best, SOURCE_TURN)) {
-            best = sure;
-            *quarters = k;
-        }
-    }
-    return best < 0 ? -1 : 0;
-}
-
-/* Turn the picture and its mask upright.  1: it was, its face is sure, and *r
- * is set; 0; -1 on an error. */
-static int source_find_upright(struct source *s, struct track *t,
-                               struct track_result *r, struct image *im,
-                               struct image *mask, struct error *err)
+/* The picture, and its mask, turned by quarters in their place. */
+static int source_turn(struct image *im, struct image *mask, int quarters,
+                       struct error *err)
 {
     struct image *const each[2] = {im, mask};
-    const int sure = source_find_turn(s, t, r, im, &s->turned, err);
 
-    if (sure)
-        return sure;
-    for (int i = 0; i < 2 && s->turned; i++) {
+    for (int i = 0; i < 2 && quarters; i++) {
         struct image turned;
 
         if (!each[i])
             continue;
-        if (turned_copy(&turned, each[i], s->turned, err))
+        if (turned_copy(&turned, each[i], quarters, err))
             return -1;
         image_release(each[i]);
         *each[i] = turned;
@@ -93,29 +44,41 @@ static int source_find_upright(struct source *s, struct track *t,
     return 0;
 }
 
+/* A face in the picture, which is turned upright: 1, 0, -1. */
+static int source_find_upright(struct source *s, struct track *t,
+                               struct track_result *r, struct image *im,
+                               struct image *mask, struct error *err)
+{
+    const int found = turned_start(t, r, &s->turned, im, 0, err);
+
+    if (!s->turned)
+        return found;
+    return source_turn(im, mask, s->turned, err)
+               ? -1
+               : track_start(t, r, im->rgb, im->width, im->height, 0, err);
+}
+
 /* The face and its motion, with the mean head's landmarks for the crop. */
 static int source_find_face(struct source *s, struct track *t,
                             struct image *im, struct image *mask,
                             struct error *err)
 {
-    const bool turns = t->tta.net->sure.ps && !t->opt.has_crop;
     struct track_result r;
-    int found = turns ? source_find_upright(s, t, &r, im, mask, err) : 0;
+    const int found = source_find_upright(s, t, &r, im, mask, err);
 
-    if (found)          /* the tracker has looked, and follows that face */
-        r.detect_s = 0;
-    else
-        found = track_start(t, &r, im->rgb, im->width, im->height, 0, err);
     if (found < 0)
         return -1;
     if (!found)
         return error_set(err, EX_DATAERR, "no face in a picture of %zu x %zu "
-                         "pixels (looked for frontal and profile faces from "
-                         "a twelfth of the picture up%s; --crop X,Y,SIZE says "
-                         "where it is)", im->width, im->height,
+                         "pixels (looked for faces from a twelfth of the "
+                         "picture up%s; --crop X,Y,SIZE says where it is)",
+                         im->width, im->height,
                          t->tta.net->sure.ps ? ", upright and turned" : "");
     s->person.source = r.motion;
     s->person.source.pose.exp = s->person.source.exp;
+    s->person.calm = s->person.source;
+    relative_calm(&s->person.calm, t->head->nexp,
+                  motion_encoder_rest(t->tta.net));
     s->person.has_source = true;
     s->window = t->window;
     s->person.crop[0] = (float)t->window.x;

@@ -10,14 +10,19 @@
 #include "formats/facedetect.h"
 #include "lib/base/cpu.h"
 #include "lib/base/camera.h"
-#include "lib/base/rotation.h"
 #include "lib/net/motion_code.h"
+#include "lib/track/search.h"
+#include "lib/track/smooth.h"
 
 #define FIRST_PASSES 4         /* network runs that settle the first crop */
 #define CHECK_EVERY 30         /* frames between looks by the detector */
 #define CHECK_AGAIN 5          /* and after one that failed */
 #define CUT_CORRELATION 0.3    /* of thumbnails: below it is another scene */
-#define SURE_ENOUGH 0.35       /* E_m less sure than this of a face has none */
+#define SURE_ENOUGH 0.35       /* E_m less sure than this lost its face */
+#define SURE_FOUND 0.82        /* and than this has found none: of the faces in
+                                * tests/bench/README.md 95 % are above 0.84 at
+                                * every turn, panoramas without one below 0.81 */
+#define SEARCH_QUICK 4         /* levels of search.h in a frame of a clip */
 #define FLAT_DEVIATION 0.01    /* a crop with less contrast shows nothing */
 #define JUMP 0.5               /* of the crop's side: heads move less a frame */
 #define GROWTH 1.6             /* factor of its side, likewise */
@@ -25,7 +30,6 @@
 #define FRONTAL 0.85           /* from here on the detector finds faces */
 #define VISIBLE 0.4            /* least share of the crop in the picture */
 #define DOUBTS 3               /* failed checks until the face is lost */
-#define DEPTH_SCALE 10         /* depth is known less well than x and y */
 
 int track_init(struct track *t, const struct identity *id,
                struct motion_encoder *net, const struct track_options *opt,
@@ -36,6 +40,7 @@ int track_init(struct track *t, const struct identity *id,
     t->head = id->head;
     oneeuro_init(&t->filter, opt->smooth);
     t->opt.no_align |= opt->still;
+    t->opt.quick |= !opt->still;
     if (landmarks_init(&t->landmarks, id, err) != 0)
         return -1;
     if (!t->opt.no_align && align_init(&t->align, id, err) != 0) {
@@ -289,24 +294,6 @@ static const char *track_doubtful(struct track *t, const struct motion *m,
 
 /* ---- detection -------------------------------------------------------- */
 
-/* The detector's crop in picture pixels: 1, 0 none, -1 no detector. */
-static int track_detect(struct track *t, struct track_result *r,
-                        struct square *crop, const uint8_t *rgb, size_t W,
-                        size_t H, struct error *err)
-{
-    double begun = cpu_seconds();
-    struct square face;
-    int found;
-
-    if (!t->detector && !(t->detector = facedetect_open(err)))
-        return -1;
-    found = facedetect_find(t->detector, &face, rgb, W, H, 3 * W);
-    if (found)
-        *crop = crop_from_detection(face);
-    r->detect_s += cpu_seconds() - begun;
-    return found;
-}
-
 /* Run the network on a first guess (window pixels) until its own projection
  * agrees; a projection far from the guess is not followed. */
 static int track_refine_crop(struct track *t, struct track_result *r,
@@ -334,55 +321,6 @@ static int track_refine_crop(struct track *t, struct track_result *r,
     return 0;
 }
 
-/* ---- smoothing -------------------------------------------------------- */
-
-/* What a motion has, smoothed as one row in E_m's order.  Rotations are
- * filtered as two rows and made orthonormal again. */
-static void track_smooth(struct track *t, struct motion *m, double time)
-{
-    static const size_t end[6] = {MOTION_TRANS, MOTION_EXP, MOTION_JAW,
-                                  MOTION_LID, MOTION_EYE, MOTION_OUT};
-    static const float speed[6] = {2, 4, 0.7f, 1.5f, 6, 2};     /* beta, Hz */
-    const size_t exp = MOTION_JAW - MOTION_EXP;
-    const bool first = !t->filter.started;
-    float x[MOTION_OUT], beta[MOTION_OUT];
-
-    if (t->filter.cutoff <= 0)
-        return;
-    for (size_t i = 0, k = 0; i < MOTION_OUT; i++) {
-        k += i == end[k];
-        beta[i] = speed[k];
-    }
-    rotation_to_6d(x + MOTION_ROT, m->R);
-    memcpy(x + MOTION_TRANS, m->t, sizeof m->t);
-    x[MOTION_TRANS + 2] /= DEPTH_SCALE;
-    memcpy(x + MOTION_EXP, m->exp, exp * sizeof *x);
-    memcpy(x + MOTION_JAW, m->pose.jaw, sizeof m->pose.jaw);
-    memcpy(x + MOTION_LID, m->pose.lid, sizeof m->pose.lid);
-    memcpy(x + MOTION_EYE, m->pose.eye, sizeof m->pose.eye);
-    oneeuro_step(&t->filter, x, beta, MOTION_OUT, time);
-    if (first)
-        return;                        /* as it is, to the bit */
-    motion_code_rotation(m->R, x + MOTION_ROT);
-    memcpy(m->t, x + MOTION_TRANS, sizeof m->t);
-    m->t[2] *= DEPTH_SCALE;
-    memcpy(m->exp, x + MOTION_EXP, exp * sizeof *x);
-    memcpy(m->pose.jaw, x + MOTION_JAW, sizeof m->pose.jaw);
-    memcpy(m->pose.lid, x + MOTION_LID, sizeof m->pose.lid);
-    memcpy(m->pose.eye, x + MOTION_EYE, sizeof m->pose.eye);
-}
-
-/* ---- frames ----------------------------------------------------------- */
-
-/* Copies of a motion point at their own expression. */
-static void track_deliver(struct track *t, struct track_result *r, double time)
-{
-    if (!t->lost)
-        track_smooth(t, &r->motion, time);
-    r->motion.pose.exp = r->motion.exp;
-    r->lost = t->lost;
-}
-
 /* The portrait window about a first crop. */
 static struct square track_window(const struct track *t, struct square crop)
 {
@@ -396,31 +334,120 @@ static struct square track_window(const struct track *t, struct square crop)
                            round(w.y - half) + half, size};
 }
 
-int track_start(struct track *t, struct track_result *r, const uint8_t *rgb,
-                size_t W, size_t H, double time, struct error *err)
+/* E_m about a square of the picture, which sets the window before the first
+ * face is found: 1, it is sure of a face there, which is followed; 0; -1. */
+static int track_try(struct track *t, struct track_result *r,
+                     const uint8_t *rgb, size_t W, size_t H, struct square q,
+                     struct error *err)
 {
-    struct square crop = t->opt.crop;
+    const double size = t->opt.size;
 
-    memset(r, 0, sizeof *r);
-    if (W == 0 || H == 0)
+    if (!t->started)
+        t->window = track_window(t, q);
+    q = square_into(q, t->window, size);
+    if (!(q.x > 0 && q.y > 0 && q.x < size && q.y < size &&
+          q.size > size / 32))
         return 0;
-    if (!t->opt.has_crop) {
-        int found = track_detect(t, r, &crop, rgb, W, H, err);
-        if (found <= 0)
-            return found;
-    }
-    t->window = track_window(t, crop);
-    crop = square_into(crop, t->window, t->opt.size);
-    if (t->opt.has_crop) {
-        if (track_encode(t, r, rgb, W, H, crop, err) != 0)
-            return -1;
-        t->crop = crop;
-        t->last = r->motion;
-    } else if (track_refine_crop(t, r, rgb, W, H, crop, err) != 0) {
+    if (track_refine_crop(t, r, rgb, W, H, q, err) != 0)
         return -1;
-    } else if (r->sure < SURE_ENOUGH) {
-        return 0;
+    return (double)r->sure >= SURE_FOUND;
+}
+
+/* The detector's face, where E_m agrees: 1, 0, -1 no detector. */
+static int track_detect(struct track *t, struct track_result *r,
+                        const uint8_t *rgb, size_t W, size_t H,
+                        struct error *err)
+{
+    const double begun = cpu_seconds();
+    struct square face;
+
+    if (!t->detector && !(t->detector = facedetect_open(err)))
+        return -1;
+    const int found = facedetect_find(t->detector, &face, rgb, W, H, 3 * W);
+    r->detect_s += cpu_seconds() - begun;
+    return found ? track_try(t, r, rgb, W, H, crop_from_detection(face), err)
+                 : 0;
+}
+
+/* Of a level's squares the one whose face E_m is surest of: 1, then *best is
+ * the crop that it settled on, in picture pixels; 0; -1. */
+static int track_try_level(struct track *t, struct track_result *r,
+                           struct square *best, struct search *s,
+                           const uint8_t *rgb, size_t W, size_t H,
+                           size_t level, struct error *err)
+{
+    struct square q[SEARCH_BEST];
+    const size_t n = search_level(q, s, level);
+    double sure = 0;
+
+    for (size_t i = 0; i < n; i++) {
+        const int found = track_try(t, r, rgb, W, H, q[i], err);
+        if (found < 0)
+            return -1;
+        if (!found || (double)r->sure < sure)
+            continue;
+        sure = (double)r->sure;
+        *best = square_out_of(t->crop, t->window, t->opt.size);
     }
+    return sure > 0;
+}
+
+/* The largest face that E_m is sure of, wherever it is: 1, 0, -1. */
+static int track_look(struct track *t, struct track_result *r,
+                      const uint8_t *rgb, size_t W, size_t H,
+                      struct error *err)
+{
+    const size_t levels = t->opt.quick ? SEARCH_QUICK : SEARCH_LEVELS;
+    const double begun = cpu_seconds();
+    struct square best;
+    struct search s;
+    int found = 0;
+
+    if (!t->tta.net->sure.ps)
+        return 0;
+    if (search_init(&s, t->tta.net, rgb, W, H, err))
+        return -1;
+    for (size_t k = 0; k < levels && !found; k++)
+        found = track_try_level(t, r, &best, &s, rgb, W, H, k, err);
+    search_release(&s);
+    r->detect_s += cpu_seconds() - begun;
+    return found == 1 ? track_try(t, r, rgb, W, H, best, err) : found;
+}
+
+/* A face: the detector's, which is fast, or wherever E_m is sure of one.  1,
+ * and it is followed; then the window is fixed.  0, t is as it was; -1. */
+static int track_find(struct track *t, struct track_result *r,
+                      const uint8_t *rgb, size_t W, size_t H,
+                      struct error *err)
+{
+    const struct motion last = t->last;
+    const struct square crop = t->crop;
+    int found = track_detect(t, r, rgb, W, H, err);
+
+    if (found == 0)
+        found = track_look(t, r, rgb, W, H, err);
+    if (found != 1) {
+        t->last = last;
+        t->crop = crop;
+    }
+    return found;
+}
+
+/* ---- frames ----------------------------------------------------------- */
+
+/* Copies of a motion point at their own expression. */
+static void track_deliver(struct track *t, struct track_result *r, double time)
+{
+    if (!t->lost)
+        smooth_motion(&t->filter, &r->motion, time);
+    r->motion.pose.exp = r->motion.exp;
+    r->lost = t->lost;
+}
+
+/* The first frame's motion, of the crop that r is of. */
+static int track_begin(struct track *t, struct track_result *r, size_t W,
+                       size_t H, double time)
+{
     align_restart(&t->align);
     track_align(t, r, W, H);
     t->started = true;
@@ -428,6 +455,28 @@ int track_start(struct track *t, struct track_result *r, const uint8_t *rgb,
     t->lost_frames = 0;
     track_deliver(t, r, time);
     return 1;
+}
+
+int track_start(struct track *t, struct track_result *r, const uint8_t *rgb,
+                size_t W, size_t H, double time, struct error *err)
+{
+    struct square crop;
+
+    memset(r, 0, sizeof *r);
+    t->started = false;
+    if (W == 0 || H == 0)
+        return 0;
+    if (!t->opt.has_crop) {
+        const int found = track_find(t, r, rgb, W, H, err);
+        return found == 1 ? track_begin(t, r, W, H, time) : found;
+    }
+    t->window = track_window(t, t->opt.crop);
+    crop = square_into(t->opt.crop, t->window, t->opt.size);
+    if (track_encode(t, r, rgb, W, H, crop, err) != 0)
+        return -1;
+    t->crop = crop;
+    t->last = r->motion;
+    return track_begin(t, r, W, H, time);
 }
 
 /* While the face is lost: does the last crop look unlike the frame before? */
@@ -465,7 +514,6 @@ static int track_search(struct track *t, struct track_result *r,
                         const uint8_t *rgb, size_t W, size_t H, double time,
                         const char *why, struct error *err)
 {
-    struct square crop;
     struct error none = {0};
     int found = 0;
 
@@ -473,22 +521,12 @@ static int track_search(struct track *t, struct track_result *r,
      * looking costs 30 ms and more */
     if (!t->lost || t->lost_frames < 3 || t->lost_frames % 6 == 0 ||
         track_changed(t, rgb, W, H))
-        found = track_detect(t, r, &crop, rgb, W, H, &none) == 1;
-    if (found) {
-        crop = square_into(crop, t->window, t->opt.size);
-        found = crop.x > 0 && crop.y > 0 && crop.x < t->opt.size
-                && crop.y < t->opt.size && crop.size > t->opt.size / 32;
+        found = track_find(t, r, rgb, W, H, &none);
+    if (found < 0 && none.code == EX_OSERR) {
+        *err = none;
+        return -1;
     }
-    if (found) {
-        struct motion last = t->last;
-
-        if (track_refine_crop(t, r, rgb, W, H, crop, err) != 0)
-            return -1;
-        found = r->sure >= SURE_ENOUGH;
-        if (!found)
-            t->last = last;
-    }
-    if (!found) {
+    if (found != 1) {
         track_deliver_lost(t, r, time, why);
         return 0;
     }

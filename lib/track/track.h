@@ -34,6 +34,9 @@ struct track_options {
                                  * image, too */
     bool no_align;              /* motions as E_m says them, not aligned with
                                  * keyframes (align.h) */
+    bool quick;                 /* where no detector sees a face, look for
+                                 * large ones alone; all but a photograph's
+                                 * tracker does */
     bool still;                 /* a photograph: E_m keeps its precision
                                  * (tta.h), and there is nothing to align it
                                  * with */

@@ -79,6 +79,45 @@ END
     done
 }
 
+@test "a clip that lies on its side or stands on its head is refused, and how it lies said" {
+    need_sure
+    spid-synth -q -s 3 --effects 0 -o a.pam
+    for q in 1 2; do
+        turned $q a.pam b.ppm
+        status 65 spid-motion b.ppm -o b.spid
+        one_line
+        has "turned by $((90 * q)) degrees clockwise"
+        [ ! -e b.spid ]
+    done
+}
+
+@test "faces from the side, from above and from below are found where they are" {
+    need_sure
+    assets=${SPID_ASSETS:-$TOP/../shared/assets}
+    [ -e "$assets/ict" ] || skip "no assets in $assets (SPID_ASSETS)"
+    turns=(55 -65 0:35 -30:-35)
+    spid-synth -q --assets "$assets" -s 90100 --first 1 -n 2 --frames 4 --fps 0.8 \
+        --size 384 --effects 0.6 --without mesh --turn "$(IFS=,; echo "${turns[*]}")" \
+        -o people.spid
+    spid-dump -q --npy truth -o /dev/null people.spid
+    "$PYTHON" -c 'import numpy as np
+for i, x in enumerate(np.load("truth/IMAG.rgb.npy")):
+    open(f"{i}.ppm", "wb").write(b"P6 %d %d 255\n" % x.shape[1::-1] + x.tobytes())'
+    for i in {0..7}; do
+        spid-shape -q $i.ppm -o $i.spid
+        spid-dump -q --only MOTN --npy $i $i.spid
+        "$PYTHON" - $i <<'P'
+import sys
+import numpy as np
+a = np.load(f'{sys.argv[1]}/MOTN.rot.npy').reshape(3, 3)
+b = np.load('truth/MOTN.rot.npy').reshape(-1, 3, 3)[int(sys.argv[1])]
+off = np.degrees(np.arccos(np.clip((np.trace(a @ b.T) - 1) / 2, -1, 1)))
+print(f'{sys.argv[1]}: {off:.1f} degrees off')
+sys.exit(int(off > 20))
+P
+    done
+}
+
 @test "motions say how sure the encoder is" {
     need_sure
     spid-synth -q -s 3 --frames 3 --effects 0 -o a.y4m

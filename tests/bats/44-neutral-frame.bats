@@ -78,3 +78,28 @@ line() { sed -n "$1p"; }
     one_line
     [ ! -e x.spid ] && [ ! -e x.y4m ]
 }
+
+@test "a grin in the photograph is not the person's: a calm driver takes it away" {
+    photos=${SPID_ASSETS:-$TOP/../shared/assets}/photos/london
+    [ -e "$photos" ] || skip "no photographs in $photos (SPID_ASSETS)"
+    [ -e "$TOP/examples/model/model.safetensors" ] || skip "no model shipped (make model)"
+    export SPID_MODEL=$TOP/examples/model
+    smiles() { # FILE: both mouthSmiles of its first motion, their mean
+        spid-dump -q --npy s --only MOTN "$1"
+        "$PYTHON" -c 'import numpy as np
+print(round(float(np.load("s/MOTN.exp.npy").reshape(-1, 100)[0, 45:47].mean()), 3))'
+        rm -r s
+    }
+    spid-shape -q "$photos/012_smiling.jpg" -o grin.spid
+    spid-shape -q "$photos/100_neutral.jpg" -o calm.spid
+    # driven by somebody calm, and by somebody who grins from the first frame
+    spid-motion -q --relative grin.spid "$photos/100_neutral.jpg" -o gc.spid
+    spid-motion -q --relative grin.spid "$photos/100_smiling.jpg" -o gg.spid
+    spid-motion -q --relative calm.spid "$photos/012_smiling.jpg" -o cg.spid
+    spid-motion -q --relative calm.spid "$photos/012_neutral.jpg" -o cc.spid
+    for s in grin calm gc gg cg cc; do eval "$s=$(smiles $s.spid)"; echo "$s ${!s}"; done
+    "$PYTHON" -c "
+assert $grin > 0.3 and abs($calm) < 0.15
+assert $gc < 0.25 and $gg > 0.3        # away, and back
+assert $cg > 0.3 and abs($cc - $calm) < 0.1"
+}

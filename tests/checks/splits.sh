@@ -48,7 +48,7 @@ while [ $# -gt 0 ]; do
 done
 S
 chmod +x "$work/bin/spid-stub"
-for p in spid-synth spid-fit spid-train spid-head; do ln -s spid-stub "$work/bin/$p"; done
+for p in spid-synth spid-fit spid-train spid-head spid-motion python3; do ln -s spid-stub "$work/bin/$p"; done
 CALLS=$work/calls PATH=$work/bin:$PATH examples/train-real.sh assets "$work/out" >/dev/null 2>"$work/err" ||
     bad "examples/train-real.sh: $(head -n 1 "$work/err")"
 [ "$(grep -c '^spid-fit' "$work/calls")" -ge 3 ] || bad "examples/train-real.sh fits nothing"
@@ -60,6 +60,8 @@ while read -r split kind name; do
             { [ "$split" = validation ] && [[ "$call " == *" --hold $name "* ]]; } ||
             bad "examples/train-real.sh learns from $name ($split): ${call:0:60}"
     done < <(grep '^spid-fit' "$work/calls")
+    ! grep -q "^spid-motion.*${name#assets/}" "$work/calls" ||
+        bad "examples/train-real.sh: $name ($split) says how calm faces are"
 done < <(grep -v '^#' "$splits")
 # Seeds: of people to learn from, and of those held, which choose.
 while read -r file seed; do

@@ -1,0 +1,139 @@
+/* A lattice of squares at each size, as many at a time as E_m is planned for.
+ * E_m was taught to be sure of crops that are off by a tenth of their side, and
+ * is unsure of those off by four tenths: between lies the lattice's step. */
+#include "lib/track/search.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#define SEARCH_SIDE 240         /* pixels of the shorter side, to twice that */
+#define SEARCH_LARGEST 1.25     /* crop's side over the shorter one's */
+#define SEARCH_RATIO 1.5        /* of one level's sides to the next one's */
+#define SEARCH_STEP 0.3         /* from square to square, over their side */
+#define SEARCH_EDGE 0.25        /* the same from the picture's border to the
+                                 * first one's middle */
+#define SEARCH_APART 0.5        /* candidates of a level are, over their side */
+
+int search_init(struct search *s, struct motion_encoder *net,
+                const uint8_t *rgb, size_t W, size_t H, struct error *err)
+{
+    const size_t crop = 3 * CROP_NET * CROP_NET;
+
+    memset(s, 0, sizeof *s);
+    s->net = net;
+    s->shrunk = 1;
+    s->W = W;
+    s->H = H;
+    s->rgb = malloc(net->batch * (crop + MOTION_OUT) * sizeof *s->rgb);
+    s->small = malloc(3 * W * H + 1);
+    if (!s->rgb || !s->small) {
+        search_release(s);
+        return error_set(err, EX_OSERR, "no memory to look for a face in a "
+                         "picture of %zu x %zu pixels", W, H);
+    }
+    s->out = s->rgb + net->batch * crop;
+    memcpy(s->small, rgb, 3 * W * H);
+    while (fmin((double)s->W, (double)s->H) >= 2 * SEARCH_SIDE) {
+        crop_halve(s->small, s->small, s->W / 2 * 2, s->H / 2 * 2, 3 * s->W);
+        s->W /= 2;
+        s->H /= 2;
+        s->shrunk /= 2;
+    }
+    return 0;
+}
+
+void search_release(struct search *s)
+{
+    free(s->rgb);
+    free(s->small);
+    memset(s, 0, sizeof *s);
+}
+
+/* Keep q among the surest, of neighbours the surer one. */
+static size_t search_keep(struct square *best, float *sure, size_t n,
+                          struct square q, float how)
+{
+    size_t at = n;
+
+    for (size_t i = 0; i < n; i++)
+        if (hypot(best[i].x - q.x, best[i].y - q.y) < SEARCH_APART * q.size) {
+            if (sure[i] >= how)
+                return n;
+            at = i;
+            break;
+        }
+    if (at == SEARCH_BEST && sure[--at] >= how)
+        return n;
+    n += at == n;
+    for (; at > 0 && sure[at - 1] < how; at--) {
+        best[at] = best[at - 1];
+        sure[at] = sure[at - 1];
+    }
+    best[at] = q;
+    sure[at] = how;
+    return n;
+}
+
+/* E_m on `count` squares of the shrunken picture. */
+static size_t search_look(struct search *s, struct square *best, float *sure,
+                          size_t n, const struct square *q, size_t count)
+{
+    const size_t crop = 3 * CROP_NET * CROP_NET;
+
+    for (size_t i = 0; i < s->net->batch; i++)  /* the last one fills up */
+        crop_sample_u8(s->rgb + i * crop, CROP_NET, s->small, s->W, s->H,
+                       3 * s->W, q[i < count ? i : count - 1]);
+    motion_encoder_forward(s->out, s->rgb, s->net);
+    for (size_t i = 0; i < count; i++)
+        n = search_keep(best, sure, n, q[i], motion_encoder_sure(s->net, i));
+    return n;
+}
+
+/* Squares of this side along `length` pixels. */
+static size_t search_along(double side, size_t length)
+{
+    const double room = (double)length - 2 * SEARCH_EDGE * side;
+
+    return room <= 0 ? 1 : 1 + (size_t)ceil(room / (SEARCH_STEP * side));
+}
+
+/* The middle of number i of n. */
+static double search_middle(size_t i, size_t n, double side, size_t length)
+{
+    const double edge = SEARCH_EDGE * side;
+
+    return n == 1 ? 0.5 * (double)length
+                  : edge + ((double)length - 2 * edge) * (double)i /
+                               (double)(n - 1);
+}
+
+size_t search_level(struct square best[SEARCH_BEST], struct search *s,
+                    size_t level)
+{
+    const double side = SEARCH_LARGEST * fmin((double)s->W, (double)s->H) /
+                        pow(SEARCH_RATIO, (double)level);
+    const size_t nx = search_along(side, s->W), ny = search_along(side, s->H);
+    float sure[SEARCH_BEST] = {0};
+    struct square q[16];
+    size_t n = 0, waiting = 0;
+
+    if (side < 16)
+        return 0;
+    for (size_t k = 0; k < nx * ny; k++) {
+        q[waiting++] = (struct square){search_middle(k % nx, nx, side, s->W),
+                                       search_middle(k / nx, ny, side, s->H),
+                                       side};
+        if (waiting < s->net->batch && waiting < 16 && k + 1 < nx * ny)
+            continue;
+        n = search_look(s, best, sure, n, q, waiting);
+        waiting = 0;
+    }
+    for (size_t i = 0; i < n; i++) {
+        best[i].x /= s->shrunk;
+        best[i].y /= s->shrunk;
+        best[i].size /= s->shrunk;
+    }
+    return n;
+}

@@ -1,0 +1,39 @@
+/* Where in a picture a face may be, by E_m's own doubt: squares of all sizes
+ * are shown to it, and those it is surest of are candidates.  It knows faces
+ * from the side, from above and below, and tilted ones, as far as it was
+ * trained on them; no detector is needed. */
+#ifndef SPID_TRACK_SEARCH_H
+#define SPID_TRACK_SEARCH_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "lib/base/crop.h"
+#include "lib/base/error.h"
+#include "lib/net/motion_encoder.h"
+
+#define SEARCH_BEST 4           /* candidates of a level */
+#define SEARCH_LEVELS 5         /* of sizes, the largest first: faces down to a
+                                 * seventh of the picture */
+
+struct search {
+    struct motion_encoder *net; /* borrowed, planned for a batch */
+    uint8_t *small;             /* the picture, shrunken */
+    size_t W, H;                /* of it */
+    double shrunk;              /* its pixels over the picture's */
+    float *rgb, *out;           /* (B,224,224,3), (B,120) */
+};
+
+/* Of a picture [H,W,3], for an encoder with a sure head.  EX_OSERR. */
+int search_init(struct search *s, struct motion_encoder *net,
+                const uint8_t *rgb, size_t W, size_t H, struct error *err);
+/* Free what it holds; zeroed then. */
+void search_release(struct search *s);
+
+/* The squares of a level that E_m is surest of, the surest first, in picture
+ * pixels; returns how many, 0 when the picture is too small for them.  A level's
+ * squares are 2/3 as wide as those of the one before. */
+size_t search_level(struct square best[SEARCH_BEST], struct search *s,
+                    size_t level);
+
+#endif
