@@ -10,6 +10,7 @@ struct animate_frame;
 struct animation_options;
 struct model;
 struct prepare;
+struct track_faces;
 
 /* Rows of an option table. */
 #define OPTION_HEAD(path)                                                     \
@@ -26,6 +27,10 @@ struct prepare;
 /* track: a struct track_options; its crop or window, and that it is given. */
 #define OPTION_CROP(track, help)                                              \
     OPTION_CALL("crop", 0, track, "X,Y,SIZE", option_crop, help)
+/* number: a struct track_options' face. */
+#define OPTION_FACE(name, number, whose)                                      \
+    OPTION_INT(name, 0, number, 1, TRACK_FACES, "N",                          \
+               "which face of " whose ", the largest is 1")
 #define OPTION_WINDOW(track, help)                                            \
     OPTION_CALL("window", 0, track, "X,Y,SIZE", option_window, help)
 /* bits: unsigned of enum avatar_without. */
@@ -61,6 +66,9 @@ struct prepare;
                 "SpiD*: draw three channels, no refiner"),                    \
     OPTION_STRING("mask", 0, &(o).mask, "FILE",                               \
                   "matte of the source: white where the person is"),          \
+    OPTION_CROP(&models.look, "the source's face, middle and side"),          \
+    OPTION_FACE("face", &models.look.face, "the source"),                     \
+    OPTION_FACE("driver-face", &(o).track.face, "the driver"),                \
     OPTION_SMOOTH(&(o).track.smooth),                                         \
     OPTION_NO_TTA(&(o).track.no_tta),                                         \
     OPTION_NO_ALIGN(&(o).track.no_align),                                     \
@@ -101,6 +109,10 @@ void option_animation_load(struct prepare *models,
  * sound is not in it. */
 struct animation;
 void option_animation_done(const struct animation *a);
+/* Say where the faces of an input are, when there are several, and which was
+ * taken; `option` takes another. */
+void option_faces_tell(const char *name, const struct track_faces *faces,
+                       const char *option);
 /* Say that a driver's face was lost, or found again, in this frame. */
 void option_animation_warn(const char *name, const struct animate_frame *f);
 

@@ -39,6 +39,22 @@ void option_animation_done(const struct animation *a)
                    (double)st.st_size / 1e6);
 }
 
+void option_faces_tell(const char *name, const struct track_faces *faces,
+                       const char *option)
+{
+    char at[TRACK_FACES * 40] = "";
+    size_t n = 0;
+
+    if (faces->n < 2)
+        return;
+    for (size_t i = 0; i < faces->n; i++)
+        n += (size_t)snprintf(at + n, sizeof at - n, "%s%zu at %.0f,%.0f,%.0f",
+                              i ? ", " : "", i + 1, faces->crop[i].x,
+                              faces->crop[i].y, faces->crop[i].size);
+    notice("%s: %zu faces (%s): number %zu is taken (--%s N takes another)",
+           name, faces->n, at, faces->chosen + 1, option);
+}
+
 void option_animation_warn(const char *name, const struct animate_frame *f)
 {
     const unsigned long long n = f->index;

@@ -75,7 +75,8 @@ static const struct cli_option options[] = {
 
 static const struct cli_usage usage = {
     "spid-animate", "[-s] [--size N] [-l] [--without PART] [--prune EPS] "
-    "[--no-photo] [--keep-clear] [--closed MM] [--mask FILE] [-b WHAT] "
+    "[--no-photo] [--keep-clear] [--closed MM] [--mask FILE] "
+    "[--crop X,Y,SIZE] [--face N] [--driver-face N] [-b WHAT] "
     "[--into-source] [--cut] [-f FORMAT] [--alpha] [--no-sound] "
     "[--smooth HZ] [--no-tta] [--no-align] "
     "[--relative] [--absolute] [--neutral FRAME] [--fps RATE] [--bt601] "
@@ -106,6 +107,7 @@ static void animate_check_usage(int operands)
 /* What is to be said of a source that was read. */
 static void animate_report_source(const struct prepared *s, const char *name)
 {
+    option_faces_tell(name, &s->faces, "face");
     if (s->damaged)
         warn("%s: the picture is damaged or cut short: what is missing is grey",
              name);
@@ -138,6 +140,7 @@ static int animate_open_driver(struct animation *a, const char *path,
 {
     if (animation_open_driver(a, path, err))
         return -1;
+    option_faces_tell(path, &a->track.faces, "driver-face");
     if (a->driver.early_count)
         warn("%s: no face in the first %zu frames: they take the motion of "
              "frame %zu", path, a->driver.early_count, a->driver.early_count);

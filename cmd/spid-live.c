@@ -39,7 +39,8 @@ static const struct cli_usage usage = {
     "spid-live", "[-s] [-p] [-f FORMAT] [-b WHAT] [--public] [--patience SECONDS] "
     "[--frames N] [--relative] [--smooth HZ] [--no-tta] [--no-align] "
     "[--fps RATE] "
-    "[--bt601] [--roi] [--mask FILE] [--precision TYPE] [--head FILE] "
+    "[--bt601] [--roi] [--mask FILE] [--crop X,Y,SIZE] [--face N] "
+    "[--driver-face N] [--precision TYPE] [--head FILE] "
     "[-o FILE] [-j N] [-m MODEL] [-q] [--stats FILE] SOURCE CAMERA",
     "drive a person's picture by a camera", options
 };
@@ -110,6 +111,7 @@ static int live_open_driver(struct program *p, const char *source,
 
     if (animation_open_source(&p->animation, source, NULL, err))
         return -1;
+    option_faces_tell(source, &p->animation.source.faces, "face");
     sigaction(SIGINT, &action, NULL);
     sigaction(SIGTERM, &action, NULL);
     return animation_open_camera(&p->animation, p->camera, &follow,

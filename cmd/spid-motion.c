@@ -24,6 +24,7 @@ static enum nn_type precision = OPTION_PRECISION_DEFAULT;
 static const struct cli_option options[] = {
     OPTION_CROP(&track_options,
                 "fixed face crop: centre and side in pixels of the frame"),
+    OPTION_FACE("face", &track_options.face, "the first frame that shows it"),
     OPTION_WINDOW(&track_options,
                   "portrait window (default: about the first face)"),
     OPTION_SMOOTH(&track_options.smooth),
@@ -53,7 +54,7 @@ static const struct cli_option options[] = {
 
 static const struct cli_usage usage = {
     "spid-motion",
-    "[--crop X,Y,SIZE] [--window X,Y,SIZE] [--smooth HZ] [--no-tta] "
+    "[--crop X,Y,SIZE] [--face N] [--window X,Y,SIZE] [--smooth HZ] [--no-tta] "
     "[--no-align] "
     "[--relative FILE] [--neutral FRAME] [--overlay FILE] [--arkit FILE] "
     "[--fps RATE] [--bt601] [-i FILE] [--head FILE] [--precision TYPE] "
@@ -197,6 +198,7 @@ static void motion_start_tracking(struct program *p)
     conf.height = p->driver.first.height;
     if (motion_output_begin(&p->out, &conf, take_path, &err))
         motion_give_up(p, &err);
+    option_faces_tell(framesource_name(p->in), &p->track.faces, "face");
     if (p->driver.early_count)
         warn("%s: no face in the first %zu frames: they take the motion of "
              "frame %zu", framesource_name(p->in), p->driver.early_count,

@@ -21,6 +21,7 @@ static enum nn_type precision = OPTION_PRECISION_DEFAULT;
 static const struct cli_option options[] = {
     OPTION_CROP(&track_options,
                 "face crop: centre and side in pixels of the picture"),
+    OPTION_FACE("face", &track_options.face, "the picture"),
     OPTION_WINDOW(&track_options, "portrait window (default: about the face)"),
     OPTION_STRING("mask", 0, &mask_path, "FILE",
                   "matte: a picture of the same size, white where the "
@@ -34,7 +35,7 @@ static const struct cli_option options[] = {
 };
 
 static const struct cli_usage usage = {
-    "spid-shape", "[--crop X,Y,SIZE] [--window X,Y,SIZE] [--mask FILE] "
+    "spid-shape", "[--crop X,Y,SIZE] [--face N] [--window X,Y,SIZE] [--mask FILE] "
     "[--overlay FILE.png] [--head FILE] [--precision TYPE] [-o FILE] [-j N] "
     "[-m MODEL] [-q] [--stats FILE] PICTURE",
     "make an identity from one picture of a person", options
@@ -87,6 +88,7 @@ static void shape_make_identity(struct program *p, const char *path)
         error_prefix(&err, "%s", path);
         die_error(&err);
     }
+    option_faces_tell(path, &s->faces, "face");
     now = stats_begin();
     stats_end("detect", now - s->detect_s);
     stats_end("crop", now - s->crop_s);

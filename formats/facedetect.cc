@@ -76,25 +76,21 @@ void facedetect_close(struct facedetect *d)
     delete d;
 }
 
-/* The largest face no smaller than a `part`-th of the shorter side. */
-static bool facedetect_largest(cv::CascadeClassifier &c, cv::Rect &box,
-                               const cv::Mat &grey, int neighbours,
-                               int part = 12)
+/* Faces no smaller than a `part`-th of the shorter side, the largest first. */
+static std::vector<cv::Rect> facedetect_search(cv::CascadeClassifier &c,
+                                               const cv::Mat &grey, int part)
 {
     std::vector<cv::Rect> found;
     int least = std::max(24, std::min(grey.cols, grey.rows) / part);
 
     if (c.empty() || grey.cols < least || grey.rows < least)
-        return false;
-    c.detectMultiScale(grey, found, 1.1, neighbours, 0,
-                       cv::Size(least, least));
-    if (found.empty())
-        return false;
-    box = *std::max_element(found.begin(), found.end(),
-                            [](const cv::Rect &a, const cv::Rect &b) {
-                                return a.area() < b.area();
-                            });
-    return true;
+        return found;
+    c.detectMultiScale(grey, found, 1.1, 4, 0, cv::Size(least, least));
+    std::stable_sort(found.begin(), found.end(),
+                     [](const cv::Rect &a, const cv::Rect &b) {
+                         return a.area() > b.area();
+                     });
+    return found;
 }
 
 /* The picture in grey with its longest side at most `side`; returns the
@@ -112,28 +108,35 @@ static double facedetect_shrink_grey(cv::Mat &grey, const cv::Mat &in,
     return (double)small.cols / (double)in.cols;
 }
 
-int facedetect_find(struct facedetect *d, struct square *face,
-                    const uint8_t *rgb, size_t W, size_t H, size_t stride)
+size_t facedetect_find(struct facedetect *d, struct square *face, size_t most,
+                       bool all, const uint8_t *rgb, size_t W, size_t H,
+                       size_t stride)
 {
+    size_t n = 0;
+
     if (W == 0 || H == 0)
         return 0;
     try {
         cv::Mat in((int)H, (int)W, CV_8UC3, const_cast<uint8_t *>(rgb),
                    stride), grey;
-        cv::Rect box;
+        std::vector<cv::Rect> found;
         double k = facedetect_shrink_grey(grey, in, QUICK_SIDE);
-        if (!facedetect_largest(d->frontal, box, grey, 4, 5)) {
+        if (!all)
+            found = facedetect_search(d->frontal, grey, 5);
+        if (found.empty()) {
             k = facedetect_shrink_grey(grey, in, SEARCH_SIDE);
-            if (!facedetect_largest(d->frontal, box, grey, 4))
-                return 0;
+            found = facedetect_search(d->frontal, grey, 12);
         }
-        face->x = (box.x + box.width / 2.0) / k;
-        face->y = (box.y + box.height / 2.0) / k;
-        face->size = std::max(box.width, box.height) / k;
-        return 1;
+        for (const cv::Rect &box : found) {
+            if (n == most)
+                break;
+            face[n].x = (box.x + box.width / 2.0) / k;
+            face[n].y = (box.y + box.height / 2.0) / k;
+            face[n++].size = std::max(box.width, box.height) / k;
+        }
     } catch (const std::exception &) {
-        return 0;
     }
+    return n;
 }
 
 int facedetect_confirm(struct facedetect *d, const uint8_t *rgb, size_t W,

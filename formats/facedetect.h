@@ -2,6 +2,7 @@
 #ifndef SPID_FORMATS_FACEDETECT_H
 #define SPID_FORMATS_FACEDETECT_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -15,10 +16,13 @@ struct facedetect;
 struct facedetect *facedetect_open(struct error *err);
 void facedetect_close(struct facedetect *d);     /* NULL is allowed */
 
-/* The largest upright, frontal face of the picture [H,W,3], stride bytes a row:
- * 1 and *face (the detector's box, in picture pixels); 0: none. */
-int facedetect_find(struct facedetect *d, struct square *face,
-                    const uint8_t *rgb, size_t W, size_t H, size_t stride);
+/* Upright, frontal faces of the picture [H,W,3], stride bytes a row, the largest
+ * first, at most `most`: face (the detector's boxes, in picture pixels).
+ * Returns how many.  Small ones are looked for when there is no large one, or
+ * when all are wanted, which takes four times as long. */
+size_t facedetect_find(struct facedetect *d, struct square *face, size_t most,
+                       bool all, const uint8_t *rgb, size_t W, size_t H,
+                       size_t stride);
 
 /* Is there a frontal face in about the middle of the square q (a face crop),
  * about as large as its face should be?  Cheap: works on 96 x 96 pixels. */

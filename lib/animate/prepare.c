@@ -126,11 +126,12 @@ static int prepare_read_picture(struct prepared *s, struct prepare *p,
                                 const struct prepare_beside *beside,
                                 struct error *err)
 {
-    const struct track_options opt = {.size = (double)p->model.config.size};
+    struct track_options opt = p->look;
     struct image mask = {0}, *given = mask_path ? &mask : NULL;
     struct source src = {0};
     int rc = -1;
 
+    opt.size = (double)p->model.config.size;
     if (image_read(&s->picture, path, err) ||
         (given && image_read(given, mask_path, err)))
         goto out;
@@ -141,6 +142,7 @@ static int prepare_read_picture(struct prepared *s, struct prepare *p,
         goto out;
     }
     s->guessed = src.how == SOURCE_HEAD;
+    s->faces = src.faces;
     s->person = source_move_person(&src);
     s->damaged = s->picture.damaged;
     rc = 0;

@@ -12,6 +12,7 @@
 #include "lib/avatar/prune.h"
 #include "lib/net/model.h"
 #include "lib/head/person.h"
+#include "lib/track/track.h"
 #include "lib/track/encoders.h"
 #include "lib/photo/texture.h"
 
@@ -32,6 +33,7 @@ struct prepare {
                                  * needed */
     bool once;                  /* one source: what bakes it goes then, and
                                  * its memory serves what follows */
+    struct track_options look;  /* which face of a picture, or its crop */
     const char *soon[2];        /* files that are opened first, or NULL: their
                                  * modules are loaded beside the head.  No
                                  * thread starts meanwhile: what is opened
@@ -48,6 +50,7 @@ struct prepared {
                                  * none */
     struct prune_report report; /* views is 0 without pruning */
     double shape_s, bake_s;     /* Phase A: crop to beta; branches */
+    struct track_faces faces;   /* of the picture, by the one that was taken */
     bool guessed;               /* the matte: SOURCE_HEAD */
     bool damaged;               /* the picture is, see struct image */
 };

@@ -151,6 +151,11 @@ static enum driver_status driver_no_face(const struct driver *d,
         error_set(err, EX_DATAERR, "no face before the end");
     else if (d->early_count == 0)
         error_set(err, EX_DATAERR, "no frames");
+    else if (d->track->opt.face > 1)
+        error_set(err, EX_DATAERR, "%zu face%s seen in %zu frames of %zu x "
+                  "%zu pixels (expected %ld for --face)", d->track->most_faces,
+                  d->track->most_faces == 1 ? "" : "s", d->early_count, f->width,
+                  f->height, d->track->opt.face);
     else if (d->lying)
         error_set(err, EX_DATAERR, "no upright face in %zu frame%s (the first "
                   "shows one when it is turned by %d degrees clockwise: turn "

@@ -68,6 +68,11 @@ static int source_find_face(struct source *s, struct track *t,
 
     if (found < 0)
         return -1;
+    if (!found && t->opt.face > 1)
+        return error_set(err, EX_DATAERR, "%zu face%s in a picture of %zu x "
+                         "%zu pixels (expected %ld for --face)", t->most_faces,
+                         t->most_faces == 1 ? "" : "s", im->width, im->height,
+                         t->opt.face);
     if (!found)
         return error_set(err, EX_DATAERR, "no face in a picture of %zu x %zu "
                          "pixels (looked for faces from a twelfth of the "
@@ -81,6 +86,7 @@ static int source_find_face(struct source *s, struct track *t,
                   motion_encoder_rest(t->tta.net));
     s->person.has_source = true;
     s->window = t->window;
+    s->faces = t->faces;
     s->person.crop[0] = (float)t->window.x;
     s->person.crop[1] = (float)t->window.y;
     s->person.crop[2] = (float)t->window.size;

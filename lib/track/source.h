@@ -23,6 +23,7 @@ struct source {
                                  * shape and motion; no hashes */
     enum source_matte how;
     struct square window;       /* in the picture */
+    struct track_faces faces;   /* in it, as it stands upright */
     uint8_t *inside;            /* (size,size) 255 where the window shows the
                                  * picture, 0 beyond its edges */
     int turned;                 /* quarter turns clockwise that the picture

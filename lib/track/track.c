@@ -13,6 +13,7 @@
 #include "lib/net/motion_code.h"
 #include "lib/track/search.h"
 #include "lib/track/smooth.h"
+#include "lib/track/thumb.h"
 
 #define FIRST_PASSES 4         /* network runs that settle the first crop */
 #define CHECK_EVERY 30         /* frames between looks by the detector */
@@ -29,6 +30,12 @@
 #define BEHIND (-0.2)          /* cosine of a head's turn: its back is shown */
 #define FRONTAL 0.85           /* from here on the detector finds faces */
 #define VISIBLE 0.4            /* least share of the crop in the picture */
+#define UNLIKE 0.6             /* correlation with the first frame's face from
+                                * which on another one's is looked for; one
+                                * person's is 0.62 to 1 in the shared clips,
+                                * another's 0.2 to 0.6 */
+#define REGAINED 12            /* such looks, CHECK_AGAIN frames apart */
+#define SAME_FACE 0.5          /* of the crop's side: nearer, faces are one */
 #define DOUBTS 3               /* failed checks until the face is lost */
 
 int track_init(struct track *t, const struct identity *id,
@@ -66,59 +73,6 @@ void track_release(struct track *t)
     free(t->input);
     free(t->half);
     memset(t, 0, sizeof *t);
-}
-
-/* ---- the crop --------------------------------------------------------- */
-
-/* The part of the picture about q at half size, until two pixels of it or
- * fewer make one of the crop.  Updates picture, sizes and q. */
-static int track_shrink(struct track *t, const uint8_t **rgb, size_t *W,
-                        size_t *H, size_t *stride, struct square *q)
-{
-    while (q->size > 2 * CROP_NET && *W > 1 && *H > 1) {
-        double l = floor(q->x - q->size / 2) - 4;
-        double u = floor(q->y - q->size / 2) - 4;
-        size_t x0 = l > 0 ? (size_t)fmin(l, (double)*W) / 2 * 2 : 0;
-        size_t y0 = u > 0 ? (size_t)fmin(u, (double)*H) / 2 * 2 : 0;
-        double r = q->x + q->size / 2 + 4, b = q->y + q->size / 2 + 4;
-        size_t x1 = r < (double)*W ? (size_t)fmax(r, (double)x0) : *W;
-        size_t y1 = b < (double)*H ? (size_t)fmax(b, (double)y0) : *H;
-        size_t w = (x1 - x0) / 2, h = (y1 - y0) / 2;
-        uint8_t *out;
-        if (w == 0 || h == 0)
-            return 0;
-        /* the first step writes the buffer, the others shrink in place */
-        if (3 * w * h > t->half_room) {
-            uint8_t *grown = malloc(3 * w * h);
-            if (!grown)
-                return -1;
-            free(t->half);
-            t->half = grown;
-            t->half_room = 3 * w * h;
-        }
-        out = t->half;
-        crop_halve(out, *rgb + y0 * *stride + 3 * x0, 2 * w, 2 * h, *stride);
-        *rgb = out;
-        *stride = 3 * w;
-        *W = w;
-        *H = h;
-        q->x = (q->x - (double)x0) / 2;
-        q->y = (q->y - (double)y0) / 2;
-        q->size /= 2;
-    }
-    return 0;
-}
-
-int track_cut(float *out, struct track *t, const uint8_t *rgb, size_t W,
-              size_t H, struct square crop, struct error *err)
-{
-    struct square q = square_out_of(crop, t->window, t->opt.size);
-    size_t stride = 3 * W;
-
-    if (track_shrink(t, &rgb, &W, &H, &stride, &q) != 0)
-        return error_set(err, EX_OSERR, "no memory to shrink a frame");
-    crop_sample_u8(out, CROP_NET, rgb, W, H, stride, q);
-    return 0;
 }
 
 /* ---- what the network says -------------------------------------------- */
@@ -198,46 +152,6 @@ static int track_encode(struct track *t, struct track_result *r,
 
 /* ---- plausibility ------------------------------------------------------- */
 
-/* Mean-free grey picture of the crop, unit length; returns its standard
- * deviation before. */
-static double track_make_thumb(float *thumb, const float *input)
-{
-    const size_t n = TRACK_THUMB, cell = CROP_NET / n;
-    double sum = 0, square = 0, scale;
-
-    for (size_t y = 0; y < n; y++)
-        for (size_t x = 0; x < n; x++) {
-            float v = 0;
-            for (size_t i = 0; i < cell; i += 2) {
-                const float *p = input + 3 * ((y * cell + i) * CROP_NET
-                                              + x * cell);
-                for (size_t k = 0; k < 3 * cell; k++)
-                    v += p[k];
-            }
-            thumb[y * n + x] = v / (float)(3 * cell * cell / 2);
-            sum += thumb[y * n + x];
-        }
-    sum /= (double)(n * n);
-    for (size_t i = 0; i < n * n; i++) {
-        thumb[i] -= (float)sum;
-        square += (double)thumb[i] * thumb[i];
-    }
-    scale = square > 0 ? 1 / sqrt(square) : 0;
-    for (size_t i = 0; i < n * n; i++)
-        thumb[i] *= (float)scale;
-    return sqrt(square / (double)(n * n));
-}
-
-/* Correlation of a thumbnail with the last frame's. */
-static double track_correlate_thumb(const struct track *t, const float *thumb)
-{
-    double sum = 0;
-
-    for (size_t i = 0; i < TRACK_THUMB * TRACK_THUMB; i++)
-        sum += (double)thumb[i] * t->thumb[i];
-    return sum;
-}
-
 /* Area of the crop that lies inside the picture, as a fraction. */
 static double track_visible(const struct track *t, struct square crop,
                             size_t W, size_t H)
@@ -271,6 +185,35 @@ static const char *track_implausible(const struct track *t,
     return NULL;
 }
 
+/* Whether another face in the picture looks more like the first frame's than
+ * the one that is followed since it was found again. */
+static bool track_is_other(struct track *t, const uint8_t *rgb, size_t W,
+                           size_t H)
+{
+    const struct square q = square_out_of(t->crop, t->window, t->opt.size);
+    struct square face[TRACK_FACES];
+    float thumb[THUMB * THUMB];
+    bool other = false;
+    size_t n;
+
+    thumb_make(thumb, t->input);
+    const double like = thumb_correlate(t->looks, thumb);
+    n = facedetect_find(t->detector, face, TRACK_FACES, true, rgb, W, H,
+                        3 * W);
+    for (size_t i = 0; i < n && !other; i++) {
+        const struct square c = crop_from_detection(face[i]);
+
+        if (hypot(c.x - q.x, c.y - q.y) < SAME_FACE * q.size ||
+            track_cut(t->input, t, rgb, W, H,
+                      square_into(c, t->window, t->opt.size), NULL))
+            continue;
+        thumb_make(thumb, t->input);
+        other = thumb_correlate(t->looks, thumb) > like;
+    }
+    track_cut(t->input, t, rgb, W, H, t->crop, NULL);   /* as it was */
+    return other;
+}
+
 /* Whether the detector, asked now and then, still sees a face where a frontal
  * one is claimed. */
 static const char *track_doubtful(struct track *t, const struct motion *m,
@@ -278,9 +221,13 @@ static const char *track_doubtful(struct track *t, const struct motion *m,
 {
     struct square q;
 
-    if (t->opt.has_crop || !t->detector || ++t->since_check < CHECK_EVERY)
+    if (t->opt.has_crop || !t->detector
+        || ++t->since_check < (t->regained ? CHECK_AGAIN : CHECK_EVERY))
         return NULL;
     t->since_check = 0;
+    t->regained -= t->regained > 0;
+    if ((t->regained || t->faces.n > 1) && track_is_other(t, rgb, W, H))
+        return "it is another's";
     if (-m->R[8] < FRONTAL)
         return NULL;
     q = square_out_of(t->crop, t->window, t->opt.size);
@@ -316,7 +263,7 @@ static int track_refine_crop(struct track *t, struct track_result *r,
     }
     t->crop = crop;
     t->last = r->motion;
-    t->has_thumb = track_make_thumb(t->thumb, t->input) > FLAT_DEVIATION;
+    t->has_thumb = thumb_make(t->thumb, t->input) > FLAT_DEVIATION;
     t->since_check = t->misses = 0;
     return 0;
 }
@@ -353,20 +300,63 @@ static int track_try(struct track *t, struct track_result *r,
     return (double)r->sure >= SURE_FOUND;
 }
 
+/* Of n of the detector's faces those that E_m is sure of, into *faces; of these
+ * the one that looks most like the first frame's is chosen, or in a first frame
+ * the one that was asked for.  0; -1. */
+static int track_compare(struct track_faces *faces, struct track *t,
+                         struct track_result *r, const struct square *face,
+                         size_t n, const uint8_t *rgb, size_t W, size_t H,
+                         struct error *err)
+{
+    double most = -2;
+
+    *faces = (struct track_faces){.chosen = t->opt.face
+                                      ? (size_t)t->opt.face - 1 : 0};
+    for (size_t i = 0; i < n; i++) {
+        const int found = track_try(t, r, rgb, W, H,
+                                    crop_from_detection(face[i]), err);
+        const double like = thumb_correlate(t->looks, t->thumb);
+
+        if (found < 0)
+            return -1;
+        if (!found)
+            continue;
+        if (t->started && like > most) {
+            most = like;
+            faces->chosen = faces->n;
+        }
+        faces->crop[faces->n++] = square_out_of(t->crop, t->window,
+                                                t->opt.size);
+    }
+    return 0;
+}
+
 /* The detector's face, where E_m agrees: 1, 0, -1 no detector. */
 static int track_detect(struct track *t, struct track_result *r,
                         const uint8_t *rgb, size_t W, size_t H,
                         struct error *err)
 {
     const double begun = cpu_seconds();
-    struct square face;
+    const bool all = t->opt.face > 1 || t->faces.n > 1;
+    struct square face[TRACK_FACES];
+    struct track_faces faces;
 
     if (!t->detector && !(t->detector = facedetect_open(err)))
         return -1;
-    const int found = facedetect_find(t->detector, &face, rgb, W, H, 3 * W);
+    const size_t n = facedetect_find(t->detector, face, TRACK_FACES, all, rgb,
+                                     W, H, 3 * W);
     r->detect_s += cpu_seconds() - begun;
-    return found ? track_try(t, r, rgb, W, H, crop_from_detection(face), err)
-                 : 0;
+    if (n == 1 && t->opt.face <= 1)
+        return track_try(t, r, rgb, W, H, crop_from_detection(face[0]), err);
+    if (track_compare(&faces, t, r, face, n, rgb, W, H, err))
+        return -1;
+    if (!t->started)
+        t->faces = faces;
+    if (faces.n > t->most_faces)
+        t->most_faces = faces.n;
+    return faces.chosen < faces.n
+               ? track_try(t, r, rgb, W, H, faces.crop[faces.chosen], err)
+               : 0;
 }
 
 /* Of a level's squares the one whose face E_m is surest of: 1, then *best is
@@ -424,7 +414,7 @@ static int track_find(struct track *t, struct track_result *r,
     const struct square crop = t->crop;
     int found = track_detect(t, r, rgb, W, H, err);
 
-    if (found == 0)
+    if (found == 0 && (t->started || t->opt.face <= 1))
         found = track_look(t, r, rgb, W, H, err);
     if (found != 1) {
         t->last = last;
@@ -450,7 +440,13 @@ static int track_begin(struct track *t, struct track_result *r, size_t W,
 {
     align_restart(&t->align);
     track_align(t, r, W, H);
+    if (!t->faces.n) {
+        t->faces.n = 1;
+        t->faces.crop[0] = square_out_of(t->crop, t->window, t->opt.size);
+    }
+    memcpy(t->looks, t->thumb, sizeof t->looks);
     t->started = true;
+    t->regained = 0;
     t->lost = false;            /* a live source may start several times */
     t->lost_frames = 0;
     track_deliver(t, r, time);
@@ -464,6 +460,7 @@ int track_start(struct track *t, struct track_result *r, const uint8_t *rgb,
 
     memset(r, 0, sizeof *r);
     t->started = false;
+    t->faces.n = t->faces.chosen = 0;
     if (W == 0 || H == 0)
         return 0;
     if (!t->opt.has_crop) {
@@ -483,14 +480,14 @@ int track_start(struct track *t, struct track_result *r, const uint8_t *rgb,
 static bool track_changed(struct track *t, const uint8_t *rgb, size_t W,
                           size_t H)
 {
-    float thumb[TRACK_THUMB * TRACK_THUMB];
+    float thumb[THUMB * THUMB];
     const bool had = t->has_thumb;
     double same;
 
     if (track_cut(t->input, t, rgb, W, H, t->crop, NULL) != 0)
         return false;
-    t->has_thumb = track_make_thumb(thumb, t->input) > FLAT_DEVIATION;
-    same = track_correlate_thumb(t, thumb);
+    t->has_thumb = thumb_make(thumb, t->input) > FLAT_DEVIATION;
+    same = thumb_correlate(t->thumb, thumb);
     memcpy(t->thumb, thumb, sizeof thumb);
     return t->has_thumb && (!had || same < CUT_CORRELATION);
 }
@@ -531,6 +528,7 @@ static int track_search(struct track *t, struct track_result *r,
         return 0;
     }
     track_align(t, r, W, H);
+    t->regained = REGAINED;
     if (t->lost) {
         r->event = TRACK_FOUND;
         oneeuro_reset(&t->filter);
@@ -548,16 +546,18 @@ static const char *track_find_fault(struct track *t,
                                     const struct track_result *r,
                                     const uint8_t *rgb, size_t W, size_t H)
 {
-    float thumb[TRACK_THUMB * TRACK_THUMB];
+    float thumb[THUMB * THUMB];
     const struct square next = track_next_crop(t, &r->motion);
     const char *why;
 
-    if (track_make_thumb(thumb, t->input) < FLAT_DEVIATION)
+    if (thumb_make(thumb, t->input) < FLAT_DEVIATION)
         return "the picture is blank there";
-    if (t->has_thumb && track_correlate_thumb(t, thumb) < CUT_CORRELATION) {
+    if (t->has_thumb && thumb_correlate(t->thumb, thumb) < CUT_CORRELATION) {
         align_restart(&t->align);
         return "the scene changed";
     }
+    if (thumb_correlate(t->looks, thumb) < UNLIKE && !t->regained)
+        t->regained = REGAINED;
     why = track_implausible(t, &r->motion, next, t->crop, W, H);
     if (!why)
         why = track_doubtful(t, &r->motion, rgb, W, H);

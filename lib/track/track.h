@@ -18,12 +18,12 @@
 #include "lib/track/align.h"
 #include "lib/track/landmarks.h"
 #include "lib/track/oneeuro.h"
+#include "lib/track/thumb.h"
 #include "lib/track/tta.h"
-
-#define TRACK_THUMB 28          /* side of the picture that cuts are seen in */
 
 struct track_options {
     double size;                /* S of the portrait window: 512 */
+    long face;                  /* which, the largest is 1; 0: that one */
     bool has_crop, has_window;
     struct square crop;         /* fixed face crop, picture pixels */
     struct square window;       /* portrait window, picture pixels */
@@ -59,6 +59,14 @@ struct track_result {
     double crop_s, network_s, heads_s, detect_s;    /* seconds spent */
 };
 
+/* The faces of a first frame that E_m is sure of, the largest first, as crops in
+ * picture pixels.  One that was looked for in other ways is alone. */
+#define TRACK_FACES 8
+struct track_faces {
+    size_t n, chosen;
+    struct square crop[TRACK_FACES];
+};
+
 struct facedetect;
 
 struct track {
@@ -70,11 +78,16 @@ struct track {
     struct facedetect *detector;        /* NULL until it is needed */
     struct square window;               /* picture pixels */
     struct square crop;                 /* next one, window pixels */
+    struct track_faces faces;
+    size_t most_faces;                  /* of the pictures that were tried */
     bool started, lost, has_thumb;
+    int regained;                       /* looks until a face that was found
+                                         * again is taken for the same one's */
     size_t since_check, misses, lost_frames;
     struct motion last;                 /* as the network said it */
     struct oneeuro filter;
-    float thumb[TRACK_THUMB * TRACK_THUMB];
+    float thumb[THUMB * THUMB];
+    float looks[THUMB * THUMB];     /* the first frame's face */
     float *input;                       /* (224,224,3) */
     uint8_t *half;                      /* shrunken part of the picture */
     size_t half_room;
