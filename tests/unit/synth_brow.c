@@ -90,7 +90,7 @@ static void check_parts(float *log, const uint8_t *where)
         paint_skin(log, -1 - 0.3f * (float)i, 1, TOP + 2 * (int)i);
         brow_fit_add(&t, i, log, where);
     }
-    if (brow_fit_finish(&m, &t, 1, &err)) {
+    if (brow_fit_finish(&m, &t, &err)) {
         brow_check(0, err.text);
     } else {
         int thin = painted_rows(&m, brow, -1.5f), mean = painted_rows(&m, brow, 0);
