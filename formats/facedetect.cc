@@ -55,6 +55,9 @@ struct facedetect *facedetect_open(struct error *err)
     facedetect *d = nullptr;
 
     cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
+    /* no pool of its own beside ours: it takes 2 MB of a live driver's memory
+     * and processors that -j did not give */
+    cv::setNumThreads(1);
     try {
         std::string tried;
         d = new facedetect;

@@ -7,8 +7,9 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/mman.h>
 #include <sysexits.h>
+
+#include "lib/base/pages.h"
 
 int nn_type_parse(enum nn_type *type, const char *word)
 {
@@ -29,31 +30,9 @@ const char *nn_type_name(enum nn_type type)
     return name[type];
 }
 
-#define HUGE ((size_t)2 << 20)   /* bytes of a huge page */
 #define SPLIT 65536              /* bytes; fewer are not split off */
 
 /* ---- chunks ------------------------------------------------------------ */
-
-/* `mapped` zero bytes (whole huge pages) at a huge page's border, which become
- * memory when they are touched, or NULL. */
-static void *plan_chunk_map(size_t mapped)
-{
-    const size_t all = mapped + HUGE;
-    char *base = mmap(NULL, all, PROT_READ | PROT_WRITE,
-                      MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
-
-    if (base == MAP_FAILED)
-        return NULL;
-    const size_t before = (HUGE - (uintptr_t)base % HUGE) % HUGE;
-    if (before)
-        munmap(base, before);
-    if (before < HUGE)
-        munmap(base + before + mapped, HUGE - before);
-#ifdef MADV_HUGEPAGE
-    madvise(base + before, mapped, MADV_HUGEPAGE);
-#endif
-    return base + before;
-}
 
 /* From the heap, not cleared. */
 static struct nn_chunk plan_chunk_of_heap(size_t bytes)
@@ -66,30 +45,18 @@ static struct nn_chunk plan_chunk_of_heap(size_t bytes)
     };
 }
 
-/* Zeros; large ones in huge pages where the system has them: kernels walk
- * across many rows and planes at once, more than there are entries for small
- * pages. */
+/* Zeros, in huge pages. */
 static struct nn_chunk plan_chunk_of_zeros(size_t bytes)
 {
-    struct nn_chunk c = {.size = bytes};
-
-    if (bytes > SIZE_MAX - 2 * HUGE)
-        return c;
-    if (bytes >= HUGE / 2) {
-        c.mapped = (bytes + HUGE - 1) & ~(HUGE - 1);
-        c.data = plan_chunk_map(c.mapped);
-        return c;
-    }
-    c = plan_chunk_of_heap(bytes);
-    if (c.data)
-        memset(c.data, 0, bytes);
-    return c;
+    return (struct nn_chunk){
+        .data = pages_alloc(bytes), .size = bytes, .pages = bytes
+    };
 }
 
 static void plan_chunk_release(struct nn_chunk *c)
 {
-    if (c->mapped && c->data)
-        munmap(c->data, c->mapped);
+    if (c->pages)
+        pages_free(c->data, c->pages);
     else if (!c->rest)
         free(c->data);
     memset(c, 0, sizeof *c);

@@ -18,7 +18,7 @@
 struct nn_chunk {
     void *data;
     size_t size;
-    size_t mapped;              /* bytes from the system; 0: of the heap */
+    size_t pages;               /* bytes of pages_alloc; 0: of the heap */
     bool idle;
     bool rest;                  /* of the memory that the chunk before it
                                  * begins */

@@ -10,6 +10,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/pages.h"
 #include "lib/splat/kernels.h"
 
 int backward_init(struct splat *s)
@@ -34,7 +35,7 @@ void backward_release(struct splat *s)
 
     if (!b)
         return;
-    free(b->pair);
+    pages_free(b->pair, b->pair_bytes);
     free(b->seen);
     free(b->range);
     free(b->inverse_length);
@@ -110,10 +111,11 @@ static int backward_make_room(struct splat *s, struct error *err)
 
     if (s->pairs <= b->room)
         return 0;
-    free(b->pair);
+    pages_free(b->pair, b->pair_bytes);
     free(b->seen);
     b->room = s->pairs + s->pairs / 8;
-    b->pair = state_block(b->room * (size_t)b->stride * sizeof *b->pair);
+    b->pair_bytes = b->room * (size_t)b->stride * sizeof *b->pair;
+    b->pair = pages_alloc(b->pair_bytes);
     b->seen = malloc(b->room);
     if (b->pair && b->seen)
         return 0;

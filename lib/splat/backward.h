@@ -26,6 +26,7 @@ struct pair_range {
  * of a vector. */
 struct splat_gradient_state {
     float *pair;
+    size_t pair_bytes;
     uint8_t *seen;
     size_t room;               /* pairs that fit */
     int stride;

@@ -10,6 +10,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/pages.h"
 #include "lib/base/parallel.h"
 #include "lib/base/sort.h"
 #include "lib/splat/backward.h"
@@ -135,7 +136,8 @@ int splat_init(struct splat *s, const struct splat_options *opt,
     s->state = st;
     splat_settle_options(s, st, opt);
     s->bytes = state_screen_layout(st, NULL);
-    st->screen = state_block(s->bytes);
+    st->screen_bytes = s->bytes;
+    st->screen = pages_alloc(s->bytes);
     if (!st->screen)
         goto out;
     state_screen_layout(st, st->screen);
@@ -155,8 +157,8 @@ void splat_release(struct splat *s)
 
     if (st) {
         backward_release(s);
-        free(st->block);
-        free(st->screen);
+        pages_free(st->block, st->block_bytes);
+        pages_free(st->screen, st->screen_bytes);
         free(st->list);
         free(st->tether);
         free(st);
@@ -287,10 +289,10 @@ int splat_load(struct splat *s, const struct gaussians *g, struct error *err)
     if (!st->block || s->n != g->n) {
         size_t bytes = state_cloud_layout(s, NULL, n);
 
-        free(st->block);
+        pages_free(st->block, st->block_bytes);
         s->bytes += bytes - st->block_bytes;
         st->block_bytes = bytes;
-        st->block = state_block(bytes);
+        st->block = pages_alloc(bytes);
         if (!st->block) {
             s->n = 0;
             return error_set(err, EX_OSERR, "%zu Gaussians: out of memory",

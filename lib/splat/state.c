@@ -4,7 +4,6 @@
 
 #include <assert.h>
 #include <stdlib.h>
-#include <sys/mman.h>
 
 #include "lib/base/isa.h"
 
@@ -15,19 +14,6 @@
 #else
 #define SPLAT_FIXED16 false
 #endif
-
-void *state_block(size_t bytes)
-{
-    size_t huge = (size_t)2 << 20;
-    size_t align = bytes >= huge ? huge : ALIGN;
-    void *p = aligned_alloc(align, (bytes + align - 1) / align * align);
-
-#ifdef MADV_HUGEPAGE
-    if (p && bytes >= huge)
-        madvise(p, bytes, MADV_HUGEPAGE);
-#endif
-    return p;
-}
 
 void state_each(const struct splat_state *st, size_t count, parallel_fn *run,
                 void *ctx)

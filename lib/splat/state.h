@@ -86,7 +86,7 @@ struct splat_state {
 
     /* one block, sized by N in splat_load */
     void *block;
-    size_t block_bytes;
+    size_t block_bytes, screen_bytes;
     struct cloud cloud;
     struct splat_tether *tether;    /* (tethers), in order */
     size_t tethers;
@@ -121,10 +121,6 @@ struct splat_state {
 
     struct splat_gradient_state *gradient;
 };
-
-/* Memory for free(), aligned to 64 bytes; large blocks ask for huge pages: the
- * projections are read in tile order.  NULL: none. */
-void *state_block(size_t bytes);
 
 /* Lay out in block what the picture's size decides, or with block NULL only
  * count; returns the bytes. */

@@ -4,6 +4,7 @@
 #include "lib/track/search.h"
 
 #include <math.h>
+#include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
@@ -17,26 +18,50 @@
 #define SEARCH_APART 0.5        /* candidates of a level are, over their side */
 
 int search_init(struct search *s, struct motion_encoder *net,
-                const uint8_t *rgb, size_t W, size_t H, struct error *err)
+                struct error *err)
 {
     const size_t crop = 3 * CROP_NET * CROP_NET;
+    const size_t n = net->batch * (crop + MOTION_OUT);
 
     memset(s, 0, sizeof *s);
     s->net = net;
-    s->shrunk = 1;
+    s->rgb = malloc(n * sizeof *s->rgb);
+    if (!s->rgb)
+        return error_set(err, EX_OSERR, "no memory to look for a face");
+    /* a live driver's memory is all there before its first frame */
+    memset(s->rgb, 0, n * sizeof *s->rgb);
+    s->out = s->rgb + net->batch * crop;
+    return 0;
+}
+
+/* Whether a picture is shrunk to half of W x H once more. */
+static bool search_shrinks(size_t W, size_t H)
+{
+    return (W < H ? W : H) >= 2 * SEARCH_SIDE;
+}
+
+int search_take(struct search *s, const uint8_t *rgb, size_t W, size_t H,
+                struct error *err)
+{
+    const bool shrinks = search_shrinks(W, H);
+    const size_t room = shrinks ? 3 * (W / 2) * (H / 2) : 3 * W * H;
+
+    if (room > s->room) {
+        uint8_t *small = realloc(s->small, room);
+
+        if (!small)
+            return error_set(err, EX_OSERR, "no memory to look for a face in "
+                             "a picture of %zu x %zu pixels", W, H);
+        s->small = small;
+        s->room = room;
+    }
     s->W = W;
     s->H = H;
-    s->rgb = malloc(net->batch * (crop + MOTION_OUT) * sizeof *s->rgb);
-    s->small = malloc(3 * W * H + 1);
-    if (!s->rgb || !s->small) {
-        search_release(s);
-        return error_set(err, EX_OSERR, "no memory to look for a face in a "
-                         "picture of %zu x %zu pixels", W, H);
-    }
-    s->out = s->rgb + net->batch * crop;
-    memcpy(s->small, rgb, 3 * W * H);
-    while (fmin((double)s->W, (double)s->H) >= 2 * SEARCH_SIDE) {
-        crop_halve(s->small, s->small, s->W / 2 * 2, s->H / 2 * 2, 3 * s->W);
+    s->shrunk = 1;
+    if (!shrinks)
+        memcpy(s->small, rgb, room);
+    for (; search_shrinks(s->W, s->H); rgb = s->small) {
+        crop_halve(s->small, rgb, s->W / 2 * 2, s->H / 2 * 2, 3 * s->W);
         s->W /= 2;
         s->H /= 2;
         s->shrunk /= 2;

@@ -19,14 +19,19 @@
 struct search {
     struct motion_encoder *net; /* borrowed, planned for a batch */
     uint8_t *small;             /* the picture, shrunken */
+    size_t room;                /* bytes of it */
     size_t W, H;                /* of it */
     double shrunk;              /* its pixels over the picture's */
     float *rgb, *out;           /* (B,224,224,3), (B,120) */
 };
 
-/* Of a picture [H,W,3], for an encoder with a sure head.  EX_OSERR. */
+/* For an encoder with a sure head.  EX_OSERR. */
 int search_init(struct search *s, struct motion_encoder *net,
-                const uint8_t *rgb, size_t W, size_t H, struct error *err);
+                struct error *err);
+/* The picture [H,W,3] from now on; memory is kept from one to the next.
+ * EX_OSERR. */
+int search_take(struct search *s, const uint8_t *rgb, size_t W, size_t H,
+                struct error *err);
 /* Free what it holds; zeroed then. */
 void search_release(struct search *s);
 

@@ -11,7 +11,6 @@
 #include "lib/base/cpu.h"
 #include "lib/base/camera.h"
 #include "lib/net/motion_code.h"
-#include "lib/track/search.h"
 #include "lib/track/smooth.h"
 #include "lib/track/thumb.h"
 
@@ -58,7 +57,8 @@ int track_init(struct track *t, const struct identity *id,
     if (!t->input)
         error_set(err, EX_OSERR, "no memory for the face crop");
     else if (motion_tta_init(&t->tta, net, 1, id->head, !opt->no_tta,
-                             !opt->still, err) == 0)
+                             !opt->still, err) == 0 &&
+             (!net->sure.ps || search_init(&t->search, net, err) == 0))
         return 0;
     track_release(t);
     return -1;
@@ -70,6 +70,7 @@ void track_release(struct track *t)
     align_release(&t->align);
     facedetect_close(t->detector);
     motion_tta_release(&t->tta);
+    search_release(&t->search);
     free(t->input);
     free(t->half);
     memset(t, 0, sizeof *t);
@@ -198,8 +199,8 @@ static bool track_is_other(struct track *t, const uint8_t *rgb, size_t W,
 
     thumb_make(thumb, t->input);
     const double like = thumb_correlate(t->looks, thumb);
-    n = facedetect_find(t->detector, face, TRACK_FACES, true, rgb, W, H,
-                        3 * W);
+    n = facedetect_find(t->detector, face, TRACK_FACES, t->faces.n > 1, rgb,
+                        W, H, 3 * W);
     for (size_t i = 0; i < n && !other; i++) {
         const struct square c = crop_from_detection(face[i]);
 
@@ -362,12 +363,12 @@ static int track_detect(struct track *t, struct track_result *r,
 /* Of a level's squares the one whose face E_m is surest of: 1, then *best is
  * the crop that it settled on, in picture pixels; 0; -1. */
 static int track_try_level(struct track *t, struct track_result *r,
-                           struct square *best, struct search *s,
-                           const uint8_t *rgb, size_t W, size_t H,
+                           struct square *best, const uint8_t *rgb,
+                           size_t W, size_t H,
                            size_t level, struct error *err)
 {
     struct square q[SEARCH_BEST];
-    const size_t n = search_level(q, s, level);
+    const size_t n = search_level(q, &t->search, level);
     double sure = 0;
 
     for (size_t i = 0; i < n; i++) {
@@ -390,16 +391,14 @@ static int track_look(struct track *t, struct track_result *r,
     const size_t levels = t->opt.quick ? SEARCH_QUICK : SEARCH_LEVELS;
     const double begun = cpu_seconds();
     struct square best;
-    struct search s;
     int found = 0;
 
     if (!t->tta.net->sure.ps)
         return 0;
-    if (search_init(&s, t->tta.net, rgb, W, H, err))
+    if (search_take(&t->search, rgb, W, H, err))
         return -1;
     for (size_t k = 0; k < levels && !found; k++)
-        found = track_try_level(t, r, &best, &s, rgb, W, H, k, err);
-    search_release(&s);
+        found = track_try_level(t, r, &best, rgb, W, H, k, err);
     r->detect_s += cpu_seconds() - begun;
     return found == 1 ? track_try(t, r, rgb, W, H, best, err) : found;
 }
@@ -463,6 +462,9 @@ int track_start(struct track *t, struct track_result *r, const uint8_t *rgb,
     t->faces.n = t->faces.chosen = 0;
     if (W == 0 || H == 0)
         return 0;
+    /* what the search for a lost face holds is there from the start */
+    if (t->opt.quick && t->search.net && search_take(&t->search, rgb, W, H, err))
+        return -1;
     if (!t->opt.has_crop) {
         const int found = track_find(t, r, rgb, W, H, err);
         return found == 1 ? track_begin(t, r, W, H, time) : found;

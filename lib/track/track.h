@@ -18,6 +18,7 @@
 #include "lib/track/align.h"
 #include "lib/track/landmarks.h"
 #include "lib/track/oneeuro.h"
+#include "lib/track/search.h"
 #include "lib/track/thumb.h"
 #include "lib/track/tta.h"
 
@@ -89,6 +90,7 @@ struct track {
     float thumb[THUMB * THUMB];
     float looks[THUMB * THUMB];     /* the first frame's face */
     float *input;                       /* (224,224,3) */
+    struct search search;               /* for where else a face is */
     uint8_t *half;                      /* shrunken part of the picture */
     size_t half_room;
 };

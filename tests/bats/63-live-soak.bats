@@ -58,15 +58,14 @@ watch() {
     [ "$(wc -l <shown)" -eq "$n" ]
     [ $((n + dropped)) -eq $((10 * seconds)) ]
 
-    # from there on nothing grows but by what a search for a lost face holds
-    # (2 MB of crops and pictures); a busy machine may show too few looks
+    # from there on nothing grows; a busy machine may show too few
     [ -s memory ] || [ "$n" -le 20 ]
     awk 'NR == 1 { low = $1 }
         $1 > most { most = $1 }
         $1 < low { low = $1 }
         END {
             print "private memory: " low " to " most " kB, " NR " looks"
-            exit most - low > 3072
+            exit most - low > 1024
         }' memory
 
     # the crop follows the frames before, so that a dropped one changes the
