@@ -5,10 +5,6 @@
 #include <string.h>
 #include <sysexits.h>
 
-#define TURNED_CLEAR 0.9        /* surer than this, E_m sees an upright face: of
-                                 * the faces in tests/bench/README.md nine in
-                                 * ten, and none that lies */
-
 /* Pixels of `step` bytes. */
 static uint8_t *turned_plane(const uint8_t *from, size_t W, size_t H,
                              size_t step, int quarters)
@@ -46,41 +42,47 @@ int turned_copy(struct image *out, const struct image *im, int quarters,
                      "%zu pixels", W, H);
 }
 
-/* track_start in the picture turned by quarters: E_m's sureness of a face; 0:
- * none; -1. */
-static double turned_look(struct track *t, const struct image *im,
-                          int quarters, double time, struct error *err)
+/* track_start in the picture turned by quarters. */
+static int turned_look(struct track *t, struct track_result *r,
+                       const struct image *im, int quarters, double time,
+                       struct error *err)
 {
-    struct track_result r;
     struct image turned;
 
     if (turned_copy(&turned, im, quarters, err))
         return -1;
-    const int found = track_start(t, &r, turned.rgb, turned.width,
+    const int found = track_start(t, r, turned.rgb, turned.width,
                                   turned.height, time, err);
     image_release(&turned);
-    return found == 1 ? (double)r.sure : found;
+    return found;
 }
 
+/* Two witnesses: the detector knows faces that stand upright and look ahead, E_m
+ * those from any side, but hardly which way is up.  So a picture is turned to
+ * where the detector sees a face if it sees none as the picture is, and else
+ * where E_m is surest if it sees none either as the picture is. */
 int turned_start(struct track *t, struct track_result *r, int *quarters,
                  const struct image *im, double time, struct error *err)
 {
     const bool quick = t->opt.quick;
     int found = track_start(t, r, im->rgb, im->width, im->height, time, err);
-    double best = found == 1 ? (double)r->sure : 0;
+    double best = 0;
 
     *quarters = 0;
-    if (found < 0 || best >= TURNED_CLEAR || !t->tta.net->sure.ps ||
+    if (found < 0 || (found && r->detected) || !t->tta.net->sure.ps ||
         t->opt.has_crop)
         return found;
     t->opt.quick = true;        /* of lying faces, large ones alone */
-    for (int k = 1; k < 4 && best < TURNED_CLEAR; k++) {
-        const double sure = turned_look(t, im, k, time, err);
+    for (int k = 1; k < 4; k++) {
+        struct track_result turned;
+        const int seen = turned_look(t, &turned, im, k, time, err);
 
-        if (sure < 0)
+        if (seen < 0)
             return -1;
-        if (sure > best) {
-            best = sure;
+        const double much = !seen ? 0 : turned.detected + (double)turned.sure;
+
+        if (much > best && (turned.detected || !found)) {
+            best = much;
             *quarters = k;
         }
     }

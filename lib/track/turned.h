@@ -7,8 +7,8 @@
 #include "lib/track/track.h"
 
 /* As track_start, for a picture that may lie: 1, it shows a face as it is; 0,
- * and *quarters is how many quarter turns clockwise show one, or show a surer
- * one, or 0 where none does; -1.  Where E_m cannot say how sure it is, or the
+ * and *quarters is how many quarter turns clockwise show one, or 0 where none
+ * does; -1.  Where E_m cannot say how sure it is, or the
  * crop is given, nothing is turned. */
 int turned_start(struct track *t, struct track_result *r, int *quarters,
                  const struct image *im, double time, struct error *err);

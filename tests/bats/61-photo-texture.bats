@@ -76,7 +76,7 @@ piped() {
             likeness b.png SRCI.rgb.npy >plain
             echo "$seed $star: $(cat like), without the photograph $(cat plain)"
             # of the background, what lies right beside hair may differ
-            awk '{ exit !($1 >= 35 && $2 < 0.1) }' like
+            awk '{ exit !($1 >= 35 && $2 < 0.02) }' like
             awk -v with="$(cut -d' ' -f1 like)" \
                 '{ exit !(with > $1 + 5) }' plain
         done
