@@ -54,15 +54,17 @@ struct beside_rim_part {
     long side;
 };
 
-/* One of them. */
-static void beside_rim_part(void *ctx, size_t k)
+/* A row of cells. */
+static void beside_rim_part(void *ctx, size_t y)
 {
     const struct beside_rim_part *c = ctx;
+    const size_t n = (size_t)c->side;
 
-    if (c->rgba[4 * k + 3] > 0 && c->coverage[k] < BESIDE_OUTLINE &&
-        beside_is_rim(c->rgba, c->coverage, c->side, (long)k % c->side,
-                      (long)k / c->side))
-        c->value[k] = 1;
+    for (size_t k = y * n; k < (y + 1) * n; k++)
+        if (c->rgba[4 * k + 3] > 0 && c->coverage[k] < BESIDE_OUTLINE &&
+            beside_is_rim(c->rgba, c->coverage, c->side, (long)(k % n),
+                          (long)y))
+            c->value[k] = 1;
 }
 
 void beside_rim(float *value, const float *rgba, const float *coverage,
@@ -70,6 +72,6 @@ void beside_rim(float *value, const float *rgba, const float *coverage,
 {
     const long side = (long)n;
 
-    parallel_for(n * n, 1, beside_rim_part,
+    parallel_for(n, 1, beside_rim_part,
                  &(struct beside_rim_part){ rgba, coverage, value, side });
 }

@@ -93,7 +93,6 @@ struct branch_prior_forward_part {
     const struct branch_prior *p;
 };
 
-/* One of them. */
 static void branch_prior_forward_part(void *ctx, size_t i)
 {
     const struct branch_prior_forward_part *a = ctx;
@@ -127,7 +126,6 @@ struct branch_prior_backward_part {
     struct branch_set *dout;
 };
 
-/* One of them. */
 static void branch_prior_backward_part(void *ctx, size_t i)
 {
     const struct branch_prior_backward_part *a = ctx;

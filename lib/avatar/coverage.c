@@ -161,7 +161,6 @@ struct coverage_fraction_part {
     size_t F, n, shares;
 };
 
-/* One of them. */
 static void coverage_fraction_part(void *ctx, size_t i)
 {
     const struct coverage_fraction_part *c = ctx;
@@ -172,7 +171,6 @@ static void coverage_fraction_part(void *ctx, size_t i)
 
 struct coverage_fraction_row { float *C; uint8_t *bits; size_t n; };
 
-/* One of them. */
 static void coverage_fraction_row(void *ctx, size_t i)
 {
     const struct coverage_fraction_row *c = ctx;
@@ -204,7 +202,6 @@ struct coverage_blur_pass_part {
     int r;
 };
 
-/* One of them. */
 static void coverage_blur_pass_part(void *ctx, size_t i)
 {
     const struct coverage_blur_pass_part *c = ctx;
@@ -342,7 +339,6 @@ struct coverage_depth_part {
     size_t F, n, shares;
 };
 
-/* One of them. */
 static void coverage_depth_part(void *ctx, size_t i)
 {
     const struct coverage_depth_part *c = ctx;
@@ -375,7 +371,6 @@ struct coverage_seen_part {
     float slack;
 };
 
-/* One of them. */
 static void coverage_seen_part(void *ctx, size_t k)
 {
     const struct coverage_seen_part *c = ctx;

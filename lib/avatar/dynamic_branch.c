@@ -177,7 +177,6 @@ struct dynamic_branch_hull_part {
     float scale;
 };
 
-/* One of them. */
 static void dynamic_branch_hull_part(void *ctx, size_t k)
 {
     const struct dynamic_branch_hull_part *c = ctx;
@@ -296,7 +295,6 @@ struct dynamic_branch_start_part {
     const struct source_mesh *mesh;
 };
 
-/* One of them. */
 static void dynamic_branch_start_part(void *ctx, size_t k)
 {
     const struct dynamic_branch_start_part *c = ctx;
@@ -326,7 +324,6 @@ static void dynamic_branch_start_part(void *ctx, size_t k)
 
 struct dynamic_branch_logit_part { float *rgb; };
 
-/* One of them. */
 static void dynamic_branch_logit_part(void *ctx, size_t i)
 {
     const struct dynamic_branch_logit_part *c = ctx;
@@ -412,7 +409,6 @@ struct dynamic_branch_unseen_part {
     struct branch_set *out;
 };
 
-/* One of them. */
 static void dynamic_branch_unseen_part(void *ctx, size_t k)
 {
     const struct dynamic_branch_unseen_part *a = ctx;
@@ -459,7 +455,6 @@ struct dynamic_branch_unseen_backward_part {
     struct branch_set *dout;
 };
 
-/* One of them. */
 static void dynamic_branch_unseen_backward_part(void *ctx, size_t k)
 {
     const struct dynamic_branch_unseen_backward_part *a = ctx;
@@ -490,7 +485,6 @@ struct dynamic_branch_rows {
     size_t width, Cf;
 };
 
-/* One of them. */
 static void dynamic_branch_forward_part(void *ctx, size_t k)
 {
     const struct dynamic_branch_rows *c = ctx;
@@ -536,7 +530,6 @@ void dynamic_branch_forward(struct branch_set *out, const float *features,
     }
 }
 
-/* One of them. */
 static void dynamic_branch_backward_part(void *ctx, size_t k)
 {
     const struct dynamic_branch_rows *c = ctx;

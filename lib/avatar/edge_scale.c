@@ -49,7 +49,6 @@ struct edge_scale_clamp_part {
     float cell;
 };
 
-/* One of them. */
 static void edge_scale_clamp_part(void *ctx, size_t i)
 {
     const struct edge_scale_clamp_part *c = ctx;

@@ -19,7 +19,6 @@ struct static_branch_lift_part {
     float *mu, *o;
 };
 
-/* One of them. */
 static void static_branch_lift_part(void *ctx, size_t k)
 {
     const struct static_branch_lift_part *c = ctx;
@@ -56,7 +55,6 @@ struct static_branch_lift_backward_part {
     float *dU, *dp;
 };
 
-/* One of them. */
 static void static_branch_lift_backward_part(void *ctx, size_t k)
 {
     const struct static_branch_lift_backward_part *a = ctx;

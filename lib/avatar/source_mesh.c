@@ -67,7 +67,6 @@ void source_mesh_normal(float normal[3], const float cam[12])
 
 struct source_mesh_project_part { float *place; const float *cam, *x; };
 
-/* One of them. */
 static void source_mesh_project_part(void *ctx, size_t i)
 {
     const struct source_mesh_project_part *c = ctx;

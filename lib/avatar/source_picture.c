@@ -158,7 +158,6 @@ struct source_picture_set_part {
     struct source_picture *p;
 };
 
-/* One of them. */
 static void source_picture_set_part(void *ctx, size_t i)
 {
     const struct source_picture_set_part *a = ctx;

@@ -122,7 +122,6 @@ struct static_branch_surface_part {
     struct static_branch *b;
 };
 
-/* One of them. */
 static void static_branch_surface_part(void *ctx, size_t k)
 {
     const struct static_branch_surface_part *c = ctx;
@@ -165,7 +164,6 @@ struct static_branch_neck_part {
     const struct source_mesh *mesh;
 };
 
-/* One of them. */
 static void static_branch_neck_part(void *ctx, size_t k)
 {
     const struct static_branch_neck_part *c = ctx;
@@ -239,7 +237,6 @@ struct static_branch_locate_part {
     float *neck, *scratch;
 };
 
-/* One of them. */
 static void static_branch_locate_part(void *ctx, size_t k)
 {
     const struct static_branch_locate_part *c = ctx;
@@ -271,7 +268,6 @@ struct static_branch_deform_part {
     size_t Cf;
 };
 
-/* One of them. */
 static void static_branch_deform_part(void *ctx, size_t k)
 {
     const struct static_branch_deform_part *c = ctx;
@@ -304,7 +300,6 @@ struct static_branch_deform_backward_part {
     size_t Cf;
 };
 
-/* One of them. */
 static void static_branch_deform_backward_part(void *ctx, size_t k)
 {
     const struct static_branch_deform_backward_part *a = ctx;
@@ -337,7 +332,6 @@ struct static_branch_inputs_part {
     float size_shift;
 };
 
-/* One of them. */
 static void static_branch_inputs_part(void *ctx, size_t k)
 {
     const struct static_branch_inputs_part *a = ctx;
@@ -383,7 +377,6 @@ struct static_branch_inputs_backward_part {
     size_t Cf;
 };
 
-/* One of them. */
 static void static_branch_inputs_backward_part(void *ctx, size_t k)
 {
     const struct static_branch_inputs_backward_part *a = ctx;
@@ -415,7 +408,6 @@ struct static_branch_clamp_tint_part {
     struct branch_set *out;
 };
 
-/* One of them. */
 static void static_branch_clamp_tint_part(void *ctx, size_t k)
 {
     const struct static_branch_clamp_tint_part *a = ctx;
@@ -443,7 +435,6 @@ struct static_branch_clamp_tint_backward_part {
     struct branch_set *dout;
 };
 
-/* One of them. */
 static void static_branch_clamp_tint_backward_part(void *ctx, size_t k)
 {
     const struct static_branch_clamp_tint_backward_part *a = ctx;
@@ -470,7 +461,6 @@ static void static_branch_clamp_tint_backward(struct branch_set *dout,
 
 struct static_branch_forward_part { struct static_branch *b; };
 
-/* One of them. */
 static void static_branch_forward_part(void *ctx, size_t k)
 {
     const struct static_branch_forward_part *c = ctx;
@@ -519,7 +509,6 @@ void static_branch_forward(struct branch_set *out, const float *features,
 
 struct static_branch_backward_part { struct static_branch *b; };
 
-/* One of them. */
 static void static_branch_backward_part(void *ctx, size_t k)
 {
     const struct static_branch_backward_part *c = ctx;

@@ -111,7 +111,6 @@ int networks_graph(struct graph *g, const struct networks *n,
     return error_prefix(err, "network %s", networks_table[which].name);
 }
 
-/* One of them. */
 static int networks_write_one(const char *dir, const struct networks *n,
                               enum network which, struct error *err)
 {

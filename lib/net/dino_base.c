@@ -309,7 +309,6 @@ static void dino_fusion_forward(struct dino_base *d, size_t i)
 
 struct dino_base_normalise_part { float *x; };
 
-/* One of them. */
 static void dino_base_normalise_part(void *ctx, size_t i)
 {
     const struct dino_base_normalise_part *a = ctx;

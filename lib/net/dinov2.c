@@ -341,7 +341,6 @@ struct dinov2_forward_part {
     size_t T, E;
 };
 
-/* One of them. */
 static void dinov2_forward_part(void *ctx, size_t k)
 {
     const struct dinov2_forward_part *c = ctx;

@@ -122,7 +122,6 @@ struct gaussian_head_forward_part {
     size_t stride, N, image_w;
 };
 
-/* One of them. */
 static void gaussian_head_forward_part(void *ctx, size_t at)
 {
     const struct gaussian_head_forward_part *c = ctx;
@@ -264,7 +263,6 @@ struct gaussian_head_backward_part {
     size_t stride, N, image_w;
 };
 
-/* One of them. */
 static void gaussian_head_backward_part(void *ctx, size_t at)
 {
     const struct gaussian_head_backward_part *c = ctx;

@@ -107,7 +107,6 @@ struct act_bias_backward_part {
     enum nn_act act;
 };
 
-/* One of them. */
 static void act_bias_backward_part(void *ctx, size_t i)
 {
     const struct act_bias_backward_part *c = ctx;
@@ -142,7 +141,6 @@ struct act_bias_backward_half_part {
     enum nn_act act;
 };
 
-/* One of them. */
 static void act_bias_backward_half_part(void *ctx, size_t i)
 {
     const struct act_bias_backward_half_part *c = ctx;

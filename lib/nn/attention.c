@@ -82,7 +82,6 @@ struct attention_forward_part {
     size_t T, E, d;
 };
 
-/* One of them. */
 static void attention_forward_part(void *ctx, size_t k)
 {
     const struct attention_forward_part *c = ctx;
@@ -135,7 +134,6 @@ struct attention_backward_part {
     size_t T, E, d;
 };
 
-/* One of them. */
 static void attention_backward_part(void *ctx, size_t k)
 {
     const struct attention_backward_part *c = ctx;

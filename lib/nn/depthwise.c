@@ -98,7 +98,6 @@ struct depthwise_forward_part {
     size_t L, R, bands, blocks;
 };
 
-/* One of them. */
 static void depthwise_forward_part(void *ctx, size_t at)
 {
     const struct depthwise_forward_part *a = ctx;
@@ -128,7 +127,6 @@ struct depthwise_backward_part {
     size_t taps, C, L, blocks;
 };
 
-/* One of them. */
 static void depthwise_backward_part(void *ctx, size_t at)
 {
     const struct depthwise_backward_part *a = ctx;
@@ -147,7 +145,6 @@ struct depthwise_data_part {
     size_t L, R, bands, blocks;
 };
 
-/* One of them. */
 static void depthwise_data_part(void *ctx, size_t at)
 {
     const struct depthwise_data_part *a = ctx;

@@ -63,7 +63,6 @@ struct im2col_update_part {
     size_t in, taps, out;
 };
 
-/* One of them. */
 static void im2col_update_part(void *ctx, size_t j)
 {
     const struct im2col_update_part *c = ctx;
@@ -94,7 +93,6 @@ struct im2col_unfold_part {
     size_t m0, k, C, half;
 };
 
-/* One of them. */
 static void im2col_unfold_part(void *ctx, size_t row)
 {
     const struct im2col_unfold_part *a = ctx;
@@ -136,7 +134,6 @@ struct im2col_multiply_part {
     size_t N, M;
 };
 
-/* One of them. */
 static void im2col_multiply_part(void *ctx, size_t at)
 {
     const struct im2col_multiply_part *c = ctx;

@@ -183,7 +183,6 @@ struct concat_backward_channel {
     size_t rows, group, C, A, Bc;
 };
 
-/* One of them. */
 static void concat_backward_channel(void *ctx, size_t c)
 {
     const struct concat_backward_channel *a = ctx;
@@ -247,7 +246,6 @@ void relu_copy(float *y, const float *x, size_t n)
 
 struct relu_add_backward_part { const float *y, *dy; float *dx; };
 
-/* One of them. */
 static void relu_add_backward_part(void *ctx, size_t i)
 {
     const struct relu_add_backward_part *c = ctx;
@@ -269,7 +267,6 @@ struct space_to_depth_part {
     float scale;
 };
 
-/* One of them. */
 static void space_to_depth_part(void *ctx, size_t k)
 {
     const struct space_to_depth_part *c = ctx;
@@ -302,7 +299,6 @@ void space_to_depth(float *out, const float *in, const float *mean,
 
 struct depth_to_space_part { const float *in; float *out; size_t h, f, w, C; };
 
-/* One of them. */
 static void depth_to_space_part(void *ctx, size_t k)
 {
     const struct depth_to_space_part *c = ctx;
@@ -329,7 +325,6 @@ struct depth_to_space_add_part {
     size_t h, f, w, C, base_C;
 };
 
-/* One of them. */
 static void depth_to_space_add_part(void *ctx, size_t k)
 {
     const struct depth_to_space_add_part *a = ctx;
@@ -360,7 +355,6 @@ struct depth_to_space_backward_part {
     size_t h, f, w, C;
 };
 
-/* One of them. */
 static void depth_to_space_backward_part(void *ctx, size_t k)
 {
     const struct depth_to_space_backward_part *c = ctx;

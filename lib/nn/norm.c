@@ -67,7 +67,6 @@ struct norm_batch_statistics_part {
     size_t rows, parts, C;
 };
 
-/* One of them. */
 static void norm_batch_statistics_part(void *ctx, size_t i)
 {
     const struct norm_batch_statistics_part *c = ctx;
@@ -198,7 +197,6 @@ struct batch_norm_backward_part {
     _Bool train;
 };
 
-/* One of them. */
 static void batch_norm_backward_part(void *ctx, size_t i)
 {
     const struct batch_norm_backward_part *c = ctx;
@@ -293,7 +291,6 @@ struct layer_norm_backward_part {
     size_t rows, parts, C;
 };
 
-/* One of them. */
 static void layer_norm_backward_part(void *ctx, size_t i)
 {
     const struct layer_norm_backward_part *c = ctx;

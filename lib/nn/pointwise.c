@@ -102,7 +102,6 @@ struct pointwise_backward_weights_part {
     size_t size;
 };
 
-/* One of them. */
 static void pointwise_backward_weights_part(void *ctx, size_t i)
 {
     const struct pointwise_backward_weights_part *c = ctx;

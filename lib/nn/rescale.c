@@ -198,7 +198,6 @@ struct rescale_forward_part {
     const float *in;
 };
 
-/* One of them. */
 static void rescale_forward_part(void *ctx, size_t at)
 {
     const struct rescale_forward_part *c = ctx;
@@ -224,7 +223,6 @@ struct rescale_backward_part {
     const float *dout;
 };
 
-/* One of them. */
 static void rescale_backward_part(void *ctx, size_t at)
 {
     const struct rescale_backward_part *c = ctx;

@@ -42,7 +42,6 @@ struct small_linear_forward_part {
     size_t rows, K, N;
 };
 
-/* One of them. */
 static void small_linear_forward_part(void *ctx, size_t o)
 {
     const struct small_linear_forward_part *a = ctx;

@@ -71,7 +71,6 @@ struct spatial_mean_forward_part {
     size_t P, pixels, C;
 };
 
-/* One of them. */
 static void spatial_mean_forward_part(void *ctx, size_t i)
 {
     const struct spatial_mean_forward_part *c = ctx;
@@ -105,7 +104,6 @@ struct spatial_mean_backward_part {
     float scale;
 };
 
-/* One of them. */
 static void spatial_mean_backward_part(void *ctx, size_t k)
 {
     const struct spatial_mean_backward_part *a = ctx;
@@ -143,7 +141,6 @@ static void squeeze_excite_gate(struct squeeze_excite *s, size_t n)
 
 struct squeeze_excite_forward_part { struct squeeze_excite *s; };
 
-/* One of them. */
 static void squeeze_excite_forward_part(void *ctx, size_t n)
 {
     const struct squeeze_excite_forward_part *c = ctx;
@@ -159,7 +156,6 @@ struct squeeze_excite_scale_part {
     size_t P, C;
 };
 
-/* One of them. */
 static void squeeze_excite_scale_part(void *ctx, size_t i)
 {
     const struct squeeze_excite_scale_part *c = ctx;
@@ -228,7 +224,6 @@ struct squeeze_excite_backward_part {
     size_t P, C;
 };
 
-/* One of them. */
 static void squeeze_excite_backward_part(void *ctx, size_t i)
 {
     const struct squeeze_excite_backward_part *c = ctx;
@@ -248,7 +243,6 @@ struct squeeze_excite_gather_part {
     size_t P, C;
 };
 
-/* One of them. */
 static void squeeze_excite_gather_part(void *ctx, size_t i)
 {
     const struct squeeze_excite_gather_part *c = ctx;

@@ -134,7 +134,6 @@ struct style_scale_images_part {
     size_t pixels, P, C;
 };
 
-/* One of them. */
 static void style_scale_images_part(void *ctx, size_t part)
 {
     const struct style_scale_images_part *c = ctx;
@@ -166,7 +165,6 @@ struct style_conv_forward_part {
     float gain;
 };
 
-/* One of them. */
 static void style_conv_forward_part(void *ctx, size_t part)
 {
     const struct style_conv_forward_part *c = ctx;
@@ -208,7 +206,6 @@ struct style_finish_backward_part {
     size_t pixels, P, n, C;
 };
 
-/* One of them. */
 static void style_finish_backward_part(void *ctx, size_t i)
 {
     const struct style_finish_backward_part *c = ctx;
@@ -275,7 +272,6 @@ struct style_conv_backward_part {
     size_t low, P, n;
 };
 
-/* One of them. */
 static void style_conv_backward_part(void *ctx, size_t i)
 {
     const struct style_conv_backward_part *c = ctx;
@@ -376,7 +372,6 @@ struct to_rgb_forward_part {
     size_t pixels, P, C;
 };
 
-/* One of them. */
 static void to_rgb_forward_part(void *ctx, size_t at)
 {
     const struct to_rgb_forward_part *c = ctx;
@@ -416,7 +411,6 @@ struct to_rgb_backward_part {
     size_t n, pixels, P, C;
 };
 
-/* One of them. */
 static void to_rgb_backward_part(void *ctx, size_t i)
 {
     const struct to_rgb_backward_part *c = ctx;

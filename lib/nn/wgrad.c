@@ -142,7 +142,6 @@ struct wgrad_add_part {
     size_t each, all;
 };
 
-/* One of them. */
 static void wgrad_add_part(void *ctx, size_t i)
 {
     const struct wgrad_add_part *c = ctx;
@@ -153,7 +152,6 @@ static void wgrad_add_part(void *ctx, size_t i)
 
 struct wgrad_scatter_part { float *dw; struct wgrad *g; };
 
-/* One of them. */
 static void wgrad_scatter_part(void *ctx, size_t i)
 {
     const struct wgrad_scatter_part *c = ctx;

@@ -90,7 +90,6 @@ struct winograd_update_part {
     size_t in, out;
 };
 
-/* One of them. */
 static void winograd_update_part(void *ctx, size_t o)
 {
     const struct winograd_update_part *c = ctx;

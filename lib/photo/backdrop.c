@@ -273,7 +273,6 @@ static void backdrop_pixel(uint8_t *out, const struct matting *m,
 
 struct backdrop_fill_part { struct matting *m; struct backdrop *b; size_t n; };
 
-/* One of them. */
 static void backdrop_fill_part(void *ctx, size_t i)
 {
     const struct backdrop_fill_part *o = ctx;

@@ -34,28 +34,13 @@ void texture_mix(float *color, size_t channels, float *alpha,
     }
 }
 
-struct texture_clamp_to_alpha_part {
-    float *color;
-    const float *alpha;
-    size_t channels;
-};
-
-/* One of them. */
-static void texture_clamp_to_alpha_part(void *ctx, size_t i)
-{
-    const struct texture_clamp_to_alpha_part *a = ctx;
-
-    for (size_t c = 0; c < 3; c++)
-        a->color[a->channels * i + c] =
-            compose_min(a->color[a->channels * i + c], a->alpha[i]);
-}
-
 void texture_clamp_to_alpha(float *color, size_t channels, const float *alpha,
                             size_t n)
 {
-    parallel_for(
-        n, 1, texture_clamp_to_alpha_part,
-        &(struct texture_clamp_to_alpha_part){ color, alpha, channels });
+    for (size_t i = 0; i < n; i++)
+        for (size_t c = 0; c < 3; c++)
+            color[channels * i + c] = compose_min(color[channels * i + c],
+                                                  alpha[i]);
 }
 
 /* ---- the field --------------------------------------------------------- */

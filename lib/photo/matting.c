@@ -226,7 +226,6 @@ static void matting_prepare_state(struct matting_cell *c, int state)
 
 struct matting_prepare_part { struct matting_work *k; };
 
-/* One of them. */
 static void matting_prepare_part(void *ctx, size_t i)
 {
     const struct matting_prepare_part *a = ctx;

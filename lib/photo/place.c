@@ -65,7 +65,6 @@ struct place_channels_part {
     const struct splat_place_view *v;
 };
 
-/* One of them. */
 static void place_channels_part(void *ctx, size_t i)
 {
     const struct place_channels_part *c = ctx;
@@ -114,7 +113,6 @@ void place_channels_backward(float *dmean, const float *dout,
 
 struct place_of_source_part { float *uv, *seen; const float *cam, *mean; };
 
-/* One of them. */
 static void place_of_source_part(void *ctx, size_t i)
 {
     const struct place_of_source_part *c = ctx;

@@ -67,7 +67,6 @@ struct pack_fixed_part {
     int C;
 };
 
-/* One of them. */
 static void pack_fixed_part(void *ctx, size_t i)
 {
     const struct pack_fixed_part *a = ctx;
@@ -105,7 +104,6 @@ static void pack_fixed(struct splat *s, const struct gaussians *g)
 
 struct pack_gaussians_part { struct splat *s; const struct gaussians *g; };
 
-/* One of them. */
 static void pack_gaussians_part(void *ctx, size_t i)
 {
     const struct pack_gaussians_part *c = ctx;

@@ -137,7 +137,6 @@ struct face_find_all_part {
     const struct landmark_map *m;
 };
 
-/* One of them. */
 static void face_find_all_part(void *ctx, size_t i)
 {
     const struct face_find_all_part *c = ctx;

@@ -177,7 +177,6 @@ static void fit_pull_own(struct fit_person *p, struct fit_pull *s,
 
 struct fit_offsets_part { struct fit_pull *s; struct face_fit *f; };
 
-/* One of them. */
 static void fit_offsets_part(void *ctx, size_t k)
 {
     const struct fit_offsets_part *c = ctx;

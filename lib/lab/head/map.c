@@ -149,7 +149,6 @@ struct map_fit_part {
     double slip;
 };
 
-/* One of them. */
 static void map_fit_part(void *ctx, size_t i)
 {
     const struct map_fit_part *c = ctx;

@@ -335,7 +335,6 @@ static void skin_eigen(double *g, double *v, size_t n)
 
 struct skin_find_parts_part { const float *x; double *g; size_t d, every, n; };
 
-/* One of them. */
 static void skin_find_parts_part(void *ctx, size_t i)
 {
     const struct skin_find_parts_part *c = ctx;

@@ -98,7 +98,6 @@ struct adam_move_average_part {
     float keep;
 };
 
-/* One of them. */
 static void adam_move_average_part(void *ctx, size_t k)
 {
     const struct adam_move_average_part *c = ctx;
@@ -132,7 +131,6 @@ struct adam_update_part {
     float step, root2;
 };
 
-/* One of them. */
 static void adam_update_part(void *ctx, size_t k)
 {
     const struct adam_update_part *c = ctx;
