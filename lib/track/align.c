@@ -365,14 +365,29 @@ static double align_distance(const struct align_keyframe *k, const float R[9],
            fabs(log((double)t[2] / k->t[2])) / SCALE_ON;
 }
 
+/* Where a new keyframe goes: behind the others or, when there is no room, in
+ * the place of the one that was of no use for longest. */
+static struct align_keyframe *align_keyframe_room(struct align *a)
+{
+    struct align_keyframe *k = a->key;
+
+    if (a->keys < ALIGN_KEYFRAMES)
+        return &a->key[a->keys++];
+    for (size_t i = 1; i < a->keys; i++)
+        if (a->key[i].used < k->used)
+            k = &a->key[i];
+    free(k->sight);
+    free(k->face);
+    return k;
+}
+
 /* Keep this frame as a keyframe, if memory can be had. */
 static void align_add_keyframe(struct align *a, const struct motion *m,
                                const struct align_pose *p,
                                const struct align_view *v)
 {
-    struct align_keyframe *k = &a->key[a->keys];
     const struct align_look look = align_look(p, v);
-    float *level = a->work, *weight = level + a->room;
+    float *level = a->work, *weight = level + a->room, *sight;
     size_t n = 0, room;
 
     align_kernels()->show(level, weight, a->point, a->normal, a->room,
@@ -384,11 +399,13 @@ static void align_add_keyframe(struct align *a, const struct motion *m,
         n += well;
     }
     room = align_room(n);
-    if (a->keys == ALIGN_KEYFRAMES ||
-        !(k->sight = calloc(5 * room + 1, sizeof *k->sight)))
+    sight = calloc(5 * room + 1, sizeof *sight);
+    if (!sight)
         return;
-    a->keys++;
+    struct align_keyframe *k = align_keyframe_room(a);
+    k->sight = sight;
     k->room = room;
+    k->used = a->frames;
     k->face = a->face.codes ? malloc(2 * a->face.room * sizeof *k->face)
                             : NULL;
     if (k->face)
@@ -422,7 +439,7 @@ bool align_step(struct align *a, struct motion *m, const float *rgb,
                 struct square q, struct align_bounds in, double size)
 {
     const struct align_view v = align_make_view(q, in, size);
-    const struct align_keyframe *nearest = NULL;
+    struct align_keyframe *nearest = NULL;
     struct align_pose p = {.gain = 1};
     double least = INFINITY;
 
@@ -450,6 +467,7 @@ bool align_step(struct align *a, struct motion *m, const float *rgb,
         for (int k = 0; k < 3; k++)
             m->t[k] = (float)p.t[k];
         align_fit_face(m, a, nearest, &p, &v);
+        nearest->used = ++a->frames;
         least = align_distance(nearest, m->R, m->t);
     }
     a->misses = 0;

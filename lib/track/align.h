@@ -19,7 +19,8 @@
 
 #define ALIGN_KEYFRAMES 32
 
-/* A frame with which later ones are aligned. */
+/* A frame with which later ones are aligned.  Where all are taken, a new one
+ * replaces the one that has been nearest to no frame for longest. */
 struct align_keyframe {
     float R[9], t[3];
     size_t room;
@@ -27,6 +28,7 @@ struct align_keyframe {
                                  * rest (3), their levels, their weights */
     float *face;                /* what it shows of the face (align_face_show),
                                  * or NULL */
+    size_t used;                /* frame that it was nearest to last */
 };
 
 struct align {
@@ -36,6 +38,7 @@ struct align {
     double middle[3];           /* of the points: what the head turns about */
     struct align_keyframe key[ALIGN_KEYFRAMES];
     size_t keys;
+    size_t frames;              /* that were aligned or became keyframes */
     size_t misses;              /* frames in a row that matched no keyframe */
     align_pixel *picture;       /* (ALIGN_SIDE,ALIGN_SIDE) of this frame */
     float *work;                /* for it, and for a keyframe's points */

@@ -170,6 +170,79 @@ static void test_poses(const struct identity *id, float *rgb)
           fabs(large[0] - again[0]) + fabs(large[1] - again[1]), 0);
 }
 
+/* Frame i of a head that comes nearer while it looks from side to side: more
+ * poses than keyframes. */
+static void align_wander(struct motion *m, size_t i)
+{
+    const float r[3] = {0, (float)(0.4 * sin(0.15 * (double)i)), 0};
+
+    align_place(m, r, 0, 0, 18 - 0.018f * (float)i);
+}
+
+/* off = R R_true^T: the error of a pose's turn. */
+static void align_turn_off(float off[9], const struct motion *m,
+                           const struct motion *truth)
+{
+    float back[9];
+
+    for (int k = 0; k < 9; k++)
+        back[k] = truth->R[k % 3 * 3 + k / 3];
+    mat3_mul(off, m->R, back);
+}
+
+/* How far the pose is from the nearest keyframe: radians, and the logarithm of
+ * the depths' ratio. */
+static double align_nearest(const struct align *a, const struct motion *m)
+{
+    double least = INFINITY;
+
+    for (size_t k = 0; k < a->keys; k++)
+        least = fmin(least, rotation_distance(a->key[k].R, m->R) +
+                                fabs(log((double)a->key[k].t[2] / m->t[2])));
+    return least;
+}
+
+/* When there are as many keyframes as there may be, later poses still get one;
+ * far from all of them the head would tremble as E_m's poses do. */
+static void test_many_keyframes(const struct identity *id, float *rgb)
+{
+    struct align a;
+    struct random rand;
+    struct error err = {0};
+    double given = 0, aligned = 0, nearest = 0;
+    float was[2][9], off[2][9];
+    size_t full = 0;
+
+    random_init(&rand, 3, "align");
+    REQUIRE(align_init(&a, id, &err) == 0, "%s", err.text);
+    for (size_t i = 0; i < 500; i++) {
+        struct motion truth, m;
+
+        align_wander(&truth, i);
+        m = truth;
+        if (i > 0)
+            align_disturb(&m, &rand);
+        align_turn_off(off[0], &m, &truth);
+        align_render(rgb, &truth, 1, 0);
+        CHECK(align_step(&a, &m, rgb, crop, whole, SIZE),
+              "frame %zu could not be laid over anything", i);
+        align_turn_off(off[1], &m, &truth);
+        full += a.keys == ALIGN_KEYFRAMES;
+        if (full > 1) {
+            given += rotation_distance(off[0], was[0]);
+            aligned += rotation_distance(off[1], was[1]);
+            nearest = fmax(nearest, align_nearest(&a, &truth));
+        }
+        memcpy(was, off, sizeof was);
+    }
+    check_range("frames with all keyframes", (double)full, 120, 499);
+    check_range("keyframes there are", (double)a.keys, ALIGN_KEYFRAMES,
+                ALIGN_KEYFRAMES);
+    check("a pose from its nearest keyframe", nearest, 0.2);
+    check("trembling, of the given", aligned / given, 0.3);
+    align_release(&a);
+}
+
 /* Another picture: the pose is left alone, and after some such the keyframes
  * are given up. */
 static void test_strange_picture(const struct identity *id, float *rgb)
@@ -240,6 +313,7 @@ int main(void)
     sphere_head(&h, 48, 64);
     REQUIRE(rgb && head_fold(&id, &h, beta, 2, &err) == 0, "%s", err.text);
     test_poses(&id, rgb);
+    test_many_keyframes(&id, rgb);
     test_strange_picture(&id, rgb);
     test_border(&id, rgb);
     identity_release(&id);
