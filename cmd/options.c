@@ -50,3 +50,29 @@ int option_window(const char *value, void *dest, struct error *err)
     t->has_window = true;
     return square_parse(value, &t->window, err);
 }
+
+int option_words(unsigned *bits, const char *value, const char *const *names,
+                 struct error *err)
+{
+    char known[200] = "";
+
+    for (size_t k = 0, n = 0; names[k] && n < sizeof known; k++)
+        n += (size_t)snprintf(known + n, sizeof known - n, "%s%s",
+                              k ? ", " : "", names[k]);
+    *bits = 0;
+    do {
+        const size_t n = strcspn(value, ",");
+        unsigned k = 0;
+
+        while (names[k] && (strlen(names[k]) != n ||
+                            strncmp(value, names[k], n)))
+            k++;
+        if (!names[k])
+            return error_set(err, EX_USAGE, "no such part \"%.*s\" (expected "
+                             "%s, or several with commas)", (int)n, value,
+                             known);
+        *bits |= 1u << k;
+        value += n + (value[n] == ',');
+    } while (*value);
+    return 0;
+}

@@ -33,52 +33,30 @@ struct track_faces;
                "which face of " whose ", the largest is 1")
 #define OPTION_WINDOW(track, help)                                            \
     OPTION_CALL("window", 0, track, "X,Y,SIZE", option_window, help)
-/* bits: unsigned of enum avatar_without. */
-#define OPTION_WITHOUT(bits)                                                  \
-    OPTION_CALL("without", 0, bits, "PART", option_without,                   \
-                "leave out dynamic, static, mouth, interp, deform or neck "   \
-                "(commas)")
-/* hz: a struct track_options' smooth. */
-#define OPTION_SMOOTH(hz)                                                     \
-    OPTION_FLOAT("smooth", 0, hz, 0, 100, "HZ",                               \
-                 "one-euro smoothing with this cut-off at rest (default 0: "  \
-                 "off)")
 /* neutral: a struct neutral. */
 #define OPTION_NEUTRAL(neutral)                                               \
     OPTION_CALL("neutral", 0, neutral, "FRAME", neutral_parse,                \
                 "first, auto or a number: the driver's frame at rest "        \
                 "(default first)")
-/* flag: a struct track_options' no_tta; --once is an older name. */
+/* flag: a struct track_options' no_tta. */
 #define OPTION_NO_TTA(flag)                                                   \
     OPTION_FLAG("no-tta", 0, flag,                                            \
                 "no test-time augmentation of the encoder: faster, less "     \
-                "exact"),                                                     \
-    OPTION_FLAG("once", 0, flag, "the same as --no-tta")
-/* flag: a struct track_options' no_align. */
-#define OPTION_NO_ALIGN(flag)                                                 \
-    OPTION_FLAG("no-align", 0, flag,                                          \
-                "poses as the encoder says them, not aligned with earlier "   \
-                "frames")
+                "exact")
 /* Rows of what spid animate and spid live both do; o: a struct
  * animation_options. */
 #define OPTIONS_ANIMATION(o)                                                  \
-    OPTION_FLAG("star", 's', &(o).animate.pipeline.star,                               \
+    OPTION_FLAG("star", 's', &(o).animate.pipeline.star,                      \
                 "SpiD*: draw three channels, no refiner"),                    \
     OPTION_STRING("mask", 0, &(o).mask, "FILE",                               \
                   "matte of the source: white where the person is"),          \
     OPTION_CROP(&models.look, "the source's face, middle and side"),          \
     OPTION_FACE("face", &models.look.face, "the source"),                     \
     OPTION_FACE("driver-face", &(o).track.face, "the driver"),                \
-    OPTION_SMOOTH(&(o).track.smooth),                                         \
     OPTION_NO_TTA(&(o).track.no_tta),                                         \
-    OPTION_NO_ALIGN(&(o).track.no_align),                                     \
     OPTION_FLOAT("fps", 0, &(o).source.rate, 0.001, 100000, "RATE",           \
                  "frames a second of what has no times (default 25)"),        \
-    OPTION_FLAG("bt601", 0, &(o).source.bt601,                                \
-                "Y4M is BT.601 (default BT.709)"),                            \
-    OPTION_FLAG("roi", 0, &(o).animate.pipeline.roi,                                   \
-                "refine only the part with the head"),                        \
-    OPTION_PRECISION_REFINE(&(o).animate.pipeline.precision, "networks"),              \
+    OPTION_PRECISION_REFINE(&(o).animate.pipeline.precision, "networks"),     \
     OPTION_HEAD(&(o).head)
 
 /* Their parsers: dest is an enum nn_type, a struct track_options. */
@@ -92,8 +70,11 @@ void option_precision_settle(enum nn_type *type);
 int option_crop(const char *value, void *dest, struct error *err);
 /* The same for its portrait window. */
 int option_window(const char *value, void *dest, struct error *err);
-/* dest: unsigned, to which the bits of enum avatar_without are added. */
-int option_without(const char *value, void *dest, struct error *err);
+
+/* *bits = bit k for each word k (of `names`, until NULL) in `value`, which may
+ * have commas. */
+int option_words(unsigned *bits, const char *value, const char *const *names,
+                 struct error *err);
 
 /* Load the head of --head, or when that was not given (NULL) the one that
  * cli_find_model finds. */

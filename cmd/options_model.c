@@ -1,8 +1,7 @@
-/* -m and --without, apart from options.c: programs without networks do not link
+/* -m, apart from options.c: programs without networks do not link
  * this. */
 #include "cmd/options.h"
 
-#include "lib/avatar/ablation.h"
 #include "lib/net/model.h"
 
 int option_model_open(struct model *m, struct error *err)
@@ -13,9 +12,4 @@ int option_model_open(struct model *m, struct error *err)
                    model_open(m, path, err)
                ? -1
                : 0;
-}
-
-int option_without(const char *value, void *dest, struct error *err)
-{
-    return avatar_without_list(dest, value, err);
 }

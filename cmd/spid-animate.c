@@ -11,11 +11,11 @@
 #include "lib/animate/joblist.h"
 
 static struct animation_options opt = {
-    .animate.pipeline.precision = OPTION_PRECISION_DEFAULT, .closed_mm = -1
+    .animate.pipeline.precision = OPTION_PRECISION_DEFAULT
 };
-static struct prepare models = {.prune = -1};
+static struct prepare models;
 static const char *list_path;
-static bool relative, absolute;
+static bool absolute;
 
 /* A colour or a picture, or the word source. */
 static int animate_parse_background(const char *value, void *dest,
@@ -36,15 +36,6 @@ static const struct cli_option options[] = {
     OPTION_STRING("list", 0, &list_path, "FILE",
                   "many clips: SOURCE, DRIVER and OUT on each line, tabs "
                   "between"),
-    OPTION_WITHOUT(&models.without),
-    OPTION_FLOAT("prune", 0, &models.prune, 0, 1e6, "EPS",
-                 "drop Gaussians that no view shows above EPS"),
-    OPTION_FLAG("no-photo", 0, &models.no_photo,
-                "baked colours alone, no photograph as texture"),
-    OPTION_FLAG("keep-clear", 0, &models.keep_clear,
-                "keep Gaussians of opacity under 1/255"),
-    OPTION_FLOAT("closed", 0, &opt.closed_mm, 0, 100, "MM",
-                 "lips open less than this hide the mouth (default 0.5)"),
     OPTION_CALL("background", 'b', &opt.background, "WHAT",
                 animate_parse_background,
                 "R,G,B, a name, a picture, or source (a picture's default)"),
@@ -61,27 +52,20 @@ static const struct cli_option options[] = {
                 "keep the background clear (PNG, PAM, EXR, WebM, MOV, GIF, "
                 "WebP, APNG, stream)"),
     OPTION_FLAG("no-sound", 0, &opt.no_sound, "leave the driver's sound out"),
-    OPTION_FLAG("relative", 0, &relative,
-                "what the driver does since it was neutral, from the "
-                "source's rest (the default)"),
     OPTION_FLAG("absolute", 0, &absolute,
-                "the driver's own pose and expression"),
+                "the driver's own pose and expression, not what it does since "
+                "it was neutral"),
     OPTION_NEUTRAL(&opt.neutral),
-    OPTION_FLAG("f32", 0, &opt.animate.pipeline.f32,
-                "features in float before the refiner, not in half "
-                "precision"),
     {0}
 };
 
 static const struct cli_usage usage = {
-    "spid-animate", "[-s] [--size N] [-l] [--without PART] [--prune EPS] "
-    "[--no-photo] [--keep-clear] [--closed MM] [--mask FILE] "
-    "[--crop X,Y,SIZE] [--face N] [--driver-face N] [-b WHAT] "
-    "[--into-source] [--cut] [-f FORMAT] [--alpha] [--no-sound] "
-    "[--smooth HZ] [--no-tta] [--no-align] "
-    "[--relative] [--absolute] [--neutral FRAME] [--fps RATE] [--bt601] "
-    "[--roi] [--f32] [--precision TYPE] [--head FILE] [-o FILE] [-j N] "
-    "[-m MODEL] [-q] [--stats FILE] [--list FILE | SOURCE DRIVER]",
+    "spid-animate", "[-s] [--size N] [-l] [--mask FILE] [--crop X,Y,SIZE] "
+    "[--face N] [--driver-face N] [-b WHAT] [--into-source] [--cut] "
+    "[-f FORMAT] [--alpha] [--no-sound] [--no-tta] [--absolute] "
+    "[--neutral FRAME] [--fps RATE] [--precision TYPE] [--head FILE] "
+    "[-o FILE] [-j N] [-m MODEL] [-q] [--stats FILE] "
+    "[--list FILE | SOURCE DRIVER]",
     "drive a person's picture by a video", options
 };
 
@@ -93,15 +77,13 @@ static void animate_check_usage(int operands)
     if (operands != (list_path ? 0 : 2))
         die(EX_USAGE, "%d operands (expected %s)", operands,
             list_path ? "none with --list" : "SOURCE and DRIVER");
-    if (absolute && (relative || opt.neutral.given || f->into_source))
+    if (absolute && (opt.neutral.given || f->into_source))
         die(EX_USAGE, "--absolute: the driver's own pose (expected no %s)",
-            relative ? "--relative"
-                     : opt.neutral.given ? "--neutral" : "--into-source");
+            opt.neutral.given ? "--neutral" : "--into-source");
     if (f->into_source && (f->cut || opt.sink.alpha))
         die(EX_USAGE, "--into-source: the whole photograph (expected no %s)",
             opt.sink.alpha ? "--alpha" : "--cut");
     opt.relative = !absolute;
-    opt.relative_records = relative;
 }
 
 /* What is to be said of a source that was read. */

@@ -4,7 +4,6 @@
 
 #include "cmd/cli.h"
 #include "cmd/options.h"
-#include "lib/avatar/ablation.h"
 #include "lib/avatar/baked.h"
 #include "lib/avatar/baker.h"
 #include "lib/avatar/mover.h"
@@ -13,23 +12,31 @@
 #include "lib/stream/stream.h"
 
 static const char *bake_path, *avatar_path, *head_path;
-static bool full, keep_clear;
-static double prune_eps = -1, closed_mm = -1;
+static bool full;
+static double prune_eps = -1;
 static unsigned without;
 static enum nn_type precision = OPTION_PRECISION_DEFAULT;
+
+/* Bits of enum avatar_without. */
+static int branches_parse_without(const char *value, void *dest,
+                                  struct error *err)
+{
+    static const char *const names[] = {"dynamic", "static", "mouth",
+                                        "interp", "deform", "neck", NULL};
+
+    return option_words(dest, value, names, err);
+}
 
 static const struct cli_option options[] = {
     OPTION_STRING("bake", 'b', &bake_path, "ID",
                   "make an avatar of identity ID (\"-\": standard input)"),
     OPTION_STRING("avatar", 'i', &avatar_path, "FILE", "avatar to move"),
     OPTION_FLAG("full", 0, &full, "whole GAUS records instead of GMOV"),
-    OPTION_WITHOUT(&without),
+    OPTION_CALL("without", 0, &without, "PART", branches_parse_without,
+                "leave out dynamic, static, mouth, interp, deform or neck "
+                "(commas)"),
     OPTION_FLOAT("prune", 0, &prune_eps, 0, 1e6, "EPS",
                  "with --bake: drop what no view shows above EPS"),
-    OPTION_FLAG("keep-clear", 0, &keep_clear,
-                "with --bake: keep Gaussians of opacity under 1/255"),
-    OPTION_FLOAT("closed", 0, &closed_mm, 0, 100, "MM",
-                 "lips open less than this hide the mouth (default 0.5)"),
     OPTION_HEAD(&head_path),
     OPTION_PRECISION(&precision, "networks"),
     {0}
@@ -37,9 +44,8 @@ static const struct cli_option options[] = {
 
 static const struct cli_usage usage = {
     "spid-branches", "[-b ID | -i FILE] [--full] [--without PART] "
-    "[--prune EPS] [--keep-clear] [--closed MM] [--head FILE] "
-    "[--precision TYPE] [-o FILE] [-j N] [-m MODEL] [-q] [--stats FILE] "
-    "[STREAM]",
+    "[--prune EPS] [--head FILE] [--precision TYPE] [-o FILE] [-j N] "
+    "[-m MODEL] [-q] [--stats FILE] [STREAM]",
     "bake an avatar's Gaussians, or move them by driven meshes", options
 };
 
@@ -109,11 +115,9 @@ static void branches_prune_avatar(struct bake *k)
     struct identity id;
     struct densify dense;
 
-    if (!keep_clear) {
-        size_t n = baked_drop_clear(&k->baked);
-        notice("%zu of %zu Gaussians are never drawn (opacity under 1/255)", n,
-               n + k->baked.N);
-    }
+    const size_t n = baked_drop_clear(&k->baked);
+    notice("%zu of %zu Gaussians are never drawn (opacity under 1/255)", n,
+           n + k->baked.N);
     if (prune_eps < 0)
         return;
     if (person_fold(&id, &k->head, &k->person, &err) ||
@@ -173,14 +177,11 @@ static void branches_bake(struct stream_writer *out)
 static void branches_move_avatar(struct stream_writer *out, const char *input)
 {
     static struct mover m;
-    struct mover_options opt = {.full = full, .without = without,
-                                .closed = BAKED_CLOSED};
+    const struct mover_options opt = {.full = full, .without = without};
     struct error err = {0};
     struct record rec;
     int rc;
 
-    if (closed_mm >= 0)
-        opt.closed = (float)(closed_mm * 0.005);    /* five units a metre */
     if (mover_open(&m, avatar_path, &opt, &err))
         die_error(&err);
     struct stream_reader *in = stream_open(input, NULL, &err);
@@ -219,9 +220,8 @@ static void branches_check_options(int operands)
     if (avatar_path && without & WITHOUT_DEFORM)
         die(EX_USAGE, "--without=deform: the avatar is baked already "
             "(expected with --bake)");
-    if (avatar_path && (prune_eps >= 0 || keep_clear))
-        die(EX_USAGE, "--prune and --keep-clear work at baking (expected "
-            "with --bake)");
+    if (avatar_path && prune_eps >= 0)
+        die(EX_USAGE, "--prune works at baking (expected with --bake)");
 }
 
 int main(int argc, char **argv)

@@ -8,10 +8,10 @@
 #include "lib/animate/animation.h"
 
 static struct animation_options opt = {
-    .animate.pipeline.precision = OPTION_PRECISION_DEFAULT, .closed_mm = -1,
+    .animate.pipeline.precision = OPTION_PRECISION_DEFAULT,
     .framing.background_given = true, .live = true
 };
-static struct prepare models = {.prune = -1};
+static struct prepare models;
 static double patience = 10;
 static long frames;             /* 0: no end */
 static bool preview;
@@ -37,11 +37,10 @@ static const struct cli_option options[] = {
 
 static const struct cli_usage usage = {
     "spid-live", "[-s] [-p] [-f FORMAT] [-b WHAT] [--public] [--patience SECONDS] "
-    "[--frames N] [--relative] [--smooth HZ] [--no-tta] [--no-align] "
-    "[--fps RATE] "
-    "[--bt601] [--roi] [--mask FILE] [--crop X,Y,SIZE] [--face N] "
-    "[--driver-face N] [--precision TYPE] [--head FILE] "
-    "[-o FILE] [-j N] [-m MODEL] [-q] [--stats FILE] SOURCE CAMERA",
+    "[--frames N] [--relative] [--no-tta] [--fps RATE] [--mask FILE] "
+    "[--crop X,Y,SIZE] [--face N] [--driver-face N] [--precision TYPE] "
+    "[--head FILE] [-o FILE] [-j N] [-m MODEL] [-q] [--stats FILE] "
+    "SOURCE CAMERA",
     "drive a person's picture by a camera", options
 };
 

@@ -27,9 +27,13 @@ static const struct cli_option options[] = {
     OPTION_FACE("face", &track_options.face, "the first frame that shows it"),
     OPTION_WINDOW(&track_options,
                   "portrait window (default: about the first face)"),
-    OPTION_SMOOTH(&track_options.smooth),
+    OPTION_FLOAT("smooth", 0, &track_options.smooth, 0, 100, "HZ",
+                 "one-euro smoothing with this cut-off at rest (default 0: "
+                 "off)"),
     OPTION_NO_TTA(&track_options.no_tta),
-    OPTION_NO_ALIGN(&track_options.no_align),
+    OPTION_FLAG("no-align", 0, &track_options.no_align,
+                "poses as the encoder says them, not aligned with earlier "
+                "frames"),
     OPTION_STRING("relative", 0, &relative_path, "FILE",
                   "movements since the neutral frame, from this identity's "
                   "own"),

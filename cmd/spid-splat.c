@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "cmd/cli.h"
+#include "cmd/options.h"
 #include "lib/animate/render.h"
 #include "lib/splat/splat.h"
 #include "lib/stream/stream.h"
@@ -15,12 +16,12 @@ struct view_option {
 };
 
 static struct view_option view;
-static long size = 512, channels = 3, exp_degree = 3;
-static double focal = 12, alpha_cut = 1.0 / 255, t_cut = 1e-4, prune;
+static long size = 512, channels = 3;
+static double focal = 12;
 static unsigned branches;
 static enum splat_rules rules = SPLAT_GSPLAT;
 static bool no_photo, places;
-static bool exact, f32_products, with_depth, f16, covered, imag, bt601;
+static bool exact, with_depth, covered, imag;
 static struct background background;
 static bool straight;
 static enum framesink_format format = FRAMESINK_AUTO;
@@ -52,23 +53,9 @@ static int splat_parse_camera(const char *value, void *dest, struct error *err)
 static int splat_parse_branches(const char *value, void *dest,
                                 struct error *err)
 {
-    static const char *const name[] = {"dynamic", "static", "mouth"};
-    unsigned *bits = dest;
+    static const char *const names[] = {"dynamic", "static", "mouth", NULL};
 
-    *bits = 0;
-    while (*value) {
-        size_t n = strcspn(value, ",");
-        unsigned k = 0;
-
-        while (k < 3 && (strlen(name[k]) != n || strncmp(value, name[k], n)))
-            k++;
-        if (k == 3)
-            return error_set(err, EX_USAGE, "no such branch (expected "
-                             "dynamic, static, mouth, or several with commas)");
-        *bits |= 1u << k;
-        value += n + (value[n] == ',');
-    }
-    return *bits ? 0 : error_set(err, EX_USAGE, "no branch named");
+    return option_words(dest, value, names, err);
 }
 
 static int splat_parse_rules(const char *value, void *dest, struct error *err)
@@ -101,27 +88,14 @@ static const struct cli_option options[] = {
     OPTION_FLAG("alpha", 0, &straight,
                 "pictures with straight alpha, no background"),
     OPTION_FLAG("depth", 0, &with_depth, "write depth too (stream and exr)"),
-    OPTION_FLAG("f16", 0, &f16,
-                "FEAT in half precision also with 4 channels or less"),
     OPTION_FLAG("covered", 0, &covered,
                 "FEAT without the pixels that nothing covers"),
     OPTION_FLAG("imag", 0, &imag,
                 "stream: finished IMAG records instead of FEAT"),
-    OPTION_FLAG("bt601", 0, &bt601, "y4m: BT.601 matrix instead of BT.709"),
     OPTION_FLAG("exact", 0, &exact,
                 "double precision without cut-offs: slow, the truth"),
     OPTION_CALL("rules", 0, &rules, "NAME", splat_parse_rules,
                 "gsplat, or dgr: as the public CUDA rasteriser"),
-    OPTION_FLOAT("alpha-cut", 0, &alpha_cut, 1e-7, 0.9, "A",
-                 "leave out alphas below A (1/255)"),
-    OPTION_FLOAT("t-cut", 0, &t_cut, 0, 0.9, "T",
-                 "stop at this transmittance (1e-4)"),
-    OPTION_INT("exp-degree", 0, &exp_degree, 2, 5, "N",
-               "of the exponential's polynomial (3; 5 is exact in float)"),
-    OPTION_FLAG("f32", 0, &f32_products,
-                "over 4 channels: float products and FEAT, not 16-bit ones"),
-    OPTION_FLOAT("prune", 0, &prune, 0, 1, "O",
-                 "leave out Gaussians of opacity below O (0)"),
     OPTION_FLAG("no-photo", 0, &no_photo,
                 "baked colours alone, no photograph as texture"),
     OPTION_FLAG("places", 0, &places,
@@ -131,19 +105,17 @@ static const struct cli_option options[] = {
 
 static const struct cli_usage usage = {
     "spid-splat", "[-s N] [-c N] [--camera LIST] [--focal F] [--branch LIST] "
-    "[-f NAME] [-b R,G,B|FILE] [--alpha] [--depth] [--f16] [--covered] "
-    "[--imag] [--bt601] [--exact] [--rules NAME] [--alpha-cut A] [--t-cut T] "
-    "[--exp-degree N] [--f32] [--prune O] [--no-photo] [--places] "
-    "[--max-bytes SIZE] [-o FILE] [-j N] [-m MODEL] [-q] [--stats FILE] "
-    "[STREAM]",
+    "[-f NAME] [-b R,G,B|FILE] [--alpha] [--depth] [--covered] [--imag] "
+    "[--exact] [--rules NAME] [--no-photo] [--places] [--max-bytes SIZE] "
+    "[-o FILE] [-j N] [-m MODEL] [-q] [--stats FILE] [STREAM]",
     "draw Gaussians", options
 };
 
 /* Features for a refiner travel as they are multiplied, in 16 bits; the truth
- * and what was asked for in float stay float. */
+ * stays float. */
 static bool splat_half_features(void)
 {
-    return f16 || (channels > SPLAT_COLORS && !f32_products && !exact);
+    return channels > SPLAT_COLORS && !exact;
 }
 
 /* Where frames go; pictures need their colours. */
@@ -152,8 +124,7 @@ static struct framesink *splat_open_sink(void)
     struct error err = {0};
     struct framesink *sink = framesink_open(&(struct framesink_options){
         .path = cli.output, .format = format, .alpha = straight,
-        .covered = covered,
-        .bt601 = bt601, .background = &background,
+        .covered = covered, .background = &background,
         .record = imag ? FRAMESINK_IMAG
                        : splat_half_features() ? FRAMESINK_FEAT_F16
                                                : FRAMESINK_FEAT_F32
@@ -178,13 +149,8 @@ static void splat_open_renderer(struct render *r, struct framesink *sink)
     struct error err = {0};
 
     o.splat.rules = rules;
-    o.splat.alpha_cut = (float)alpha_cut;
-    o.splat.t_cut = (float)t_cut;
-    o.splat.exp_degree = (int)exp_degree;
-    o.splat.fixed16 = o.splat.fixed16 && !f32_products;
     o.splat.depth = with_depth;
     o.splat.covered = covered && o.features;
-    o.splat.prune = (float)prune;
     o.splat.branches = branches;
     o.splat.place = !exact && !no_photo;
     if (render_init(r, &o, sink, &err))

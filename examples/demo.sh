@@ -19,9 +19,9 @@ spid-synth --seed 31 --first 2 --people 1 --frames "$frames" --effects 0 \
     -o "$out/driver.mp4"
 
 echo "demo: in one command"
-spid animate --relative "$out/source.jpg" "$out/driver.mp4" \
+spid animate "$out/source.jpg" "$out/driver.mp4" \
     -o "$out/avatar.mp4" --stats "$out/stats.tsv"
-spid animate --relative --star "$out/source.jpg" "$out/driver.mp4" \
+spid animate --star "$out/source.jpg" "$out/driver.mp4" \
     -o "$out/star.mp4"
 
 echo "demo: the same stage by stage"

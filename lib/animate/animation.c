@@ -25,8 +25,6 @@ int animation_load(struct prepare *models, struct animation_options *opt,
     a->rules = models->model.config.system == SYSTEM_GAGAVATAR
                    ? SPLAT_DGR : SPLAT_GSPLAT;
     opt->animate.workers = workers;
-    a->closed = opt->closed_mm < 0 ? BAKED_CLOSED
-        : (float)(opt->closed_mm * 1e-3 * (double)models->head.scale);
     return 0;
 }
 
@@ -41,7 +39,6 @@ int animation_open(struct animation *a, const struct animation_options *opt,
     a->models = models;
     a->background = opt->background;
     a->output = sink.path = out;
-    sink.bt601 = opt->source.bt601;
     sink.record = FRAMESINK_IMAG;
     sink.background = &a->background;
     a->sink = framesink_open(&sink, err);
@@ -195,7 +192,7 @@ static int animation_open_records(struct animation *a, struct error *err)
                            1000);
     else
         framesink_set_rate(a->sink, 25, 1);
-    return opt->relative_records ? animation_set_relative(a, err) : 0;
+    return 0;
 }
 
 /* The clip's sound goes along, where the output takes it.  Files that are read

@@ -28,13 +28,11 @@ struct animation_options {
     struct neutral neutral;
     const char *head;           /* NULL: the one beside the model */
     const char *mask;           /* of the source, or NULL: found */
-    double closed_mm;           /* lips closer than this hide the mouth;
-                                 * negative: the model's own */
     bool live;                  /* drop frames instead of lagging */
     bool no_sound;              /* the driver's is left out */
     bool relative;              /* a driver's motions are what it does since
-                                 * it was neutral; ... */
-    bool relative_records;      /* ... those of a stream, too */
+                                 * it was neutral; those of a stream are
+                                 * taken as they are */
 };
 
 struct animation {

@@ -97,7 +97,7 @@ int pipeline_draw(struct pipeline *p, struct pipeline_times *t,
     head_mouth(&mouth, a->id->head, p->verts);
     double t1 = cpu_seconds();
     baked_drive(&p->move, a->baked, a->dense, p->verts, mouth.centre,
-                mouth.chin, mouth.gap, p->opt.closed, p->cam);
+                mouth.chin, mouth.gap, p->cam);
     double t2 = cpu_seconds();                          /* mu_D, mu_M */
     const struct splat_camera cam =
         splat_camera_square(p->cam, (int)c->size, CAMERA_FOCAL);

@@ -31,11 +31,10 @@ struct pipeline_options {
     enum splat_rules rules;     /* the renderer's */
     unsigned branches;          /* bit b: branch b is drawn; 0: all */
     bool roi;                   /* refine only where the head is */
-    bool f32;                   /* features drawn and kept in float, as by
-                                 * spid-splat --f32, not in half precision */
+    bool f32;                   /* features drawn and kept in float, not in
+                                 * half precision */
     enum nn_type precision;     /* of the refiner */
     int threads;                /* of the renderer; 0: all */
-    float closed;               /* as in baked_drive */
 };
 
 /* Who is drawn; all borrowed until another is set. */

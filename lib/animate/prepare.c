@@ -158,9 +158,7 @@ out:
 static int prepare_open_baker(struct prepare *p, struct error *err)
 {
     const struct baker_options opt = {
-        .without = p->without, .type = p->precision,
-        /* what is pruned is what both kinds of picture hardly show */
-        .colors = p->star && p->prune < 0 ? 3 : 0
+        .type = p->precision, .colors = p->star ? 3 : 0
     };
 
     if (!p->has_baker && baker_open(&p->baker, &p->model, &p->head, &opt, err))
@@ -186,11 +184,8 @@ static int prepare_bake(struct prepared *s, struct prepare *p,
     if (!verts)
         return error_set(err, EX_OSERR, "no memory for a mesh");
     int rc = baker_bake(&p->baker, verts, &s->person, err) ||
-             baker_copy(&s->baked, &p->baker, !p->keep_clear, err) ? -1 : 0;
+             baker_copy(&s->baked, &p->baker, true, err) ? -1 : 0;
     free(verts);
-    if (rc == 0 && p->prune >= 0)
-        rc = prune_views(&s->baked, &s->report, &p->dense, &s->id,
-                         p->model.config.size, p->prune, err);
     return rc;
 }
 
@@ -209,7 +204,7 @@ int prepare_person(struct prepared *s, struct prepare *p, struct error *err)
         goto fail;
     if (p->once)
         prepare_close_baker(p);
-    if (!p->no_photo && s->person.back && baked_has_places(&s->baked) &&
+    if (s->person.back && baked_has_places(&s->baked) &&
         texture_init(&s->texture, s->person.rgb, s->person.matte,
                      s->person.back, s->person.size, err))
         goto fail;

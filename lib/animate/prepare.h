@@ -25,10 +25,6 @@ struct prepare {
     struct baker baker;         /* loaded by the first source that needs it */
     bool has_baker;
     enum nn_type precision;
-    unsigned without;           /* enum avatar_without */
-    double prune;               /* negative: no pruning */
-    bool keep_clear;
-    bool no_photo;              /* baked colours alone, no texture */
     bool star;                  /* SpiD*: features beyond the colours are not
                                  * needed */
     bool once;                  /* one source: what bakes it goes then, and
@@ -48,7 +44,6 @@ struct prepared {
     struct texture texture;     /* the photograph; no levels: none */
     struct image picture;       /* all of it, as it was read; of a stream:
                                  * none */
-    struct prune_report report; /* views is 0 without pruning */
     double shape_s, bake_s;     /* Phase A: crop to beta; branches */
     struct track_faces faces;   /* of the picture, by the one that was taken */
     bool guessed;               /* the matte: SOURCE_HEAD */
@@ -75,8 +70,8 @@ struct prepare_beside {
 int prepare_source(struct prepared *s, struct prepare *p, const char *path,
                    const char *mask, const struct prepare_beside *beside,
                    struct error *err);
-/* From s->person, whose parts were set and all else is 0: folded, baked and,
- * unless no_photo, textured.  On an error s is released. */
+/* From s->person, whose parts were set and all else is 0: folded, baked and
+ * textured.  On an error s is released. */
 int prepare_person(struct prepared *s, struct prepare *p, struct error *err);
 /* What a pipeline draws of it; borrowed from both. */
 struct pipeline_avatar prepared_avatar(const struct prepared *s,

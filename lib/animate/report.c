@@ -95,10 +95,6 @@ static void report_print_stages(FILE *to, struct animate_report *r,
     fprintf(to, "  Phase A: crop, shape, motion, matte %.0f ms; branches "
             "%.0f ms, %zu Gaussians\n", 1e3 * s->shape_s, 1e3 * s->bake_s,
             s->baked.N);
-    if (s->report.views)
-        fprintf(to, "  pruned: %.1f dB in the worst of %zu views, largest "
-                "difference %.2g\n", s->report.psnr, s->report.views,
-                s->report.max_abs);
     fprintf(to, "  %-10s %9s %9s %12s\n", "stage", "median", "p95",
             "paper, A100");
     for (int i = 0; i < REPORT_STAGES; i++) {

@@ -57,8 +57,7 @@ static int spid_open_pipeline(struct spid *s)
         .size = m->config.size, .model = star ? NULL : m, .star = star,
         .rules = m->config.system == SYSTEM_GAGAVATAR ? SPLAT_DGR
                                                       : SPLAT_GSPLAT,
-        .precision = NN_FAST, .threads = parallel_width(),
-        .closed = BAKED_CLOSED
+        .precision = NN_FAST, .threads = parallel_width()
     };
 
     return pipeline_init(&s->pipeline, &opt, &avatar, &s->err);
@@ -85,7 +84,7 @@ static int spid_prepare(struct spid *s, const char *source)
     if (s->opt.threads > 0)
         parallel_set_width(s->opt.threads);
     s->models = (struct prepare){
-        .prune = -1, .star = s->opt.star, .once = true, .precision = NN_FAST
+        .star = s->opt.star, .once = true, .precision = NN_FAST
     };
     if (prepare_open(&s->models, model, head, &s->err))
         return -1;

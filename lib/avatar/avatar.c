@@ -7,7 +7,6 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "lib/avatar/ablation.h"
 #include "lib/avatar/lip_lining.h"
 #include "lib/base/slices.h"
 #include "lib/net/model.h"

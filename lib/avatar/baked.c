@@ -430,7 +430,7 @@ static struct drive baked_drive_of(const struct baked *b)
 void baked_drive(struct baked_move *m, const struct baked *b,
                  const struct densify *mesh, const float *verts,
                  const float lip[3], const float *chin, float gap,
-                 float closed, const float cam[12])
+                 const float cam[12])
 {
     const struct drive d = baked_drive_of(b);
 
@@ -439,7 +439,7 @@ void baked_drive(struct baked_move *m, const struct baked *b,
     relative_pose(m->relative_pose, b->source, b->light, cam);
     /* a hidden mouth goes 1000 head units behind the camera */
     for (int c = 0; c < 3; c++) {
-        m->frame.to[c] = gap < closed ? -1000 * cam[8 + c]
+        m->frame.to[c] = gap < BAKED_CLOSED ? -1000 * cam[8 + c]
                          : b->has_jaw ? 0 : lip[c] - b->lip[c];
         m->frame.chin[c] = chin ? chin[c] - b->chin[c] : 0;
     }

@@ -97,13 +97,13 @@ int baked_move_init(struct baked_move *m, const struct baked *b,
 void baked_move_release(struct baked_move *m);
 
 /* One frame's mean, rigid motions and relative pose.  The mouth's Gaussians
- * hide when gap, the opening of the driven lips, is under closed (0: never).
+ * hide when gap, the opening of the driven lips, is under BAKED_CLOSED.
  * verts (V,3) driven, lip (3) their centroid l_d, chin (3) their chin's (NULL:
  * unknown, the jaw stays), cam (3,4) the frame's. */
 void baked_drive(struct baked_move *m, const struct baked *b,
                  const struct densify *mesh, const float *verts,
                  const float lip[3], const float *chin, float gap,
-                 float closed, const float cam[12]);
+                 const float cam[12]);
 /* Hand it to a renderer that has loaded baked_set. */
 int baked_move_scene(struct splat *s, struct baked_move *m,
                      const struct baked *b, struct error *err);

@@ -12,6 +12,14 @@
 
 #define BRANCH_SCALE_MAX 0.05f  /* the decoders' largest, head units */
 
+/* The paper's ablations: what an avatar is baked without. */
+enum avatar_without {
+    WITHOUT_DYNAMIC = 1, WITHOUT_STATIC = 2, WITHOUT_MOUTH = 4,
+    WITHOUT_INTERP = 8,     /* no midpoints: V dynamic Gaussians */
+    WITHOUT_DEFORM = 16,    /* Delta U = 0: the uniform plane */
+    WITHOUT_NECK = 32       /* no neck blend: shoulders turn with the head */
+};
+
 /* ---- the Gaussians ----------------------------------------------------- */
 
 /* Gaussians of one branch or of all, or their gradients: n rows of arrays that

@@ -6,7 +6,7 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "lib/avatar/ablation.h"
+#include "lib/avatar/branch.h"
 #include "lib/stream/gmov.h"
 #include "lib/head/mesh.h"
 #include "lib/head/person.h"
@@ -156,7 +156,7 @@ static int mover_frame(struct stream_writer *out, struct mover *m,
                          "%zu, as the first one)", mesh.V, m->dense.V);
     /* an unknown opening counts as open */
     baked_drive(&m->move, &m->baked, &m->dense, mesh.verts, mesh.lip,
-                mesh.chin, mesh.gap ? *mesh.gap : 1, m->opt.closed, mesh.cam);
+                mesh.chin, mesh.gap ? *mesh.gap : 1, mesh.cam);
     return mover_write(out, m, rec, mesh.cam, err);
 }
 

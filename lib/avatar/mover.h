@@ -12,7 +12,6 @@
 struct mover_options {
     bool full;              /* GAUS per frame instead of GMOV */
     unsigned without;       /* enum avatar_without; not WITHOUT_DEFORM */
-    float closed;           /* as in baked_drive */
 };
 
 struct mover {

@@ -59,7 +59,7 @@ static int prune_draw(struct prune *p, struct splat *s,
 
     prune_view_camera(cam, v);
     head_mouth(&m, h, verts);
-    baked_drive(&p->move, p->b, d, verts, m.centre, m.chin, m.gap, 0, cam);
+    baked_drive(&p->move, p->b, d, verts, m.centre, m.chin, INFINITY, cam);
     struct splat_camera c = splat_camera_square(cam, (int)p->size,
                                                 CAMERA_FOCAL);
     double begun = cpu_seconds();

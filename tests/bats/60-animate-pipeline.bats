@@ -40,16 +40,6 @@ prepare() { animate_files; }
     ! grep -q 'min 0 .*max 0$' turns
 }
 
-@test "SpiD in float: one process and the pipe give the same bytes" {
-    spid-animate -q --absolute -m model --f32 avatar.spid drive.y4m -o one.y4m
-    set -o pipefail
-    spid-motion -q -m model drive.y4m | spid-flame -m model -i avatar.spid |
-        spid-branches -i avatar.spid |
-        spid-splat -q --size 128 --channels 8 --f32 |
-        spid-refine -q -m model -o pipe.y4m
-    cmp one.y4m pipe.y4m
-}
-
 @test "programs of a pipe with two threads each" {
     spid-animate -q --absolute -m model avatar.spid drive.y4m -o one.y4m
     set -o pipefail

@@ -22,10 +22,10 @@ J
     [ -z "$output" ]
     status 0 spid-shape -m gagavatar.safetensors --head "$HEAD" source.png -o me.g
     spid-branches -m gagavatar.safetensors --head "$HEAD" --bake me.g \
-        --keep-clear -o avatar.g 2>said
+        -o avatar.g 2>said
     grep -q '6292 Gaussians, 5140 of them on vertices' said
     spid-animate -q --absolute -m gagavatar.safetensors --head "$HEAD" me.g \
-        drive.y4m --keep-clear -o one.y4m
+        drive.y4m -o one.y4m
     set -o pipefail
     spid-motion -q -m gagavatar.safetensors --head "$HEAD" drive.y4m |
         spid-flame --head "$HEAD" -i avatar.g | spid-branches -i avatar.g |
@@ -63,7 +63,8 @@ J
     one_line
     spid-import raw.safetensors --as gagavatar --config small.json \
         --encoders model/model.safetensors -o gagavatar.safetensors
-    status 64 spid-animate -m gagavatar.safetensors --head "$HEAD" --without mouth source.png drive.y4m -o x.y4m
+    spid-shape -q -m gagavatar.safetensors --head "$HEAD" source.png -o me.g
+    status 64 spid-branches -m gagavatar.safetensors --head "$HEAD" --without mouth --bake me.g -o x.spid
     has 'a gagavatar has none of SpiD'
     one_line
     echo '{"system": "flying"}' >odd.json

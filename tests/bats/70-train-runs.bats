@@ -5,8 +5,8 @@ setup_file() {
     spid-synth --people 3 --frames 4 --size 96 --seed 5 -q -o "$DIR/p.spid"
     cat > "$DIR/m.json" <<'J'
 {"stage":"motion","steps":4,"batch":4,"micro":2,"rate":1e-3,"pool":2,
- "people_per_step":0.5,"checkpoint_every":1,"log_every":1,"held_every":4,
- "held_people":1,"sheet_every":4}
+ "people_per_step":0.5,"checkpoint_every":1,"log_every":1,"validation_every":4,
+ "validation_people":1,"sheet_every":4}
 J
     export HEAD=$TOP/$BUILD/share/spid/head.safetensors
 }

@@ -8,7 +8,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "lib/avatar/ablation.h"
 #include "lib/avatar/avatar.h"
 #include "lib/base/camera.h"
 #include "lib/base/rotation.h"

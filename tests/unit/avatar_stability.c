@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "lib/avatar/ablation.h"
+#include "lib/avatar/branch.h"
 #include "lib/avatar/baked.h"
 #include "lib/base/camera.h"
 #include "lib/base/rotation.h"

@@ -213,8 +213,7 @@ static int bench_call_drive(void *context, struct error *err)
     motion_camera(cam, &p->motion[p->at++ % PERSON_FRAMES]);
     head_mouth(&mouth, &p->head, p->verts);
     baked_drive(&p->move, &p->baked, &p->dense, p->verts, mouth.centre,
-                mouth.chin,
-                mouth.gap, BAKED_CLOSED, cam);
+                mouth.chin, mouth.gap, cam);
     return 0;
 }
 

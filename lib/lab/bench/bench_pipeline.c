@@ -243,7 +243,7 @@ static int pipeline_open(struct pipe *p, struct pipe_rows *l,
         .pipeline = {
             .size = PERSON_SIZE, .model = &s->model, .star = v->star,
             .f32 = v->f32 || v->exact, .roi = v->roi,
-            .closed = BAKED_CLOSED, .precision = v->type
+            .precision = v->type
         },
         .workers = s->b->threads
     };

@@ -8,7 +8,7 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "lib/avatar/ablation.h"
+#include "lib/avatar/branch.h"
 #include "lib/base/camera.h"
 #include "lib/lab/eval/image.h"
 #include "lib/lab/eval/motion.h"

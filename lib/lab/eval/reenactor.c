@@ -109,8 +109,7 @@ static int reenactor_open_pipelines(struct reenactor *r, struct error *err)
                                      &r->texture};
     struct pipeline_options opt = {
         .size = r->model->config.size, .model = r->model,
-        .rules = SPLAT_GSPLAT, .f32 = true, .precision = NN_F32,
-        .closed = BAKED_CLOSED
+        .rules = SPLAT_GSPLAT, .f32 = true, .precision = NN_F32
     };
 
     if (!baked_has_places(&r->baked))

@@ -73,7 +73,6 @@ int reenact_open(struct reenact *r, const char *model, const char *head,
 {
     *r = (struct reenact){.size = size};
     random_init(&r->random, seed, "reenact");
-    r->models.prune = -1;
     r->rgb = malloc(3 * size * size);
     if (!r->rgb)
         return error_set(err, EX_OSERR, "no memory for a picture");
@@ -117,7 +116,7 @@ int reenact_person(struct reenact *r, const struct portrait *portrait,
     struct person *p = &r->person.person;
     const struct pipeline_options opt = {
         .size = r->size, .picture = r->size, .model = &r->models.model,
-        .rules = SPLAT_GSPLAT, .precision = NN_FAST, .closed = BAKED_CLOSED
+        .rules = SPLAT_GSPLAT, .precision = NN_FAST
     };
 
     pipeline_release(&r->pipeline);

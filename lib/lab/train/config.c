@@ -80,9 +80,6 @@ static const struct key keys[] = {
     {"checkpoint_every", KIND_INT, AT(checkpoint_every), 1, 1e9, 500},
     {"validation_every", KIND_INT, AT(validation_every), 0, 1e9, 0},
     {"validation_people", KIND_INT, AT(validation_people), 1, 1e6, 16},
-    /* older names of these two */
-    {"held_every", KIND_INT, AT(validation_every), 0, 1e9, 0},
-    {"held_people", KIND_INT, AT(validation_people), 1, 1e6, 16},
 };
 
 static const char *const stages[STAGE_COUNT] = {
