@@ -125,7 +125,7 @@ static struct module *module_of(const char *path)
     if (!path || !strcmp(path, "-"))
         return NULL;
     if (video_is_live(path))
-        return &module_pictures;
+        return video_is_camera(path) ? &module_pictures : &module_videos;
     if (!dot || strchr(dot, '/') || !strncmp(path, "/dev/", 5))
         return NULL;
     for (size_t i = 0; i < sizeof none / sizeof *none; i++)

@@ -30,7 +30,7 @@ struct video_reading {
 };
 
 /* media.so, with OpenImageIO, libheif, libwebp and OpenCV: pictures but for PNG
- * and JPEG (formats/png.h, jpeg.h), animations of WebP, and what is live. */
+ * and JPEG (formats/png.h, jpeg.h), animations of WebP, and cameras. */
 struct media_module {
     int (*image_read)(struct image *im, const char *path, struct error *err);
     int (*exr_write)(const char *path, const float *pixel, size_t width,
@@ -42,7 +42,8 @@ struct media_module {
     struct video_reader *(*camera_open)(const char *path, struct error *err);
 };
 
-/* video.so, with ffmpeg's libraries: video files in and out. */
+/* video.so, with ffmpeg's libraries: video files in and out, addresses
+ * in. */
 struct video_module {
     struct video_reader *(*open)(const char *path, bool bt601,
                                  struct error *err);

@@ -21,13 +21,14 @@ static bool video_file_is_webp(const char *path)
 struct video_reader *video_open(const char *path, bool bt601,
                                 struct error *err)
 {
-    const bool live = video_is_live(path);
+    const bool camera = video_is_camera(path);
 
-    if (live || video_file_is_webp(path)) {
+    if (camera || video_file_is_webp(path)) {
         const struct media_module *m = module_media(err);
 
         if (m)
-            return live ? m->camera_open(path, err) : m->webp_open(path, err);
+            return camera ? m->camera_open(path, err)
+                          : m->webp_open(path, err);
     } else {
         const struct video_module *m = module_video(err);
 

@@ -1,4 +1,5 @@
-/* Video files by ffmpeg's libraries, cameras by OpenCV, each in a module. */
+/* Video files and addresses by ffmpeg's libraries, cameras by OpenCV, each in a
+ * module. */
 #ifndef SPID_FORMATS_VIDEO_H
 #define SPID_FORMATS_VIDEO_H
 
@@ -17,7 +18,8 @@ bool video_is_camera(const char *path);
 bool video_is_live(const char *path);
 /* Whether a file that begins so is an animation of WebP. */
 bool video_is_webp(const uint8_t *begin, size_t n);
-/* Open a file, or what video_is_live says.  EX_NOINPUT when it is not there,
+/* Open a file, or what video_is_live says.  EX_NOINPUT when it is not there (an
+ * address: or sends nothing for ten seconds, which later is its end),
  * EX_DATAERR when no decoder takes it.  Frames leave through the door
  * (formats/door.h): turned or mirrored, with square pixels and cropped as the
  * file says, fields woven to whole frames (bwdif), colours by the matrix,

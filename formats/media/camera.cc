@@ -1,5 +1,4 @@
-/* Cameras and addresses of streams by OpenCV: frames that come when they
- * come. */
+/* Cameras by OpenCV: frames that come when they come. */
 extern "C" {
 #include "formats/media/camera.h"
 }
@@ -15,11 +14,10 @@ extern "C" {
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
 
-/* OpenCV and ffmpeg print what they think; our messages say it instead. */
+/* OpenCV prints what it thinks; our messages say it instead. */
 static void camera_opencv_silence()
 {
     cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
-    setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", 0);
 }
 
 struct camera : video_reader {
@@ -30,11 +28,9 @@ struct camera : video_reader {
     size_t count = 0;
 };
 
-/* A camera by its number or device, or an address. */
+/* A camera by its number or device. */
 static bool camera_capture(camera *c, const char *path)
 {
-    if (!video_is_camera(path))
-        return c->capture.open(path, cv::CAP_FFMPEG);
     if (*path == '/' ? !c->capture.open(path, cv::CAP_V4L2)
                      : !c->capture.open(std::atoi(path + 7)))
         return false;
@@ -122,8 +118,7 @@ struct video_reader *camera_open(const char *path, struct error *err)
             c->rate = rate > 0 && rate < 100000 ? rate : 0;
             return c;
         }
-        error_set(err, EX_DATAERR, "%s: not a video or picture that can be "
-                  "decoded", path);
+        error_set(err, EX_DATAERR, "%s: not a camera that can be read", path);
     } catch (const std::exception &e) {
         error_set(err, EX_DATAERR, "%s: %s", path, e.what());
     }

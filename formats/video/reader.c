@@ -7,6 +7,7 @@
 #include <string.h>
 #include <sys/stat.h>
 #include <sysexits.h>
+#include <time.h>
 
 #include <libavcodec/avcodec.h>
 #include <libavformat/avformat.h>
@@ -20,11 +21,13 @@
 
 #define READER_THREADS 4        /* at most; from READER_LARGE pixels on */
 #define READER_LARGE (1280 * 720)
+#define READER_PATIENCE 10      /* seconds that an address may send nothing */
 
 struct reader {
     struct video_reader base;
     char *path;
-    bool bt601;
+    bool bt601, live;           /* live: an address */
+    time_t since;               /* when a packet was asked for */
     AVFormatContext *file;
     AVCodecContext *codec;
     struct SwsContext *convert;
@@ -70,7 +73,7 @@ static double reader_rate(const struct video_reader *v)
 
 static size_t reader_frames(const struct video_reader *v)
 {
-    return reader_of(v)->frames;
+    return reader_of(v)->live ? 0 : reader_of(v)->frames;
 }
 
 /* After the last frame the container knows better how long it stays. */
@@ -93,7 +96,8 @@ static double reader_end(const struct video_reader *v)
 
 static bool reader_sounds(const struct video_reader *v)
 {
-    return av_find_best_stream(reader_of(v)->file, AVMEDIA_TYPE_AUDIO, -1, -1,
+    return !reader_of(v)->live &&
+           av_find_best_stream(reader_of(v)->file, AVMEDIA_TYPE_AUDIO, -1, -1,
                                NULL, 0) >= 0;
 }
 
@@ -129,16 +133,36 @@ static void reader_announced(struct reader *r)
     r->frames = n > 0 && n < 1e12 ? (size_t)n : 0;
 }
 
+/* libav's AVIOInterruptCB: whether to wait no longer. */
+static int reader_is_late(void *reader)
+{
+    return time(NULL) - ((struct reader *)reader)->since > READER_PATIENCE;
+}
+
+/* The container; a libav error number. */
+static int reader_open_container(struct reader *r)
+{
+    char *url = r->live ? strdup(r->path) : reader_url(r->path);
+    int rc = url && (r->file = avformat_alloc_context()) ? 0 : AVERROR(ENOMEM);
+
+    if (rc == 0 && r->live) {
+        r->since = time(NULL);
+        r->file->interrupt_callback =
+            (AVIOInterruptCB){reader_is_late, r};
+    }
+    if (rc == 0)
+        rc = avformat_open_input(&r->file, url, NULL, NULL);
+    free(url);
+    return rc < 0 ? rc : avformat_find_stream_info(r->file, NULL);
+}
+
 /* The best stream and a decoder for it; a libav error number. */
 static int reader_open_codec(struct reader *r)
 {
     const AVCodec *codec;
-    char *url = reader_url(r->path);
-    int rc = url ? avformat_open_input(&r->file, url, NULL, NULL)
-                 : AVERROR(ENOMEM);
+    int rc = reader_open_container(r);
 
-    free(url);
-    if (rc < 0 || (rc = avformat_find_stream_info(r->file, NULL)) < 0)
+    if (rc < 0)
         return rc;
     rc = av_find_best_stream(r->file, AVMEDIA_TYPE_VIDEO, -1, -1, &codec, 0);
     if (rc < 0)
@@ -195,6 +219,7 @@ static void reader_feed(struct reader *r)
 
     do {
         av_packet_unref(r->packet);
+        r->since = time(NULL);
         rc = av_read_frame(r->file, r->packet);
     } while (rc == 0 && r->packet->stream_index != r->stream->index);
     r->drained = rc < 0;
@@ -419,6 +444,8 @@ static int reader_finish(struct reader *r, struct error *err)
     if (r->count == 0)
         return error_set(err, EX_DATAERR, "%s: no frame could be decoded",
                          r->path);
+    if (r->live)
+        return 0;               /* it has no end that could be missing */
     if (r->faults > 2 + r->count / 100)
         return error_set(err, EX_DATAERR, "%s: frame %zu: damaged: %zu frames "
                          "cannot be decoded", r->path, r->count, r->faults);
@@ -491,11 +518,15 @@ static const struct video_reading reader_functions = {
 struct video_reader *reader_open(const char *path, bool bt601,
                                  struct error *err)
 {
+    const bool live = video_is_live(path);
     struct stat st;
     struct reader *r;
+    int rc = 0;
 
     av_log_set_level(AV_LOG_QUIET);     /* our messages say it instead */
-    if (stat(path, &st) != 0) {
+    if (live)
+        avformat_network_init();
+    else if (stat(path, &st) != 0) {
         error_set(err, EX_NOINPUT, "%s: cannot open: %s", path,
                   strerror(errno));
         return NULL;
@@ -507,10 +538,17 @@ struct video_reader *reader_open(const char *path, bool bt601,
         r->packet = av_packet_alloc();
         r->frame = av_frame_alloc();
         r->bt601 = bt601;
+        r->live = live;
     }
     if (!r || !r->path || !r->packet || !r->frame) {
         error_set(err, EX_OSERR, "%s: out of memory", path);
-    } else if (reader_open_codec(r) < 0) {
+    } else if ((rc = reader_open_codec(r)) < 0 && live) {
+        char why[AV_ERROR_MAX_STRING_SIZE];
+
+        error_set(err, EX_NOINPUT, "%s: no video comes from there: %s", path,
+                  rc == AVERROR_EXIT ? "nothing was sent"
+                  : av_strerror(rc, why, sizeof why) < 0 ? "unknown" : why);
+    } else if (rc < 0) {
         error_set(err, EX_DATAERR, "%s: not a video or picture that can be "
                   "decoded", path);
     } else {

@@ -75,6 +75,26 @@ pictures() { grep -ao FRAME "$1" | wc -l; }
         grep -q 'Synthetic'
 }
 
+@test "an address that another program serves; one that is not there" {
+    local port=$((20000 + RANDOM % 20000)) i
+    ffmpeg -nostdin -v error -re -stream_loop -1 -r 10 -i drive.y4m -pix_fmt yuv420p \
+        -f mpegts -listen 1 "http://127.0.0.1:$port" 3>&- &
+    local server=$!
+    for i in $(seq 100); do
+        grep -q ":$(printf %04X $port) 00000000:0000 0A" /proc/net/tcp && break
+        sleep 0.1
+    done
+    live "http://127.0.0.1:$port" --frames 3 -o out.y4m
+    cat said
+    [ "$(pictures out.y4m)" -eq 3 ]
+    kill $server 2>/dev/null || true
+    status 66 spid-live -q --patience 0 -m model -s avatar.spid \
+        "http://127.0.0.1:$port" -o none.y4m
+    one_line
+    has "no video comes from there: Connection refused"
+    [ ! -e none.y4m ]
+}
+
 @test "to another program: the recipe with mpegts" {
     camera | live - | ffmpeg -v error -i - -pix_fmt yuv420p -f mpegts out.ts
     [ "$(ffprobe -v error -count_frames -show_entries stream=nb_read_frames \
