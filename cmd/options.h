@@ -90,6 +90,9 @@ void option_animation_load(struct prepare *models,
  * sound is not in it. */
 struct animation;
 void option_animation_done(const struct animation *a);
+/* Say that pictures go without the sound of a clip that is not there. */
+struct framesink;
+void option_sound_tell(const struct framesink *s);
 /* Say where the faces of an input are, when there are several, and which was
  * taken; `option` takes another. */
 void option_faces_tell(const char *name, const struct track_faces *faces,

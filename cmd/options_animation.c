@@ -33,10 +33,21 @@ void option_animation_done(const struct animation *a)
                strcmp(a->output, "-") ? a->output : "<stdout>", a->driver_name,
                a->opt->live ? "a live picture has none"
                             : "expected .mp4 .mov .mkv or .webm for it");
+    if (a->sound_lost)
+        notice("%s: without sound: the clip that %s was made of is not there",
+               a->output, a->driver_name);
     for (size_t i = 0; i < sizeof ending / sizeof *ending; i++)
         if (file_ends(a->output, ending[i]) && stat(a->output, &st) == 0)
             notice("%s: %zu frames in %.1f MB", a->output, a->report.frames,
                    (double)st.st_size / 1e6);
+}
+
+void option_sound_tell(const struct framesink *s)
+{
+    const char *clip = framesink_lost_sound(s);
+
+    if (clip)
+        notice("%s: without sound: %s is not there", cli.output, clip);
 }
 
 void option_faces_tell(const char *name, const struct track_faces *faces,

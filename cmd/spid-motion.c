@@ -183,8 +183,7 @@ static void motion_start_tracking(struct program *p)
     double begun = stats_begin();
     enum driver_status status;
     struct conf conf = {
-        .producer = "spid-motion", .head = &p->head,
-        .model = &p->model
+        .producer = "spid-motion", .head = &p->head, .model = &p->model
     };
 
     status = driver_start(&p->driver, motion_draw_searched_frame, p, &err);
@@ -197,6 +196,7 @@ static void motion_start_tracking(struct program *p)
     if (relative_path)
         motion_set_relative(p);
     framesource_rate(p->in, &conf.fps_num, &conf.fps_den);
+    conf.sound = framesource_sound(p->in, &conf.sound_start);
     conf.window = &p->track.window;
     conf.width = p->driver.first.width;
     conf.height = p->driver.first.height;

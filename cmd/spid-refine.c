@@ -231,6 +231,7 @@ int main(int argc, char **argv)
         die_error(&err);
     }
     progress_end();
+    option_sound_tell(p.out);
     if (framesink_finish(p.out, &err))
         die_error(&err);
     stats_write();

@@ -192,6 +192,7 @@ int main(int argc, char **argv)
         framesink_abandon(sink);
         die_error(&err);
     }
+    option_sound_tell(sink);
     if (framesink_finish(sink, &err))
         die_error(&err);
     stats_write();

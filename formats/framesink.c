@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
+#include <sys/stat.h>
 #include <sysexits.h>
 #include <unistd.h>
 
@@ -170,7 +171,7 @@ bool framesink_set_sound(struct framesink *s, const char *clip, double start)
     if (!framesink_takes_sound(s))
         return false;
     free(s->sound);
-    s->sound = strdup(clip);
+    s->sound = clip ? strdup(clip) : NULL;
     s->start = start;
     return s->sound;
 }
@@ -187,13 +188,26 @@ void framesink_read_conf(struct framesink *s, const struct record *conf)
     cJSON *json = text ? cJSON_ParseWithLength(text, bytes) : NULL;
     const cJSON *fps = cJSON_GetObjectItem(json, "fps");
     const cJSON *den = cJSON_GetArrayItem(fps, 1);
+    const cJSON *sound = cJSON_GetObjectItem(json, "sound");
+    const cJSON *clip = cJSON_GetObjectItem(sound, "clip");
+    const cJSON *start = cJSON_GetObjectItem(sound, "start");
 
     if (cJSON_IsNumber(fps))
         framesink_set_rate(s, (int)(fps->valuedouble * 1000 + 0.5), 1000);
     else if (cJSON_IsArray(fps) && den)
         framesink_set_rate(s, cJSON_GetArrayItem(fps, 0)->valueint,
                            den->valueint);
+    if (cJSON_IsString(clip) && cJSON_IsNumber(start))
+        framesink_set_sound(s, clip->valuestring, start->valuedouble);
     cJSON_Delete(json);
+}
+
+const char *framesink_lost_sound(const struct framesink *s)
+{
+    struct stat st;
+
+    return s->sound && (stat(s->sound, &st) || !S_ISREG(st.st_mode)) ? s->sound
+                                                                   : NULL;
 }
 
 /* ---- writing one frame ------------------------------------------------ */

@@ -108,8 +108,8 @@ struct stream_writer *framesink_stream(struct framesink *s);
  * when the options gave one. */
 void framesink_set_rate(struct framesink *s, int num, int den);
 
-/* The clip whose sound goes along, and its time of the first frame; before the
- * first frame.  False where the output takes no sound. */
+/* The clip whose sound goes along (NULL: none), and its time of the first frame;
+ * before the first frame.  False where the output takes no sound. */
 bool framesink_set_sound(struct framesink *s, const char *clip, double start);
 /* Whether it does. */
 bool framesink_takes_sound(const struct framesink *s);
@@ -118,8 +118,11 @@ bool framesink_takes_sound(const struct framesink *s);
  * videos and animations, before the end. */
 void framesink_set_end(struct framesink *s, double end);
 
-/* The rate as CONF's "fps" gives it: [numerator, denominator] or a number. */
+/* The rate as CONF's "fps" gives it: [numerator, denominator] or a number; and
+ * the clip of its "sound". */
 void framesink_read_conf(struct framesink *s, const struct record *conf);
+/* The clip whose sound should go along, but which is not there; or NULL. */
+const char *framesink_lost_sound(const struct framesink *s);
 
 /* Compose and write one frame.  All frames of a Y4M or video must have the
  * size of the first. */

@@ -78,7 +78,8 @@ int framesink_write_video(struct framesink *s, double time, struct error *err)
         s->video = video_create(s->part, &(struct video_options){
             .width = s->width, .height = s->height, .alpha = s->opt.alpha,
             .rate = (double)s->opt.rate_num / s->opt.rate_den,
-            .sound = s->sound, .start = s->start}, err);
+            .sound = framesink_lost_sound(s) ? NULL : s->sound,
+            .start = s->start}, err);
         if (!s->video) {
             unlink(s->part);
             return -1;

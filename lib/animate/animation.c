@@ -173,6 +173,15 @@ static int animation_open_take(struct animation *a, struct error *err)
     return 0;
 }
 
+/* driver's pass: CONF says the rate and whose sound it is. */
+static void animation_pass(void *animation, const struct record *rec)
+{
+    struct animation *a = animation;
+
+    if (record_is(rec, RECORD_CONF))
+        framesink_read_conf(a->sink, rec);
+}
+
 /* A driver whose motions a stream has already; pictures are none. */
 static int animation_open_records(struct animation *a, struct error *err)
 {
@@ -185,13 +194,15 @@ static int animation_open_records(struct animation *a, struct error *err)
     if (!a->records)
         return -1;
     driver_init_records(&a->driver, a->records, a->models->head.nexp);
+    a->driver.pass = animation_pass;
+    a->driver.ctx = a;
+    framesink_set_rate(a->sink, (int)(1000 * opt->source.rate + 0.5), 1000);
     if (driver_start(&a->driver, NULL, NULL, err) != DRIVER_STARTED)
         return -1;
-    if (opt->source.rate > 0)
-        framesink_set_rate(a->sink, (int)(1000 * opt->source.rate + 0.5),
-                           1000);
-    else
-        framesink_set_rate(a->sink, 25, 1);
+    framesink_set_rate(a->sink, 25, 1);
+    if (opt->no_sound)
+        framesink_set_sound(a->sink, NULL, 0);
+    a->sound_lost = framesink_lost_sound(a->sink);
     return 0;
 }
 

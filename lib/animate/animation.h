@@ -58,6 +58,7 @@ struct animation {
     struct animate workers;
     struct framesink *sink;
     bool silent;                /* the driver has sound, the output none */
+    bool sound_lost;            /* it is of a clip that is not there */
     struct animate_report report;
 };
 

@@ -40,6 +40,12 @@ static char *conf_print(const struct conf *c)
         cJSON_AddItemToObject(j, "fps", conf_pair(c->fps_num, c->fps_den));
     else if (c->rate > 0)
         cJSON_AddNumberToObject(j, "fps", c->rate);
+    if (c->sound) {
+        cJSON *sound = cJSON_AddObjectToObject(j, "sound");
+
+        cJSON_AddStringToObject(sound, "clip", c->sound);
+        cJSON_AddNumberToObject(sound, "start", c->sound_start);
+    }
     if (c->width)
         cJSON_AddItemToObject(j, "picture",
                               conf_pair((double)c->width, (double)c->height));

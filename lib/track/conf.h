@@ -19,14 +19,16 @@ struct conf {
                                      * model's, or 512 */
     int fps_num, fps_den;           /* frames a second; 0: left out, or */
     double rate;                    /* as one number */
+    const char *sound;              /* the clip that has some, or NULL; */
+    double sound_start;             /* ... its time of frame 0, seconds */
     const long *seed;               /* NULL: left out */
     const struct square *window;    /* picture pixels; NULL: left out */
     size_t width, height;           /* of the picture */
 };
 
 /* Write CONF: {"producer","version","units":"head","scale","camera":{"size",
- * "focal"},"fps":[n,d] or rate,"picture":[w,h],"window":[x,y,size],"seed",
- * "head_hash","model_hash"}. */
+ * "focal"},"fps":[n,d] or rate,"sound":{"clip","start"},"picture":[w,h],
+ * "window":[x,y,size],"seed","head_hash","model_hash"}. */
 int conf_write(struct stream_writer *w, const struct conf *c,
                struct error *err);
 

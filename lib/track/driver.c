@@ -62,8 +62,11 @@ static int driver_read_record(struct driver *d, struct driver_frame *f,
 
     memset(f, 0, sizeof *f);
     while ((rc = stream_read(d->records, &rec, err)) == 1) {
-        if (!record_is(&rec, RECORD_MOTN))
+        if (!record_is(&rec, RECORD_MOTN)) {
+            if (d->pass)
+                d->pass(d->ctx, &rec);
             continue;
+        }
         f->picture.index = rec.frame;
         f->picture.time = rec.time;
         if (motion_read(&f->r.motion, &rec, d->nexp, err) == 0)

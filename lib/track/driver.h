@@ -33,6 +33,8 @@ struct driver {
     driver_read_fn *read;
     void *ctx;
     struct stream_reader *records;      /* instead of frames, or */
+    void (*pass)(void *ctx, const struct record *rec);  /* takes those records
+                                 * that move nothing; NULL: nobody */
     struct livelink *take;              /* likewise; NULL */
     size_t nexp;                /* of their motions */
     uint64_t rows;              /* of the take, so far */

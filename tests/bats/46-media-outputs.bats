@@ -34,6 +34,25 @@ with_sound() {
     has 'live.mp4: without the sound of clip.mp4'
 }
 
+@test "sound goes through the pipe, and with recorded motion" {
+    with_sound
+    spid-motion -q -m model clip.mp4 -o motion.spid
+    spid-flame -q -m model -i avatar.spid motion.spid |
+        spid-branches -q -i avatar.spid | spid-splat -q --size 128 --channels 8 |
+        spid-refine -q -m model -o out.mp4
+    [ "$(probe out.mp4 stream=codec_type | sort | tr '\n' ' ')" = "audio video " ]
+    [ "$(probe out.mp4 stream=avg_frame_rate | head -n 1)" = 10/1 ]
+    status 0 run_animate motion.spid -o take.mp4
+    [ "$(probe take.mp4 stream=codec_type | sort | tr '\n' ' ')" = "audio video " ]
+    [ "$(probe take.mp4 stream=nb_frames,r_frame_rate | head -n 1)" = 10/1,4 ]
+    status 0 run_animate --no-sound motion.spid -o none.mp4
+    [ "$(probe none.mp4 stream=codec_type)" = video ]
+    rm clip.mp4
+    status 0 run_animate motion.spid -o quiet.mp4
+    has 'quiet.mp4: without sound: the clip that motion.spid was made of is not there'
+    [ "$(probe quiet.mp4 stream=codec_type)" = video ]
+}
+
 @test "a sound that starts before the pictures starts before them again" {
     ffmpeg -nostdin -v error -y -r 10 -i drive.y4m -c:v mpeg4 -q:v 2 v.mp4
     ffmpeg -nostdin -v error -y -itsoffset 0.7 -i v.mp4 -f lavfi \
