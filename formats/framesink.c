@@ -44,7 +44,7 @@ int framesink_parse_format(const char *value, void *format,
                      FRAMESINK_FORMATS ")");
 }
 
-/* By the ending; a stream, unless the name is another file's. */
+/* By the ending; a stream, where the name has none or .spid. */
 static int framesink_format_of(enum framesink_format *format, const char *path,
                                struct error *err)
 {
@@ -59,23 +59,26 @@ static int framesink_format_of(enum framesink_format *format, const char *path,
         {".apng", FRAMESINK_APNG},
         {".y4m", FRAMESINK_Y4M}, {".png", FRAMESINK_PNG},
         {".pam", FRAMESINK_PAM}, {".ppm", FRAMESINK_PAM},
-        {".exr", FRAMESINK_EXR},
+        {".exr", FRAMESINK_EXR}, {".spid", FRAMESINK_STREAM},
     };
-    const char *dot = strrchr(path, '.');
+    const char *slash = strrchr(path, '/');
+    const char *base = slash ? slash + 1 : path, *dot = strrchr(base, '.');
 
     *format = !strncmp(path, "/dev/video", 10) ? FRAMESINK_DEVICE
               : httpsink_is_address(path)      ? FRAMESINK_HTTP
                                                : FRAMESINK_STREAM;
-    for (size_t i = 0; dot && i < sizeof names / sizeof *names; i++)
-        if (*format == FRAMESINK_STREAM &&
-            strcasecmp(dot, names[i].end) == 0)
-            *format = names[i].format;
-    if (*format != FRAMESINK_STREAM || !file_is_media_name(path))
+    if (*format != FRAMESINK_STREAM || !dot || dot == base ||
+        file_is_special(path))
         return 0;
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++)
+        if (strcasecmp(dot, names[i].end) == 0) {
+            *format = names[i].format;
+            return 0;
+        }
     return error_set(err, EX_USAGE, "%s: such a file cannot be written "
                      "(expected .mp4 .mkv .mov .webm .avi, .gif .webp .apng, "
-                     ".png .pam .ppm .exr, .y4m, or .spid for a stream of "
-                     "records)", path);
+                     ".png .pam .ppm .exr, .y4m, or .spid or --format stream "
+                     "for a stream of records)", path);
 }
 
 /* What can be refused before the first frame. */

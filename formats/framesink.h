@@ -15,8 +15,8 @@
 enum framesink_format {
     FRAMESINK_AUTO,         /* by the name: .mp4 .mkv .avi .mov .webm video,
                              * .gif .webp .apng animation, .y4m .png .pam .ppm
-                             * .exr, /dev/videoN, http://, else stream, but not
-                             * under the name of a picture or a clip */
+                             * .exr, /dev/videoN, http://, .spid and names
+                             * without an ending stream; others are refused */
     FRAMESINK_STREAM, FRAMESINK_Y4M, FRAMESINK_PNG, FRAMESINK_PAM,
     FRAMESINK_EXR, FRAMESINK_VIDEO,
     FRAMESINK_GIF, FRAMESINK_WEBP, FRAMESINK_APNG,

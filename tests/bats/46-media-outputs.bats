@@ -79,10 +79,17 @@ with_sound() {
 }
 
 @test "a stream never takes the name of a picture or a clip" {
-    for name in x.jpg x.JPG x.heic x.wmv; do
+    for name in x.jpg x.JPG x.heic x.wmv x.xyz; do
         status 64 run_animate drive.y4m -o $name
         has "$name: such a file cannot be written"
         [ ! -e $name ] && [ ! -e $name.part ]
+    done
+    mkdir no.ending
+    status 0 run_animate drive.y4m -f stream -o x.xyz
+    status 0 run_animate drive.y4m -o .hidden
+    status 0 run_animate drive.y4m -o no.ending/x
+    for name in x.xyz .hidden no.ending/x; do
+        spid-dump $name | grep -q ^IMAG
     done
     for command in "spid-shape -m model source.png" "spid-motion -m model drive.y4m"; do
         status 64 $command -o x.webp
