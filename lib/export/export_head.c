@@ -10,6 +10,7 @@
 
 #include "lib/base/camera.h"
 #include "lib/base/rotation.h"
+#include "lib/head/arkit.h"
 
 #define LIDS 2
 
@@ -23,21 +24,27 @@ static void export_target_unblock(float *out, const struct head *h,
         out[i] /= h->scale;
 }
 
-/* Expressions, lids and, if asked for, pose correctives, by name. */
+/* Expressions, lids and, if asked for, pose correctives, by name: ARKit's where
+ * the head has its shapes, but what a joint makes there has a number. */
 static void export_fill_targets(struct export_head *e,
                                 const struct identity *id)
 {
     const struct head *h = e->head;
+    const bool arkit = head_has_arkit(h);
     size_t at = 0;
 
     for (size_t k = 0; k < e->opt.expressions; k++, at++) {
-        snprintf(e->name[at], sizeof *e->name, "exp_%03zu", k);
+        if (arkit && k < ARKIT_COUNT && !arkit_is_rig((int)k))
+            snprintf(e->name[at], sizeof *e->name, "%s", arkit_name((int)k));
+        else
+            snprintf(e->name[at], sizeof *e->name, "exp_%03zu", k);
         export_target_unblock(e->delta + 3 * h->V * at, h, h->exp_dirs, h->nexp,
                               k);
     }
     for (size_t k = 0; k < LIDS; k++, at++) {
-        snprintf(e->name[at], sizeof *e->name, "eyelid_%s",
-                 k ? "right" : "left");
+        snprintf(e->name[at], sizeof *e->name, "%s",
+                 arkit ? arkit_name(ARKIT_EYE_BLINK_L + (int)k)
+                 : k ? "eyelid_right" : "eyelid_left");
         export_target_unblock(e->delta + 3 * h->V * at, h, id->lids, LIDS, k);
     }
     static const char *const joint[] = {"neck", "jaw", "eye_left",

@@ -134,6 +134,9 @@ PY
     spid-export -q --head "$HEAD" --expressions 100 --correctives motion.spid --glb-head b.glb
     MALLOC_PERTURB_=85 spid-export -q --head "$HEAD" motion.spid --glb-head c.glb
     cmp a.glb c.glb
+    # names that other programs know, of shapes that are there
+    for name in mouthSmile_L browInnerUp_R eyeBlink_L; do grep -aq "\"$name\"" b.glb; done
+    ! grep -aq '"jawOpen"' b.glb
     # sparse accessors lie inside their views
     cat >sparse.py <<'PY'
 import json, struct, sys
