@@ -360,10 +360,9 @@ FUZZ_PART := -fsanitize=fuzzer-no-link,address,undefined
 # The readers, and what they need.
 FUZZ_READERS := $(wildcard lib/base/*.c lib/stream/*.c formats/record*.c \
 	  formats/safetensors*.c formats/compose*.c formats/ply*.c \
-	  formats/livelink*.c formats/pickle*.c formats/tensorfile*.c \
+	  formats/livelink*.c lib/lab/import/*.c lib/lab/people/wavefront.c \
 	  formats/video_name.c $(patsubst %,formats/%.c,npy y4m pnm png jpeg mark \
-	  image door colour exif module video outfile arrayview ziparchive \
-	  wavefront) formats/door_resize.cc \
+	  image door colour exif module video outfile) formats/door_resize.cc \
 	  formats/glb_read.cc formats/glb_pose.cc)
 fuzz_objects = $(patsubst %,$(BUILD)/fuzz/obj/%.o,$(basename $(wildcard $(1))))
 

@@ -1,6 +1,6 @@
 /* libFuzzer target: pickles, alone and as whole files of tensors (plain,
  * PyTorch's older form, npy of objects). */
-#include "formats/pickle.h"
+#include "lib/lab/import/pickle.h"
 #include "tests/fuzz/read_tensors.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);

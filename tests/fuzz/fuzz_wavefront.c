@@ -1,5 +1,5 @@
 /* libFuzzer target: meshes as Wavefront OBJ, and MakeHuman's bindings. */
-#include "formats/wavefront.h"
+#include "lib/lab/people/wavefront.h"
 #include "tests/fuzz/memory_file.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "formats/ziparchive.h"
+#include "lib/lab/import/ziparchive.h"
 #include "tests/fuzz/read_tensors.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);

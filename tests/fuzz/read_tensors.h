@@ -4,7 +4,7 @@
 
 #include <stdint.h>
 
-#include "formats/tensorfile.h"
+#include "lib/lab/import/tensorfile.h"
 #include "tests/fuzz/memory_file.h"
 
 /* 0; 1 when something was not as tensorfile.h says. */

@@ -3,8 +3,8 @@
  * definition. */
 #include <string.h>
 
-#include "formats/arrayview.h"
-#include "formats/pickle.h"
+#include "lib/lab/import/arrayview.h"
+#include "lib/lab/import/pickle.h"
 #include "tests/check.h"
 
 /* The expression itself is what a failure says. */

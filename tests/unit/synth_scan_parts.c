@@ -10,7 +10,7 @@
 #include <unistd.h>
 
 #include "formats/panorama.h"
-#include "formats/wavefront.h"
+#include "lib/lab/people/wavefront.h"
 #include "lib/base/random.h"
 #include "lib/lab/people/scan_codec.h"
 #include "lib/lab/people/scan_light.h"

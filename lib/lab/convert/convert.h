@@ -9,7 +9,7 @@
 #include <stddef.h>
 
 #include "formats/safetensors.h"
-#include "formats/tensorfile.h"
+#include "lib/lab/import/tensorfile.h"
 #include "lib/base/error.h"
 
 #define CONVERT_FILES 4

@@ -6,7 +6,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "formats/wavefront.h"
+#include "lib/lab/people/wavefront.h"
 #include "lib/base/error.h"
 #include "lib/lab/people/scan_face.h"
 #include "lib/lab/people/scan_near.h"

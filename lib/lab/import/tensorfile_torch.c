@@ -4,7 +4,7 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "formats/tensorfile_impl.h"
+#include "lib/lab/import/tensorfile_impl.h"
 
 /* ---- the zip form ------------------------------------------------------- */
 

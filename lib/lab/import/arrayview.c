@@ -1,5 +1,5 @@
 /* Element types, byte orders and strides taken apart and put in our order. */
-#include "formats/arrayview.h"
+#include "lib/lab/import/arrayview.h"
 
 #include <string.h>
 

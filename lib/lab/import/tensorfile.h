@@ -4,8 +4,8 @@
  * lists become dotted names ("model.layer1.0.weight"), objects of any class
  * likewise by what they hold; what is no tensor is left out and counted.  Files
  * are hostile input: see pickle.h, ziparchive.h and the limits below. */
-#ifndef SPID_FORMATS_TENSORFILE_H
-#define SPID_FORMATS_TENSORFILE_H
+#ifndef SPID_LAB_IMPORT_TENSORFILE_H
+#define SPID_LAB_IMPORT_TENSORFILE_H
 
 #ifdef __cplusplus
 extern "C" {
@@ -13,7 +13,7 @@ extern "C" {
 
 #include <stddef.h>
 
-#include "formats/arrayview.h"
+#include "lib/lab/import/arrayview.h"
 #include "lib/base/error.h"
 
 #define TENSORFILE_MAX 32768      /* tensors */

@@ -5,8 +5,8 @@
  * put into it, and does nothing.  A pickle is hostile until it ends: sizes,
  * counts, memory and the memo are limited, and every array has been checked
  * against the bytes that are there. */
-#ifndef SPID_FORMATS_PICKLE_H
-#define SPID_FORMATS_PICKLE_H
+#ifndef SPID_LAB_IMPORT_PICKLE_H
+#define SPID_LAB_IMPORT_PICKLE_H
 
 #ifdef __cplusplus
 extern "C" {
@@ -16,7 +16,7 @@ extern "C" {
 #include <stddef.h>
 #include <stdint.h>
 
-#include "formats/arrayview.h"
+#include "lib/lab/import/arrayview.h"
 #include "lib/base/error.h"
 
 #define PICKLE_MAX_MEMORY ((size_t)64 << 20) /* of objects, bytes */

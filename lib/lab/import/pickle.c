@@ -1,12 +1,12 @@
 /* The opcodes, one function each, and the table of them; those of constants
  * are in pickle_constant.c. */
-#include "formats/pickle.h"
+#include "lib/lab/import/pickle.h"
 
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 
-#include "formats/pickle_machine.h"
+#include "lib/lab/import/pickle_machine.h"
 
 /* ---- opcodes: containers ------------------------------------------------ */
 

@@ -2,7 +2,7 @@
  * or, in its older form, in strings. */
 #include <string.h>
 
-#include "formats/pickle_machine.h"
+#include "lib/lab/import/pickle_machine.h"
 
 struct pickle_value *pickle_persistent(struct pickle_machine *m,
                                        const struct pickle_value *id)

@@ -4,7 +4,7 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "formats/tensorfile_impl.h"
+#include "lib/lab/import/tensorfile_impl.h"
 
 /* The name so far; grows and shrinks as the walk goes down and up. */
 struct path {

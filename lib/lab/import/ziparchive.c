@@ -1,5 +1,5 @@
 /* The directory is read and checked whole before the first entry is. */
-#include "formats/ziparchive.h"
+#include "lib/lab/import/ziparchive.h"
 
 #include <stdlib.h>
 #include <string.h>

@@ -5,7 +5,7 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "formats/tensorfile_impl.h"
+#include "lib/lab/import/tensorfile_impl.h"
 
 /* Of a matrix: what its class keeps, and the entries. */
 struct sparse {

@@ -1,5 +1,5 @@
 /* Wavefront OBJ and MakeHuman's .mhclo, line by line. */
-#include "formats/wavefront.h"
+#include "lib/lab/people/wavefront.h"
 
 #include <errno.h>
 #include <math.h>

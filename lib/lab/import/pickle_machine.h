@@ -1,13 +1,13 @@
 /* What the opcodes (pickle.c, pickle_constant.c) and the constructors
  * (pickle_call.c, pickle_torch.c) share. */
-#ifndef SPID_FORMATS_PICKLE_MACHINE_H
-#define SPID_FORMATS_PICKLE_MACHINE_H
+#ifndef SPID_LAB_IMPORT_PICKLE_MACHINE_H
+#define SPID_LAB_IMPORT_PICKLE_MACHINE_H
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
-#include "formats/pickle.h"
+#include "lib/lab/import/pickle.h"
 
 #define PICKLE_LINE 4096        /* longest line that holds a number */
 

@@ -1,14 +1,14 @@
 /* What the parts of the tensorfile reader share. */
-#ifndef SPID_FORMATS_TENSORFILE_IMPL_H
-#define SPID_FORMATS_TENSORFILE_IMPL_H
+#ifndef SPID_LAB_IMPORT_TENSORFILE_IMPL_H
+#define SPID_LAB_IMPORT_TENSORFILE_IMPL_H
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
-#include "formats/pickle.h"
-#include "formats/tensorfile.h"
-#include "formats/ziparchive.h"
+#include "lib/lab/import/pickle.h"
+#include "lib/lab/import/tensorfile.h"
+#include "lib/lab/import/ziparchive.h"
 
 /* Where the elements of a tensor lie: at data, or in an entry of the archive,
  * `skip` bytes from its start. */

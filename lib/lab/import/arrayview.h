@@ -1,8 +1,8 @@
 /* An array as it lies in somebody else's memory: any element type, byte order
  * and strides, as numpy and PyTorch pickle them, and its elements one after
  * another in our order. */
-#ifndef SPID_FORMATS_ARRAYVIEW_H
-#define SPID_FORMATS_ARRAYVIEW_H
+#ifndef SPID_LAB_IMPORT_ARRAYVIEW_H
+#define SPID_LAB_IMPORT_ARRAYVIEW_H
 
 #ifdef __cplusplus
 extern "C" {

@@ -2,8 +2,8 @@
  * been opened: entries that are encrypted, double, compressed by other means
  * than deflate or beyond reason, that share bytes, or whose sizes lie, are
  * refused by name before anything is unpacked. */
-#ifndef SPID_FORMATS_ZIPARCHIVE_H
-#define SPID_FORMATS_ZIPARCHIVE_H
+#ifndef SPID_LAB_IMPORT_ZIPARCHIVE_H
+#define SPID_LAB_IMPORT_ZIPARCHIVE_H
 
 #ifdef __cplusplus
 extern "C" {

@@ -1,5 +1,5 @@
 /* Values, the stack and the memo of a machine, with their limits. */
-#include "formats/pickle_machine.h"
+#include "lib/lab/import/pickle_machine.h"
 
 #include <stdarg.h>
 #include <stdio.h>

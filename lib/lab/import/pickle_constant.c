@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "formats/pickle_machine.h"
+#include "lib/lab/import/pickle_machine.h"
 
 /* Text or bytes that lie elsewhere; p NULL: an error was set already. */
 static int pickle_push_text(struct pickle_machine *m, enum pickle_kind kind,

@@ -1,7 +1,7 @@
 /* Meshes from text: Wavefront OBJ, and MakeHuman's .mhclo, which places the
  * vertices of one mesh on another. */
-#ifndef SPID_FORMATS_WAVEFRONT_H
-#define SPID_FORMATS_WAVEFRONT_H
+#ifndef SPID_LAB_PEOPLE_WAVEFRONT_H
+#define SPID_LAB_PEOPLE_WAVEFRONT_H
 
 #include <stddef.h>
 #include <stdint.h>

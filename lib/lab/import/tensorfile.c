@@ -1,6 +1,6 @@
 /* What a file is by its first bytes, its tensors by name, and their
  * elements. */
-#include "formats/tensorfile.h"
+#include "lib/lab/import/tensorfile.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -14,7 +14,7 @@
 #include <xxhash.h>
 
 #include "formats/npy.h"
-#include "formats/tensorfile_impl.h"
+#include "lib/lab/import/tensorfile_impl.h"
 
 /* ---- the table of tensors ----------------------------------------------- */
 

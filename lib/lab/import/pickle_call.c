@@ -3,7 +3,7 @@
  * None of them runs anything. */
 #include <string.h>
 
-#include "formats/pickle_machine.h"
+#include "lib/lab/import/pickle_machine.h"
 
 static const struct {
     const char *module, *name;
