@@ -111,9 +111,7 @@ static void animate_frame_done(void *ctx, const struct animate_frame *f)
     animate_report_frame(&a->report, f);
     if (cli.stats)
         animate_report_times(stats_begin, stats_end, f);
-    progress("frames", f->index + 1,
-             opt.live || !a->frames ? 0 : framesource_total(a->frames),
-             f->track->lost ? "lost" : NULL);
+    progress("frames", f->index + 1, a->total, f->track->lost ? "lost" : NULL);
 }
 
 /* The driver up to its first face. */

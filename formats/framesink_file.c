@@ -185,7 +185,7 @@ int framesink_write_picture(struct framesink *s,
         rc = pnm_write(o->file, s->pixel, f->width, f->height, (size_t)C);
     else
         rc = framesink_write_y4m(s);
-    if (rc != 0 && s->opt.format != FRAMESINK_PNG)
+    if (rc != 0 && (s->opt.format != FRAMESINK_PNG || ferror(o->file)))
         outfile_error(o, err);
     else if (rc == 0 && (fflush(o->file) || ferror(o->file)))
         rc = outfile_error(o, err);     /* now: someone may be watching */

@@ -168,14 +168,6 @@ static int framesource_open_pipe(struct framesource *s, FILE *fp,
     return s->kind == KIND_Y4M ? framesource_open_y4m(s, err) : 0;
 }
 
-static int framesource_open_stdin(struct framesource *s, struct error *err)
-{
-    if (isatty(STDIN_FILENO))
-        return error_set(err, EX_USAGE, "<stdin>: a terminal (expected Y4M, "
-                         "PAM, PPM or PNG frames through a pipe)");
-    return framesource_open_pipe(s, stdin, "<stdin>", err);
-}
-
 /* A picture, or else a video. */
 static int framesource_open_file(struct framesource *s, const char *path,
                                  struct error *err)
@@ -222,6 +214,23 @@ static int framesource_open_file(struct framesource *s, const char *path,
         return -1;
     framesource_set_rate(s, video_rate(s->video));
     return 0;
+}
+
+/* What is piped in, or by "<" any file. */
+static int framesource_open_stdin(struct framesource *s, struct error *err)
+{
+    struct stat st;
+
+    if (fstat(STDIN_FILENO, &st) == 0 && S_ISREG(st.st_mode)) {
+        const int c = ungetc(getc(stdin), stdin);
+
+        if (c != EOF && !memchr("YP\x89", c, 3))
+            return framesource_open_file(s, "/dev/stdin", err);
+    }
+    if (isatty(STDIN_FILENO))
+        return error_set(err, EX_USAGE, "<stdin>: a terminal (expected Y4M, "
+                         "PAM, PPM or PNG frames through a pipe)");
+    return framesource_open_pipe(s, stdin, "<stdin>", err);
 }
 
 /* The next input of the list. */

@@ -219,6 +219,7 @@ static int animation_join_output(struct animation *a, struct error *err)
                          "name for the output)", a->output);
     a->silent = clip && (a->opt->live || a->opt->no_sound ||
                          !framesink_set_sound(a->sink, clip, start));
+    a->total = a->opt->live ? 0 : framesource_total(a->frames);
     framesource_rate(a->frames, &num, &den);
     framesink_set_rate(a->sink, num, den);
     return 0;

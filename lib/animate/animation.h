@@ -57,6 +57,7 @@ struct animation {
     } look;
     struct animate workers;
     struct framesink *sink;
+    size_t total;               /* frames the driver announces; 0: unknown */
     bool silent;                /* the driver has sound, the output none */
     bool sound_lost;            /* it is of a clip that is not there */
     struct animate_report report;

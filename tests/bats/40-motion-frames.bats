@@ -199,6 +199,24 @@ person() {
     [ "$(ls seen-*.png | wc -l)" -eq 4 ]
 }
 
+@test "a clip by <, in a folder with blanks and letters, of another locale" {
+    command -v ffmpeg >/dev/null || skip "no ffmpeg (apt: ffmpeg)"
+    mkdir "ein Ordner ü"
+    clip 4 | ffmpeg -v error -f ppm_pipe -i - -pix_fmt yuv420p "ein Ordner ü/ein Clip.mp4"
+    spid-motion -q $crop - <"ein Ordner ü/ein Clip.mp4" -o a.spid
+    LC_ALL=de_DE.UTF-8 spid-motion -q $crop "ein Ordner ü/ein Clip.mp4" -o b.spid
+    cmp <(spid-dump -q a.spid) <(spid-dump -q b.spid)
+    [ "$(spid-dump -q a.spid | grep -c '^MOTN')" -eq 4 ]
+}
+
+@test "a full disk is said with the picture's name" {
+    [ -c /dev/full ] || skip "no /dev/full"
+    ln -s /dev/full seen-00000.png
+    clip 1 >in.ppm
+    status 74 spid-motion $crop in.ppm -o /dev/null --overlay seen-%05d.png
+    has 'seen-00000.png: cannot write: No space left on device'
+}
+
 @test "a sound file is no clip, whatever picture lies in it" {
     command -v ffmpeg >/dev/null || skip "no ffmpeg (apt: ffmpeg)"
     ffmpeg -v error -f lavfi -i sine=d=0.2 -i "$TOP/examples/photo.jpg" -map 0 \

@@ -3,11 +3,11 @@
  * edge, a patterned wall, a striped one behind the person, somebody small, a picture
  * that ends, and pieces apart from the head. */
 #include <math.h>
-#include <omp.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "lib/base/parallel.h"
 #include "lib/base/random.h"
 #include "lib/photo/matte.h"
 #include "tests/check.h"
@@ -364,16 +364,14 @@ static void test_known(void)
 static void test_threads(void)
 {
     static uint8_t alpha[P], back[3 * P];
-    const int threads = omp_get_max_threads();
 
     draw(&palette[0], stripes);
-    omp_set_num_threads(1);
+    parallel_set_width(1);
     solve();
     memcpy(alpha, d.alpha, P);
     memcpy(back, d.back, 3 * P);
-    omp_set_num_threads(3);
+    parallel_set_width(3);
     solve();
-    omp_set_num_threads(threads);
     check_that("any number of threads", !memcmp(alpha, d.alpha, P) &&
                !memcmp(back, d.back, 3 * P));
 }
