@@ -346,6 +346,17 @@ const char *st_meta(const struct safetensors *st, const char *key)
     return v ? v->valuestring : NULL;
 }
 
+const char *st_meta_at(const struct safetensors *st, size_t i,
+                       const char **value)
+{
+    const cJSON *item = st->meta ? cJSON_GetArrayItem(st->meta, (int)i) : NULL;
+
+    if (!item)
+        return NULL;
+    *value = item->valuestring;
+    return item->string;
+}
+
 /* "[3, 4]", with 0 printed as "any" where wanted. */
 static const char *safetensors_shape_text(char *out, size_t size, int ndim,
                                           const size_t *dim, bool any)

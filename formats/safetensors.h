@@ -45,6 +45,10 @@ const struct st_tensor *st_find(const struct safetensors *st,
 /* Value of a __metadata__ key, or NULL. */
 const char *st_meta(const struct safetensors *st, const char *key);
 
+/* Key and *value of the i-th metadata pair from 0; NULL beyond the last. */
+const char *st_meta_at(const struct safetensors *st, size_t i,
+                       const char **value);
+
 /* Convert a tensor to float (any floating or integer dtype) into out[count].
  * Fails on NaN or infinity, naming the tensor and the index. */
 int st_to_f32(const struct safetensors *st, const struct st_tensor *t,

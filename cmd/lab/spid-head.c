@@ -6,13 +6,14 @@
 
 #include "cmd/cli.h"
 #include "cmd/options.h"
+#include "lib/lab/head/avatar_make.h"
 #include "lib/lab/head/compare.h"
 #include "lib/lab/head/head_sheet.h"
 #include "lib/lab/head/register.h"
 #include "lib/lab/head/sculpt.h"
 #include "lib/lab/head/transfer.h"
 
-static const char *sheet, *from, *check, *head_path;
+static const char *sheet, *from, *check, *head_path, *avatar_path;
 static long size = 300, people = 100;
 
 static const struct cli_option options[] = {
@@ -20,6 +21,8 @@ static const struct cli_option options[] = {
                   "register it to ICT-FaceKit's ict.safetensors"),
     OPTION_STRING("check", 0, &check, "SCANS",
                   "print how far a head is from random faces of the scans"),
+    OPTION_STRING("avatar", 0, &avatar_path, "FILE",
+                  "compute the template avatar of this head anew, in place"),
     OPTION_INT("people", 0, &people, 1, 10000, "N",
                "how many faces --check draws"),
     OPTION_HEAD(&head_path),
@@ -33,7 +36,7 @@ static const struct cli_option options[] = {
 static const struct cli_usage usage = {
     "spid-head",
     "-o FILE [--from SCANS] [--check SCANS] [--people N] [--head FILE] "
-    "[--sheet FILE] [--size N] [-j N] [-m MODEL] [-q] [--stats FILE]",
+    "[--avatar FILE] [--sheet FILE] [--size N] [-j N] [-m MODEL] [-q] [--stats FILE]",
     "write the built-in head model", options
 };
 
@@ -69,6 +72,8 @@ static void head_write_model(const struct sculpt *s)
 
     if (from ? sculpt_save_scans(s, cli.output, &err)
              : sculpt_save(s, cli.output, &err))
+        die_error(&err);
+    if (avatar_make_file(cli.output, &err))
         die_error(&err);
 }
 
@@ -115,6 +120,11 @@ int main(int argc, char **argv)
     if (cli_parse(&usage, argc, argv) < argc)
         die(EX_USAGE, "operands are not taken");
     int writes = strcmp(cli.output, "-") != 0;
+    if (avatar_path) {
+        if (avatar_make_file(avatar_path, &err))
+            die_error(&err);
+        return EX_OK;
+    }
     if (!writes && !sheet && !check)
         die(EX_USAGE, "no output file (expected -o FILE)");
     if (head_path && (writes || from))

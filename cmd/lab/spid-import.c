@@ -4,6 +4,7 @@
 
 #include "cmd/cli.h"
 #include "lib/lab/convert/convert.h"
+#include "lib/lab/head/avatar_make.h"
 
 #define LINES 20            /* of one sort of problem that are printed */
 
@@ -154,7 +155,9 @@ int main(int argc, char **argv)
         begun = stats_begin();
         import_print_objects(f);
         import_convert_file(&c, f, &err);
-        if (convert_save(&c, cli.output, &err))
+        if (convert_save(&c, cli.output, &err) ||
+            (kind && !strcmp(kind, "flame") &&
+             avatar_make_file(cli.output, &err)))
             die_error(&err);
         stats_end("convert", begun);
         convert_release(&c);

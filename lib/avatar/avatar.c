@@ -14,6 +14,18 @@
 
 #define GREY 0.8f       /* what is white where no face says it */
 
+/* The head's template avatar fits the mesh's edges. */
+static int avatar_check_template(const struct avatar *a, struct error *err)
+{
+    const size_t D = a->head->V + a->dense.E;
+
+    if (a->head->avatar.points == D)
+        return 0;
+    return error_set(err, EX_CONFIG, "the head has a template avatar of %zu "
+                     "points (expected %zu, as spid-head -o writes it)",
+                     a->head->avatar.points, D);
+}
+
 /* The order of declaration is the order of the weights in memory, in
  * checkpoints and for Adam: it stays. */
 int avatar_init(struct avatar *a, struct params *ps,
@@ -33,7 +45,7 @@ int avatar_init(struct avatar *a, struct params *ps,
         return error_set(err, EX_CONFIG, "head has no inner lip ring "
                          "(expected the list lip_inner)");
     if (densify_init(&a->dense, head->f, head->F, head->V, err) ||
-        mesh_weights_init(&a->weights, head, &a->dense, err) ||
+        avatar_check_template(a, err) ||
         backbone_init(&a->backbone, ps, "backbone.", &config->backbone, err) ||
         static_branch_init(&a->plane, ps, config, err) ||
         mouth_branch_init(&a->mouth, ps, config, err) ||
@@ -94,8 +106,7 @@ int avatar_plan(struct avatar *a, struct nn_options opt, struct error *err)
     nn_pool_use(&a->pool);
     int rc = avatar_allocate(a, err) ||
              source_picture_init(&a->picture, c->size, err) ||
-             source_mesh_init(&a->source, a->head, &a->weights, c->plane,
-                              err) ||
+             source_mesh_init(&a->source, a->head, c->plane, err) ||
              tilt_init(&a->tilted, c->plane, err) ||
              static_branch_plan(&a->plane, opt, err) ||
              backbone_plan(&a->backbone, 1, c->size, opt, err) ||
@@ -123,7 +134,6 @@ void avatar_release(struct avatar *a)
     static_branch_release(&a->plane);
     mouth_branch_release(&a->mouth);
     backbone_release(&a->backbone);
-    mesh_weights_release(&a->weights);
     densify_release(&a->dense);
     nn_pool_release(&a->pool);
     memset(a, 0, sizeof *a);
@@ -176,7 +186,7 @@ static void avatar_views(struct avatar *a)
         .jaw = a->mouth.prior && a->head->nchin && a->mouth.lips.radius > 0
              ? a->mouth.jaw : NULL
     };
-    memcpy(a->drive.pivot, a->weights.blend.pivot, sizeof a->drive.pivot);
+    memcpy(a->drive.pivot, a->head->avatar.neck_blend, sizeof a->drive.pivot);
     for (int i = 0; i < 9; i++)     /* R_s */
         a->drive.source[i] = a->source.cam[4 * (i / 3) + i % 3];
 }

@@ -31,7 +31,6 @@
 
 #include "lib/avatar/branch.h"
 #include "lib/avatar/dynamic_branch.h"
-#include "lib/avatar/mesh_weights.h"
 #include "lib/avatar/mouth_branch.h"
 #include "lib/avatar/source_mesh.h"
 #include "lib/avatar/source_picture.h"
@@ -67,7 +66,6 @@ struct avatar {
     const struct head *head;
     struct params *ps;
     struct densify dense;           /* of the head's faces */
-    struct mesh_weights weights;    /* of the mean head */
     struct backbone backbone;
     struct dynamic_branch dynamic;
     struct static_branch plane;

@@ -23,7 +23,7 @@
  * which counts as DEEPEST head units behind the skin at most. */
 #define WITHIN 0.5f
 #define DEEPEST 0.15f
-/* How far the skin about it moves (mesh_weights.h, moving) where there is none
+/* How far the skin about it moves (head_avatar.h, moving) where there is none
  * of it and where all is: none behind the temples, whose outline stays. */
 #define MOVES 6.0f
 #define MOVES_FAR 9.0f

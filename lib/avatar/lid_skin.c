@@ -22,7 +22,7 @@ struct lid_skin_lid {
 /* Whether vertex or midpoint k is of that lid. */
 static bool lid_skin_is_on_lid(const struct lid_skin_lid *lid, size_t k,
                                const struct head *h,
-                               const struct mesh_weights *w,
+                               const struct head_avatar *w,
                                const struct densify *d)
 {
     size_t end[2];
@@ -45,7 +45,7 @@ static float lid_skin_descent(size_t k, const struct head *h,
 
 /* Find a lid; false: the head has none. */
 static bool lid_skin_find(struct lid_skin_lid *lid, const float *verts,
-                          const struct head *h, const struct mesh_weights *w,
+                          const struct head *h, const struct head_avatar *w,
                           const struct densify *d)
 {
     float sum = 0;
@@ -90,7 +90,7 @@ static void lid_skin_weights_near(float *weight, const float x[3],
 static void lid_skin_paint(float *rgb, const struct lid_skin_lid *lid,
                            const float skin[3],
                            const struct lid_skin_source *s,
-                           const struct head *h, const struct mesh_weights *w,
+                           const struct head *h, const struct head_avatar *w,
                            const struct densify *d)
 {
     for (size_t k = 0; k < d->V + d->E; k++) {
@@ -110,7 +110,7 @@ static void lid_skin_paint(float *rgb, const struct lid_skin_lid *lid,
 }
 
 void lid_skin(float *rgb, const struct lid_skin_source *s,
-              const struct head *h, const struct mesh_weights *w,
+              const struct head *h, const struct head_avatar *w,
               const struct densify *d, float *tmp)
 {
     for (int left = 0; left < 2; left++) {

@@ -3,7 +3,6 @@
 #ifndef SPID_AVATAR_LID_SKIN_H
 #define SPID_AVATAR_LID_SKIN_H
 
-#include "lib/avatar/mesh_weights.h"
 #include "lib/base/densify.h"
 #include "lib/head/head.h"
 
@@ -17,7 +16,7 @@ struct lid_skin_source {
 /* The lids' rgb (V+E,3), which have got the colours of the crease above them,
  * become skin down to their margin.  d is of h's edges; tmp holds V floats. */
 void lid_skin(float *rgb, const struct lid_skin_source *s,
-              const struct head *h, const struct mesh_weights *w,
+              const struct head *h, const struct head_avatar *w,
               const struct densify *d, float *tmp);
 
 #endif

@@ -7,7 +7,7 @@
 #include "lib/avatar/source_mesh.h"
 #include "lib/base/densify.h"
 
-/* rgb (n,3): the colours found for seam (n, mesh_weights.h) become redder and,
+/* rgb (n,3): the colours found for seam (n, head_avatar.h) become redder and,
  * the more the less their normals (n,3) look upwards, darker; white (3): what
  * is white in the picture. */
 void lip_lining_paint(float *rgb, const float *seam, const float *normals,
@@ -28,7 +28,7 @@ void lip_lining_on_teeth(float *on, const float *pixel,
 /* 1 where the source's lips are closed, 0 where they are open. */
 float lip_lining_closed(const struct source_mesh *mesh);
 
-/* The mesh's Gaussians behind the lips (mesh_weights.h, lining), which are not
+/* The mesh's Gaussians behind the lips (head_avatar.h, lining), which are not
  * drawn themselves, become a dark veil before teeth and tongue: the occlusion
  * by the lips, which it follows, so that it is deepest in a mouth that is
  * hardly open.  Where the source's lips are open its picture has that shade,

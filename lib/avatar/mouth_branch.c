@@ -154,7 +154,7 @@ static float mouth_branch_reach(const struct teeth_cell *t, float mm,
 {
     const float still = hypotf(t->jaw[1], t->jaw[2]) * JAW_MM * mm;
 
-    if (t->layer == TEETH_BACK)
+    if (t->layer == MOUTH_BACK)
         return still / (1 - fminf(like, BACK_LIKE));
     return like < 0.99f ? still / (1 - like) : 0;
 }

@@ -17,7 +17,7 @@ struct shut_eye {
 struct shut_eye shut_eye_find(const float *posed, const float *rest,
                               const struct head *h);
 /* spacing (V+E) of the posed points, widened as far as lids that close stretch
- * (mesh_weights.h) but where they are closed already. */
+ * (head_avatar.h) but where they are closed already. */
 void shut_eye_stretch(float *spacing, const struct shut_eye *s,
                       const float *stretch, const struct head *h,
                       const struct densify *d);

@@ -28,8 +28,7 @@ static void source_mesh_close_lips(int32_t *faces, const struct head *h)
 }
 
 int source_mesh_init(struct source_mesh *m, const struct head *h,
-                     const struct mesh_weights *weights, size_t n,
-                     struct error *err)
+                     size_t n, struct error *err)
 {
     size_t V = h->V, L = h->nlip_inner;
     const struct slice slices[] = {
@@ -42,13 +41,13 @@ int source_mesh_init(struct source_mesh *m, const struct head *h,
     };
 
     m->head = h;
-    m->weights = weights;
+    m->weights = &h->avatar;
     m->n = n;
     if (slices_allocate(&m->block, slices, sizeof slices / sizeof *slices,
                         false, err))
         return -1;
     source_mesh_close_lips(m->faces, h);
-    memcpy(m->moving_verts, weights->moving, V * sizeof *m->moving_verts);
+    memcpy(m->moving_verts, h->avatar.moving, V * sizeof *m->moving_verts);
     m->moving_verts[V] = 1;
     return 0;
 }
@@ -102,14 +101,14 @@ void source_mesh_set(struct source_mesh *m, const float *posed,
                      const float *rest, const float cam[12], bool blend)
 {
     const struct head *h = m->head;
-    const struct mesh_weights *w = m->weights;
+    const struct head_avatar *w = m->weights;
 
     m->posed = posed;
     m->rest = rest ? rest : posed;
     memcpy(m->cam, cam, sizeof m->cam);
     source_mesh_normal(m->normal, cam);
     m->blend = blend;
-    neck_blend_body(m->body, w->blend.pivot, neck_blend_upright, cam);
+    neck_blend_body(m->body, w->neck_blend, neck_blend_upright, cam);
     if (blend)
         neck_blend_points(m->verts, posed, w->neck, h->V, m->body);
     else

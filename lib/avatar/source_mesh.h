@@ -7,13 +7,12 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "lib/avatar/mesh_weights.h"
 #include "lib/base/error.h"
 #include "lib/head/head.h"
 
 struct source_mesh {
     const struct head *head;
-    const struct mesh_weights *weights;
+    const struct head_avatar *weights;  /* the head's */
     size_t n;               /* cells along one side of the maps */
     float cam[12];          /* (3,4) T_s */
     float normal[3];        /* n_s: unit, from the plane to the camera */
@@ -36,10 +35,9 @@ struct source_mesh {
     float *block;           /* what the arrays are part of */
 };
 
-/* Memory for meshes of h on maps of n x n; h and weights are borrowed. */
+/* Memory for meshes of h on maps of n x n; h is borrowed. */
 int source_mesh_init(struct source_mesh *m, const struct head *h,
-                     const struct mesh_weights *weights, size_t n,
-                     struct error *err);
+                     size_t n, struct error *err);
 /* Free what it holds; zeroed then. */
 void source_mesh_release(struct source_mesh *m);
 

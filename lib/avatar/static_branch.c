@@ -150,11 +150,11 @@ static float static_branch_neck_weight(const struct static_branch *b,
                                        const struct source_mesh *mesh, float y,
                                        float aside)
 {
-    const struct neck_blend *blend = &mesh->weights->blend;
+    const struct neck_blend blend = head_avatar_neck(mesh->weights);
     const float beside = aside * source_mesh_spacing(mesh, b->n) /
                          mesh->head->scale;
 
-    return neck_blend_weight(blend, blend->top - (blend->top - y) *
+    return neck_blend_weight(&blend, blend.top - (blend.top - y) *
                                         (1 + SHOULDER_FALL * beside));
 }
 
@@ -184,7 +184,7 @@ static void static_branch_neck(float *neck, float *mean,
                                struct static_branch *b)
 {
     static const float straight[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
-    const struct neck_blend *blend = &mesh->weights->blend;
+    const struct neck_blend blend = head_avatar_neck(mesh->weights);
     float R[9], back[12];
 
     memset(neck, 0, b->count * sizeof *neck);
@@ -192,7 +192,7 @@ static void static_branch_neck(float *neck, float *mean,
         return;
     for (int i = 0; i < 9; i++)
         R[i] = mesh->body[4 * (i % 3) + i / 3];
-    neck_blend_body(back, blend->pivot, R, straight);
+    neck_blend_body(back, blend.pivot, R, straight);
     for (size_t k = 0; k < b->count; k++)
         b->p[k] = 0.5f + 0.5f * b->height[k];
     static_branch_lift(mean, b->U, b->p, b->height, mesh->cam, mesh->normal,

@@ -1,25 +1,12 @@
-/* A mouth's inside where no picture shows it: a generic set of teeth with gums,
- * and what is behind them (cavity.h), as a grid of Gaussians in place of the
- * mouth branch's flat one.  Widths and heights of crowns are what adults'
- * teeth roughly have; the arch and its place behind the lips are measured on
- * the mean of the ICT scans. */
+/* A mouth's inside where no picture shows it: the template avatar's teeth with
+ * gums, and what is behind them (lib/head/head_avatar.h), as a grid of Gaussians
+ * in place of the mouth branch's flat one. */
 #ifndef SPID_AVATAR_TEETH_H
 #define SPID_AVATAR_TEETH_H
 
 #include <stddef.h>
 
 #include "lib/head/head.h"
-
-#define TEETH_ARCH 0.031f   /* of the parabola z = -TEETH_ARCH x^2 along which
-                             * teeth stand, 1 / mm */
-
-/* The upper teeth's share of the jaw's way.  In life they stay; this is too
- * little to be seen, but their reach (gaussian_seen) goes by how far a cell has
- * moved: with it a jaw that drops ends the belief in what the photograph shows
- * in their place, the lips that were before them. */
-#define TEETH_UPPER_SHARE 0.02f
-
-enum teeth_layer { TEETH_UPPER, TEETH_LOWER, TEETH_BACK };
 
 /* A cell of the grid; lengths in head units. */
 struct teeth_cell {
@@ -28,7 +15,7 @@ struct teeth_cell {
     float color[3];     /* under white light, 0..1 */
     float jaw[3];       /* how it goes with the chin (lib/base/drive.h): the
                          * lower teeth all the way, the upper hardly */
-    enum teeth_layer layer;
+    enum mouth_layer layer;
 };
 
 /* cells (K,K): the upper rows of the grid are the upper teeth from their edges

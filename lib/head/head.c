@@ -490,6 +490,7 @@ void head_release(struct head *h)
 
     for (size_t i = 0; i < sizeof blocks / sizeof *blocks; i++)
         free(blocks[i]);
+    head_avatar_release(&h->avatar);
     free(h->f);
     free(h->lip_inner);
     free(h->lip_upper_outer);

@@ -18,6 +18,7 @@
  *   lid_vertices, lid_sides i32 [n], lid_shapedirs f32 [n,3,m]: what the
  *     first m shape coefficients add to the closed lids (side 0 left, 1 right)
  *     so that every identity's close
+ *   avatar.*: the template avatar (lib/head/head_avatar.h)
  * Directions may be packed instead: shapedirs_runs and shapedirs_values,
  * posedirs_runs and posedirs_values (lib/head/runs.h), the number of them in
  * the metadata "nshape" and "nexp".
@@ -33,6 +34,7 @@
 #include <stdint.h>
 
 #include "lib/base/error.h"
+#include "lib/head/head_avatar.h"
 
 #define HEAD_JOINTS 5
 #define HEAD_POSE_DIRS 36
@@ -105,6 +107,7 @@ struct head {
     size_t nlid, nlid_shape;
     int32_t *lid_vertices, *lid_sides;  /* (nlid) or NULL */
     float *lid_shapedirs;       /* (nlid,3,nlid_shape) or NULL */
+    struct head_avatar avatar;  /* all 0: the head has none */
 
     /* Posing layout: block b holds x[32], y[32], z[32] of vertices 32b..,
      * zero beyond V; directions lie inside the block, so that one pass over

@@ -277,6 +277,10 @@ int head_load(struct head *h, const char *path, struct error *err)
     rc = head_fill(h, &a, packed.run ? &packed : NULL, st, err);
     if (rc)
         error_prefix(err, "%s", path);
+    else if (head_avatar_read(&h->avatar, st, h->V, err)) {
+        head_release(h);
+        rc = -1;
+    }
 out:
     head_loaded_release(&l);
     st_close(st);

@@ -12,6 +12,7 @@
 #include "lib/base/camera.h"
 #include "lib/base/rotation.h"
 #include "lib/head/lbs.h"
+#include "lib/lab/head/avatar_make.h"
 #include "tests/check.h"
 #include "tests/unit/sphere_head.h"
 
@@ -66,7 +67,8 @@ static void gradient_make(struct world *w, bool skip, unsigned without)
     sphere_head(&w->head, 9, 14);
     gradient_configure(&c, skip);
     params_init(&w->ps);
-    if (avatar_init(&w->a, &w->ps, &c, &w->head, &err) ||
+    if (avatar_make(&w->head, 8, &err) ||
+        avatar_init(&w->a, &w->ps, &c, &w->head, &err) ||
         params_allocate(&w->ps, &err) ||
         params_allocate_gradients(&w->ps, &err)) {
         printf("%s\n", err.text);
@@ -103,9 +105,9 @@ static void gradient_make(struct world *w, bool skip, unsigned without)
     mat3_mul(Q, F, R);
     camera_make(w->frame, Q, t);
     /* a sphere has no neck: blend its lower half */
-    w->a.weights.blend.top = 0.2f;
+    w->head.avatar.neck_blend[3] = 0.2f;
     for (size_t i = 0; i < V + w->a.dense.E; i++)
-        w->a.weights.neck[i] = (float)random_range(&r, 0, 1);
+        w->head.avatar.neck[i] = (float)random_range(&r, 0, 1);
     for (size_t i = 0; i < 3 * S * S; i++) {    /* smooth, so that steps of
                                                  * the plane see a slope */
         size_t x = i / 3 % S, y = i / 3 / S;
@@ -280,7 +282,7 @@ static void gradient_camera(struct world *w, const float dcam[12])
 static void gradient_blend(double x[3], const struct world *w, double weight,
                  const float *from, size_t row)
 {
-    const float *p = w->a.weights.blend.pivot;
+    const float *p = w->head.avatar.neck_blend;
     double a[3], y[3];
 
     for (size_t i = 0; i < 3; i++)
@@ -301,7 +303,7 @@ static void reference_teeth(struct world *w)
     const struct avatar *a = &w->a;
     const float *hinge = w->head.joint_template + 3 * JOINT_JAW;
     double complex from, to, rest;
-    const double share = (double)TEETH_UPPER_SHARE;
+    const double share = (double)w->head.avatar.mouth_jaw[0];
     double worst = 0, moved = 0;
     float cs[3], cd[3], cr[3];
 
@@ -318,10 +320,10 @@ static void reference_teeth(struct world *w)
         double complex p = x[2] - hinge[2] + I * (x[1] - hinge[1]);
         double complex q = y[2] - hinge[2] + I * (y[1] - hinge[1]);
 
-        if (a->mouth.teeth[k].layer == TEETH_UPPER)
+        if (a->mouth.teeth[k].layer == MOUTH_UPPER)
             worst = fmax(worst, cabs(q - p - p * (to - from) * share /
                                      (rest + share * (from - rest))));
-        if (a->mouth.teeth[k].layer == TEETH_LOWER) {
+        if (a->mouth.teeth[k].layer == MOUTH_LOWER) {
             worst = fmax(worst, cabs(q - p * to / from));
             moved = fmax(moved, cabs(q - p));
         }

@@ -16,7 +16,7 @@
 /* Mean of rgb (V+E,3) over the lids' Gaussians that come down by lo to hi of
  * the most and are (not) of the margin. */
 static double lid_mean(const float *rgb, const struct head *h,
-                       const struct mesh_weights *w, const struct densify *d,
+                       const struct head_avatar *w, const struct densify *d,
                        double lo, double hi, bool margin)
 {
     double sum = 0, n = 0, most = 0;
@@ -37,7 +37,7 @@ static double lid_mean(const float *rgb, const struct head *h,
 
 /* A grey photograph: shade above the eyes' middle, skin below it. */
 static void lid_photograph(float *pixel, float *trust, float *rgb,
-                           const float *verts, const struct mesh_weights *w,
+                           const float *verts, const struct head_avatar *w,
                            size_t D)
 {
     double y = 0, n = 0;
@@ -60,7 +60,7 @@ static void lid_photograph(float *pixel, float *trust, float *rgb,
 }
 
 static double lid_largest_change(const float *a, const float *b,
-                                 const struct mesh_weights *w, size_t D,
+                                 const struct head_avatar *w, size_t D,
                                  bool on_lids)
 {
     double most = 0;
@@ -73,7 +73,7 @@ static double lid_largest_change(const float *a, const float *b,
 
 /* How wide the left margin is, of how wide the lid is that comes down. */
 static double lid_margin_width(const struct head *h,
-                               const struct mesh_weights *w)
+                               const struct head_avatar *w)
 {
     double lid[2] = {1e6, -1e6}, margin[2] = {1e6, -1e6};
 
@@ -94,14 +94,12 @@ static double lid_margin_width(const struct head *h,
 
 int main(void)
 {
-    struct mesh_weights w;
     struct densify d;
     struct error err = {0};
     struct head h;
 
     if (head_load(&h, HEAD_NAME, &err) ||
-        densify_init(&d, h.f, h.F, h.V, &err) ||
-        mesh_weights_init(&w, &h, &d, &err)) {
+        densify_init(&d, h.f, h.F, h.V, &err)) {
         check_error("the shipped head", false, &err);
         return check_status();
     }
@@ -114,26 +112,25 @@ int main(void)
     if (!block)
         return 1;
     densify_forward(verts, h.v_template, &d, 3);
-    lid_photograph(pixel, trust, before, verts, &w, D);
+    lid_photograph(pixel, trust, before, verts, &h.avatar, D);
     memcpy(rgb, before, 3 * D * sizeof *rgb);
-    lid_skin(rgb, &source, &h, &w, &d, tmp);
-    expect("at the crease", lid_mean(rgb, &h, &w, &d, 0, 0.15, false), SHADE,
+    lid_skin(rgb, &source, &h, &h.avatar, &d, tmp);
+    expect("at the crease", lid_mean(rgb, &h, &h.avatar, &d, 0, 0.15, false), SHADE,
            0.06);
-    check_range("further down", lid_mean(rgb, &h, &w, &d, 0.6, 0.9, false),
+    check_range("further down", lid_mean(rgb, &h, &h.avatar, &d, 0.6, 0.9, false),
                 SHADE + 0.15, SKIN);
-    check_range("lashes", lid_mean(rgb, &h, &w, &d, 0.5, 1, true), 0.05,
+    check_range("lashes", lid_mean(rgb, &h, &h.avatar, &d, 0.5, 1, true), 0.05,
                 0.5 * SKIN);
     check_range("of the lid's width there are lashes",
-                lid_margin_width(&h, &w), 0.75, 1);
-    expect("beside the lids", lid_largest_change(rgb, before, &w, D, false), 0,
+                lid_margin_width(&h, &h.avatar), 0.75, 1);
+    expect("beside the lids", lid_largest_change(rgb, before, &h.avatar, D, false), 0,
            0);
     memset(trust, 0, D * sizeof *trust);
     memcpy(rgb, before, 3 * D * sizeof *rgb);
-    lid_skin(rgb, &source, &h, &w, &d, tmp);
-    expect("nothing trusted", lid_largest_change(rgb, before, &w, D, true), 0,
+    lid_skin(rgb, &source, &h, &h.avatar, &d, tmp);
+    expect("nothing trusted", lid_largest_change(rgb, before, &h.avatar, D, true), 0,
            0);
     free(block);
-    mesh_weights_release(&w);
     densify_release(&d);
     head_release(&h);
     return check_status();

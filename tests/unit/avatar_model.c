@@ -15,6 +15,7 @@
 #include "lib/net/refiner.h"
 #include "lib/net/shape_encoder.h"
 #include "lib/splat/splat.h"
+#include "lib/lab/head/avatar_make.h"
 #include "tests/unit/sphere_head.h"
 
 #define S 128
@@ -207,6 +208,8 @@ static int model_test(void)
         return 1;
     close(fd);
     sphere_head(&h, 20, 30);
+    if (avatar_make(&h, AVATAR_MAKE_MOUTH, &err))
+        give_up(&err);
     write_model(path, &h, "small");
     if (model_open(&model, path, &err) ||
         baker_open(&m, &model, &h, &opt, &err) ||

@@ -5,10 +5,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "lib/avatar/cavity.h"
 #include "lib/avatar/lip_lining.h"
 #include "lib/avatar/mouth_branch.h"
 #include "lib/avatar/teeth.h"
+#include "lib/lab/head/cavity.h"
+#include "lib/lab/head/crowns.h"
 #include "tests/check.h"
 
 /* The shipped model's grid, rows of its back, columns of a front tooth. */
@@ -43,7 +44,7 @@ static void mouth_sheet(void)
 
         cavity_place(&p, u, mouth_row(k / K));
         cavity_place(&q, -u, mouth_row(k / K));
-        front = fmax(front, (double)(p.at[2] + TEETH_ARCH * p.at[0] *
+        front = fmax(front, (double)(p.at[2] + CROWNS_ARCH * p.at[0] *
                                                    p.at[0]));
         wide = fmax(wide, fabs((double)p.at[0]));
         uneven = fmax(uneven, fabs((double)(p.at[0] + q.at[0])) +
@@ -125,6 +126,14 @@ static void mouth_teeth(void)
     struct teeth_cell *c = malloc(K * K * sizeof *c);
     const size_t row = 5, middle = K / 2, lower = 5 * K / 16 * K + middle;
 
+    struct error err = {0};
+
+    if (head_avatar_init(&head.avatar, 1, 1, K, &err)) {
+        check_error("a mouth", false, &err);
+        free(c);
+        return;
+    }
+    crowns_make(&head.avatar);
     teeth_make(c, &head, &rest, rest.chin, 0, K);
     for (size_t t = 0; t < 3; t++) {
         const struct teeth_cell *edge = c + middle + TOOTH * t;
@@ -150,6 +159,7 @@ static void mouth_teeth(void)
                    1.2f * c[13 * K + middle + TOOTH].color[1]);
     check_range("the lower front teeth's highest row, mm from the closed lips",
                 200 * (double)c[lower].mean[1], -2.5, -0.4);
+    head_avatar_release(&head.avatar);
     free(c);
 }
 
@@ -180,7 +190,7 @@ static void mouth_veil(float veil[2], float gap)
     float lining[6] = {0, 0, 0, 0, 1, 1}, scale[18], color[24], opacity[6];
     const float white[3] = {1, 1, 1};
     struct head head = {.scale = 5, .lip_inner = ring, .nlip_inner = 4};
-    struct mesh_weights weights = {.lining = lining};
+    const struct head_avatar weights = {.lining = lining};
     const struct source_mesh mesh = {.head = &head, .weights = &weights,
                                      .posed = verts};
     struct branch_set out = {.n = 6, .channels = 4, .scale = scale,

@@ -2,7 +2,6 @@
  * nowhere above that, and with the shoulders at the model's lower edge. */
 #include <math.h>
 
-#include "lib/avatar/mesh_weights.h"
 #include "lib/head/head.h"
 #include "tests/check.h"
 
@@ -10,7 +9,7 @@
 
 /* The least and the most weight of the vertices between two heights and two
  * depths (m). */
-static void neck_bounds(double out[2], const struct mesh_weights *w,
+static void neck_bounds(double out[2], const struct head_avatar *w,
                         const struct head *h, const double y[2],
                         const double z[2])
 {
@@ -31,29 +30,23 @@ static void neck_bounds(double out[2], const struct mesh_weights *w,
 int main(void)
 {
     static const double whole[2] = {-1, 1}, back[2] = {-1, -0.03};
-    struct mesh_weights w = {0};
-    struct densify d = {0};
     struct error err = {0};
     struct head h = {0};
     double b[2];
 
-    if (head_load(&h, HEAD_NAME, &err) ||
-        densify_init(&d, h.f, h.F, h.V, &err) ||
-        mesh_weights_init(&w, &h, &d, &err)) {
+    if (head_load(&h, HEAD_NAME, &err)) {
         check_error("the shipped head", false, &err);
         return check_status();
     }
-    neck_bounds(b, &w, &h, (double[2]){-0.04, 1}, whole);
+    neck_bounds(b, &h.avatar, &h, (double[2]){-0.04, 1}, whole);
     check_that("above the mouth nothing stays", b[0] == 0 && b[1] == 0);
-    neck_bounds(b, &w, &h, (double[2]){-0.08, -0.04}, (double[2]){0.03, 1});
+    neck_bounds(b, &h.avatar, &h, (double[2]){-0.08, -0.04}, (double[2]){0.03, 1});
     check_that("the face to the chin does not", b[0] == 0 && b[1] == 0);
-    neck_bounds(b, &w, &h, (double[2]){-0.09, -0.085}, back);
+    neck_bounds(b, &h.avatar, &h, (double[2]){-0.09, -0.085}, back);
     check_that("the nape as high as the chin does by a third and more",
                b[0] > 0.33 && b[1] <= 1);
-    neck_bounds(b, &w, &h, (double[2]){-0.2, -0.16}, whole);
+    neck_bounds(b, &h.avatar, &h, (double[2]){-0.2, -0.16}, whole);
     check_that("the model's lower edge stays", b[0] > 0.95 && b[1] <= 1);
-    mesh_weights_release(&w);
-    densify_release(&d);
     head_release(&h);
     return check_status();
 }

@@ -11,6 +11,7 @@
 #include "lib/base/camera.h"
 #include "lib/base/rotation.h"
 #include "lib/head/lbs.h"
+#include "lib/lab/head/avatar_make.h"
 #include "tests/check.h"
 #include "tests/unit/sphere_head.h"
 
@@ -85,7 +86,8 @@ static void stability_make(struct world *w)
     c.feature = c.backbone.features = 8;
     c.backbone.width = 4;
     params_init(&w->ps);
-    if (avatar_init(&w->a, &w->ps, &c, &w->head, &err) ||
+    if (avatar_make(&w->head, 16, &err) ||
+        avatar_init(&w->a, &w->ps, &c, &w->head, &err) ||
         params_allocate(&w->ps, &err)) {
         printf("%s\n", err.text);
         exit(1);

@@ -1,6 +1,7 @@
-/* What of a head goes with the shoulders, what moves against the skull and
- * what lines the mouth: from the head model's own arrays, so for any head. */
-#include "lib/avatar/mesh_weights.h"
+/* The template avatar's points: what of a head goes with the shoulders, what
+ * moves against the skull and what lines the mouth, from the head model's own
+ * skinning weights, directions and regions. */
+#include "lib/lab/head/avatar_points.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -44,14 +45,14 @@
  * chin, at the height of the mouth's corners; the share of this grows from the
  * ears back to the neck joint.  A nape that turned with the head would stand
  * out beside the neck. */
-struct mesh_weights_nape {
+struct points_nape {
     struct neck_blend blend;
     float front, back;          /* depths z where its share is 0, and 1 */
 };
 
 /* The neck blend goes from under the chin to the model's lower edge, about a
  * point a third of the way from the root to the neck joint. */
-static void mesh_weights_neck(struct neck_blend *b, struct mesh_weights_nape *n,
+static void points_neck(struct neck_blend *b, struct points_nape *n,
                               const struct head *h)
 {
     const float *root = h->joint_template + 3 * JOINT_ROOT;
@@ -78,7 +79,7 @@ static void mesh_weights_neck(struct neck_blend *b, struct mesh_weights_nape *n,
 }
 
 /* The nape's share: by height, and the more the further back. */
-static float mesh_weights_nape_at(const struct mesh_weights_nape *n,
+static float points_nape_at(const struct points_nape *n,
                                   const float x[3])
 {
     const float deep = n->front - n->back;
@@ -91,7 +92,7 @@ static float mesh_weights_nape_at(const struct mesh_weights_nape *n,
 
 /* Root mean square movement of vertex v, head units, when every expression
  * coefficient is drawn from N(0,1). */
-static float mesh_weights_expression(const struct head *h, size_t v)
+static float points_expression(const struct head *h, size_t v)
 {
     const float *block = h->exp_dirs +
                          v / HEAD_BLOCK * h->nexp * 3 * HEAD_BLOCK;
@@ -107,35 +108,35 @@ static float mesh_weights_expression(const struct head *h, size_t v)
 }
 
 /* Length of d (3). */
-static float mesh_weights_norm(const float *d)
+static float points_norm(const float *d)
 {
     return sqrtf(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
 }
 
 /* Distance of x (3) and y (3). */
-static float mesh_weights_distance(const float *x, const float *y)
+static float points_distance(const float *x, const float *y)
 {
     const float off[3] = {x[0] - y[0], x[1] - y[1], x[2] - y[2]};
 
-    return mesh_weights_norm(off);
+    return points_norm(off);
 }
 
 /* Expressions, lids and jaw of vertex v together, head units. */
-static float mesh_weights_range(const struct head *h, size_t v)
+static float points_range(const struct head *h, size_t v)
 {
     const float *x = h->v_template + 3 * v;
     const float *jaw = h->joint_template + 3 * JOINT_JAW;
     float arm = hypotf(x[1] - jaw[1], x[2] - jaw[2]);
 
-    return mesh_weights_expression(h, v) +
-           mesh_weights_norm(h->l_eyelid + 3 * v) +
-           mesh_weights_norm(h->r_eyelid + 3 * v) +
+    return points_expression(h, v) +
+           points_norm(h->l_eyelid + 3 * v) +
+           points_norm(h->r_eyelid + 3 * v) +
            JAW_ANGLE * arm * head_jaw_share(h, v);
 }
 
 /* fold (V): 0 on the lids' margin, where no neighbour below comes down (V) with
  * the vertex; else 1.  Neighbours beside and behind do not count. */
-static void mesh_weights_margin(float *fold, const float *down,
+static void points_margin(float *fold, const float *down,
                                 const struct head *h, const struct densify *d)
 {
     for (size_t v = 0; v < d->V; v++)
@@ -153,7 +154,7 @@ static void mesh_weights_margin(float *fold, const float *down,
 
 /* Upper lids, and what they stretch by when both eyes close; open (V+E): the
  * mean head's spacing, closed (V,3) is scratch. */
-static void mesh_weights_lids(struct mesh_weights *w, const struct head *h,
+static void points_lids(struct head_avatar *w, const struct head *h,
                               const struct densify *d, const float *open,
                               float *closed)
 {
@@ -163,7 +164,7 @@ static void mesh_weights_lids(struct mesh_weights *w, const struct head *h,
         closed[i] = h->v_template[i] + h->l_eyelid[i] + h->r_eyelid[i];
     for (size_t v = 0; v < V; v++)
         w->lid[v] = h->v_template[3 * v + 1] - closed[3 * v + 1];
-    mesh_weights_margin(w->fold, w->lid, h, d);
+    points_margin(w->fold, w->lid, h, d);
     densify_midpoints(w->lid + V, w->lid, d, 1);
     densify_midpoints(w->fold + V, w->fold, d, 1);
     densify_spacing(w->stretch, closed, d);
@@ -183,7 +184,7 @@ static void mesh_weights_lids(struct mesh_weights *w, const struct head *h,
 }
 
 /* The inner lips' vertices furthest to either side; NULL without lips. */
-static void mesh_weights_corners(const float *corner[2], const struct head *h)
+static void points_corners(const float *corner[2], const struct head *h)
 {
     corner[0] = corner[1] = NULL;
     for (size_t i = 0; i < h->nlip_inner; i++) {
@@ -195,21 +196,21 @@ static void mesh_weights_corners(const float *corner[2], const struct head *h)
 }
 
 /* By the distance to the nearest vertex of the inner lips' ring. */
-static void mesh_weights_seam(struct mesh_weights *w, const struct head *h,
+static void points_seam(struct head_avatar *w, const struct head *h,
                               const struct densify *d)
 {
     const float *corner[2], mm = 1e3f / h->scale;
 
-    mesh_weights_corners(corner, h);
+    points_corners(corner, h);
     for (size_t v = 0; v < h->V; v++) {
         const float *x = h->v_template + 3 * v;
         float nearest = 1e6f, aside = 1e6f;
 
         for (size_t i = 0; i < h->nlip_inner; i++)
-            nearest = fminf(nearest, mesh_weights_distance(
+            nearest = fminf(nearest, points_distance(
                 x, h->v_template + 3 * (size_t)h->lip_inner[i]));
         for (int i = 0; i < 2 && corner[i]; i++)
-            aside = fminf(aside, mesh_weights_distance(x, corner[i]));
+            aside = fminf(aside, points_distance(x, corner[i]));
         w->seam[v] = 1 - branch_ramp(nearest * mm, SEAM_MM, SEAM_END_MM);
         w->crease[v] = fmaxf(w->seam[v], 1 - branch_ramp(
             aside * mm, CORNER_MM, CORNER_END_MM));
@@ -222,7 +223,7 @@ static void mesh_weights_seam(struct mesh_weights *w, const struct head *h,
 
 /* Into the stretch goes a part of what the skin of posed (V,3) stretches by;
  * rest (V+E): the mean head's spacing, wide (V+E) is scratch. */
-static void mesh_weights_add_stretch(struct mesh_weights *w,
+static void points_add_stretch(struct head_avatar *w,
                                      const struct densify *d,
                                      const float *rest, const float *posed,
                                      float *wide, float part)
@@ -239,7 +240,7 @@ static void mesh_weights_add_stretch(struct mesh_weights *w,
 /* Where the mean head's skin goes when the jaw drops, and what that and raised
  * brows stretch it by, which draw it out of the upper lids' crease; rest
  * (V+E): its spacing, posed (V,3) and wide (V+E) are scratch. */
-static int mesh_weights_poses(struct mesh_weights *w, const struct head *h,
+static int points_poses(struct head_avatar *w, const struct head *h,
                               const struct densify *d, const float *rest,
                               float *posed, float *wide, struct error *err)
 {
@@ -259,101 +260,67 @@ static int mesh_weights_poses(struct mesh_weights *w, const struct head *h,
             raised[ARKIT_BROW_INNER_UP_L + e] =
                 raised[ARKIT_BROW_OUTER_UP_L + e] = 1;
         head_pose(posed, &mean, &brows);
-        mesh_weights_add_stretch(w, d, rest, posed, wide, BROWS_PART);
+        points_add_stretch(w, d, rest, posed, wide, BROWS_PART);
     }
     head_pose(posed, &mean, &drop);
     identity_release(&mean);
     free(raised);
-    mesh_weights_add_stretch(w, d, rest, posed, wide, 1);
+    points_add_stretch(w, d, rest, posed, wide, 1);
     for (size_t i = 0; i < 3 * h->V; i++)
         posed[i] -= h->v_template[i];
     densify_forward(w->drop, posed, d, 3);
     return 0;
 }
 
-/* All arrays for V vertices, D with their midpoints; false without memory. */
-static bool mesh_weights_allocate(struct mesh_weights *w, size_t V, size_t D)
-{
-    w->neck = malloc(D * sizeof *w->neck);
-    w->moving = malloc(V * sizeof *w->moving);
-    w->lining = calloc(D, sizeof *w->lining);
-    w->mirror = malloc(D * sizeof *w->mirror);
-    w->lid = malloc(D * sizeof *w->lid);
-    w->stretch = malloc(D * sizeof *w->stretch);
-    w->fold = malloc(D * sizeof *w->fold);
-    w->reach = malloc(D * sizeof *w->reach);
-    w->seam = malloc(D * sizeof *w->seam);
-    w->crease = malloc(D * sizeof *w->crease);
-    w->lips = malloc(D * sizeof *w->lips);
-    w->drop = malloc(3 * D * sizeof *w->drop);
-    return w->neck && w->moving && w->lining && w->mirror && w->lid &&
-           w->stretch && w->fold && w->reach && w->seam && w->crease &&
-           w->lips && w->drop;
-}
-
 /* Of each vertex: how far it moves against the skull, its share of the neck
  * blend, whether it lines the mouth. */
-static void mesh_weights_vertices(struct mesh_weights *w, const struct head *h,
-                                  const struct mesh_weights_nape *nape)
+static void points_vertices(struct head_avatar *w, const struct head *h,
+                            const struct neck_blend *blend,
+                            const struct points_nape *nape)
 {
     for (size_t v = 0; v < h->V; v++) {
         const float *skin = h->weights + HEAD_JOINTS * v;
         const float *x = h->v_template + 3 * v;
-        float mm = mesh_weights_range(h, v) / h->scale * 1e3f;
+        float mm = points_range(h, v) / h->scale * 1e3f;
         float t = (mm - STILL_MM) / (MOVES_MM - STILL_MM);
         float eye = skin[JOINT_EYE_LEFT] + skin[JOINT_EYE_RIGHT];
 
         w->moving[v] = fmaxf(fmaxf(t, eye), 0);
-        w->neck[v] = neck_blend_weight(&w->blend, x[1]) *
+        w->neck[v] = neck_blend_weight(blend, x[1]) *
                      (1 - head_jaw_share(h, v));
-        w->neck[v] = fmaxf(w->neck[v], mesh_weights_nape_at(nape, x));
+        w->neck[v] = fmaxf(w->neck[v], points_nape_at(nape, x));
         w->lining[v] = h->region && h->region[v] == REGION_INNER_MOUTH;
     }
 }
 
 /* One pass over the vertices, then means for the midpoints. */
-int mesh_weights_init(struct mesh_weights *w, const struct head *h,
-                      const struct densify *d, struct error *err)
+int avatar_points_make(struct head_avatar *w, const struct head *h,
+                       const struct densify *d, struct error *err)
 {
     size_t V = h->V, D = V + d->E;
-    struct mesh_weights_nape nape;
-
-    mesh_weights_neck(&w->blend, &nape, h);
+    struct points_nape nape;
+    struct neck_blend blend;
     float *rest = malloc((2 * D + 3 * V) * sizeof *rest);
-    if (!mesh_weights_allocate(w, V, D) || !rest) {
-        free(rest);
+
+    if (!rest)
         return error_set(err, EX_OSERR, "no memory for %zu vertices", V);
-    }
-    mesh_weights_vertices(w, h, &nape);
+    points_neck(&blend, &nape, h);
+    memcpy(w->neck_blend, blend.pivot, sizeof blend.pivot);
+    w->neck_blend[3] = blend.top;
+    w->neck_blend[4] = blend.bottom;
+    points_vertices(w, h, &blend, &nape);
     densify_midpoints(w->neck + V, w->neck, d, 1);
     densify_midpoints(w->lining + V, w->lining, d, 1);
     for (size_t k = V; k < D; k++)      /* edges from the lips to it, too */
         w->lining[k] = w->lining[k] > 0;
     float *wide = rest + D, *posed = wide + D;
     densify_spacing(rest, h->v_template, d);
-    mesh_weights_lids(w, h, d, rest, posed);
-    int rc = mesh_weights_poses(w, h, d, rest, posed, wide, err);
+    points_lids(w, h, d, rest, posed);
+    int rc = points_poses(w, h, d, rest, posed, wide, err);
     free(rest);
-    mesh_weights_seam(w, h, d);
+    points_seam(w, h, d);
     if (rc || head_mirror_vertices(w->mirror, h, err))
         return -1;
     completion_mirror(w->mirror, w->mirror, d);
     return 0;
-}
-
-void mesh_weights_release(struct mesh_weights *w)
-{
-    free(w->neck);
-    free(w->moving);
-    free(w->lining);
-    free(w->mirror);
-    free(w->lid);
-    free(w->fold);
-    free(w->reach);
-    free(w->seam);
-    free(w->crease);
-    free(w->lips);
-    free(w->stretch);
-    free(w->drop);
-    memset(w, 0, sizeof *w);
 }

@@ -1,12 +1,12 @@
 /* The mouth's sheet behind the teeth: sections along the middle, each with a
  * width and a height of its sides, joined by straight lines. */
-#include "lib/avatar/cavity.h"
+#include "lib/lab/head/cavity.h"
 
 #include <math.h>
 #include <string.h>
 
 #include "lib/avatar/branch.h"
-#include "lib/avatar/teeth.h"
+#include "lib/lab/head/crowns.h"
 
 #define OPENING 18.0f   /* mm: radius of a wide mouth's opening, and more for
                          * what its walls give back */
@@ -79,7 +79,7 @@ static void cavity_section_at(struct cavity_place *p,
     p->at[0] = copysignf(x, u);
     p->at[1] = s->y + in * in * in * s->side;
     p->at[2] = fminf(s->z + 0.5f * cheek * (CHEEK_Z - s->z),
-                     -TEETH_ARCH * x * x - BEHIND);
+                     -CROWNS_ARCH * x * x - BEHIND);
     p->share = s->share + cheek * (0.5f - s->share);
     const float light = cavity_light(-p->at[2]) * cavity_across(in, s) *
                         (1 - CHEEK_DIM * cheek);

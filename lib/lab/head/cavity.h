@@ -3,8 +3,8 @@
  * middle, widths and heights of sides are measured on gums and tongue of the
  * mean ICT scan; colours are ours, darkened by how little of the light that
  * comes in between the lips gets there. */
-#ifndef SPID_AVATAR_CAVITY_H
-#define SPID_AVATAR_CAVITY_H
+#ifndef SPID_LAB_HEAD_CAVITY_H
+#define SPID_LAB_HEAD_CAVITY_H
 
 /* A place on the sheet; lengths in mm from the inner lips' centroid at rest. */
 struct cavity_place {
@@ -15,7 +15,7 @@ struct cavity_place {
 
 /* The place at u (-1..1 across, 0 the middle) and v (0 the palate behind the
  * upper teeth, 1 the floor under the tongue's tip).  No place is nearer to the
- * arch of the teeth (teeth.h) than they are thick. */
+ * arch of the teeth (crowns.h) than they are thick. */
 void cavity_place(struct cavity_place *p, float u, float v);
 
 /* Size (3), mm, and turn (4, w first) of a flat Gaussian there that leaves no

@@ -1,0 +1,131 @@
+/* A head's template avatar made, and written into its file. */
+#include "lib/lab/head/avatar_make.h"
+
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "formats/safetensors.h"
+#include "lib/base/half.h"
+#include "lib/lab/head/avatar_points.h"
+#include "lib/lab/head/crowns.h"
+
+enum { TENSORS = 64, META = 32 };
+#define PREFIX "avatar."
+
+int avatar_make(struct head *h, size_t T, struct error *err)
+{
+    struct densify d;
+    int rc;
+
+    head_avatar_release(&h->avatar);
+    if (densify_init(&d, h->f, h->F, h->V, err))
+        return -1;
+    rc = head_avatar_init(&h->avatar, h->V, h->V + d.E, T, err) ||
+         avatar_points_make(&h->avatar, h, &d, err) ? -1 : 0;
+    if (rc == 0)
+        crowns_make(&h->avatar);
+    densify_release(&d);
+    return rc;
+}
+
+/* What is written: tensors of the file as it was, and new ones, whose numbers
+ * are in `made`. */
+struct avatar_file {
+    struct st_tensor tensor[TENSORS];
+    size_t count;
+    const char *meta[2 * META + 1];
+    void *made[TENSORS];
+    size_t nmade;
+};
+
+/* What stays. */
+static int avatar_file_keep(struct avatar_file *f, const struct safetensors *st,
+                            struct error *err)
+{
+    const struct st_tensor *t;
+    size_t n = 0;
+
+    for (size_t i = 0; (t = st_at(st, i)); i++)
+        if (strncmp(t->name, PREFIX, strlen(PREFIX))) {
+            if (f->count == TENSORS / 2)
+                return error_set(err, EX_DATAERR, "%s: more tensors than a "
+                                 "head has (expected at most %d)", st_path(st),
+                                 TENSORS / 2);
+            f->tensor[f->count++] = *t;
+        }
+    for (size_t i = 0; i < META &&
+                       (f->meta[n] = st_meta_at(st, i, &f->meta[n + 1])); i++)
+        n += 2;
+    f->meta[n] = NULL;
+    return 0;
+}
+
+/* One tensor more, whose numbers of `size` bytes the caller fills in. */
+static void *avatar_file_add(struct avatar_file *f, const char *name,
+                             enum st_dtype type, size_t count, size_t width)
+{
+    void *made = malloc(count * st_dtype_size(type));
+
+    f->made[f->nmade++] = made;
+    f->tensor[f->count++] = (struct st_tensor){
+        .name = name, .dtype = type, .ndim = width > 1 ? 2 : 1,
+        .dim = {count / width, width}, .count = count, .data = made
+    };
+    return made;
+}
+
+/* Halves, but for a few numbers that go on to be floats. */
+static int avatar_file_array(struct avatar_file *f, const char *name,
+                             const float *x, size_t count, size_t width)
+{
+    const enum st_dtype type = count < 16 ? ST_F32 : ST_F16;
+    void *made = avatar_file_add(f, name, type, count, width);
+    uint16_t *half = made;
+
+    if (!made)
+        return -1;
+    if (type == ST_F32)
+        memcpy(made, x, count * sizeof *x);
+    else
+        for (size_t i = 0; i < count; i++)
+            half[i] = float_to_half(x[i]);
+    return 0;
+}
+
+static int avatar_file_make(struct avatar_file *f, const struct head_avatar *a,
+                            struct error *err)
+{
+    int32_t *mirror = avatar_file_add(f, PREFIX "mirror", ST_I32, a->points, 1);
+    size_t count, width;
+    const char *name;
+    const float *x;
+    int rc = mirror ? 0 : -1;
+
+    for (size_t k = 0; rc == 0 && k < a->points; k++)
+        mirror[k] = (int32_t)a->mirror[k];
+    for (size_t i = 0; rc == 0 &&
+                       (x = head_avatar_array(a, i, &name, &count, &width)); i++)
+        rc = avatar_file_array(f, name, x, count, width);
+    return rc ? error_set(err, EX_OSERR, "no memory for a head's file") : 0;
+}
+
+int avatar_make_file(const char *path, struct error *err)
+{
+    struct avatar_file f = {.count = 0};
+    struct head h;
+    int rc = -1;
+
+    if (head_load(&h, path, err))
+        return -1;
+    struct safetensors *st = st_open(path, err);
+    if (st && avatar_make(&h, AVATAR_MAKE_MOUTH, err) == 0 &&
+        avatar_file_keep(&f, st, err) == 0 &&
+        avatar_file_make(&f, &h.avatar, err) == 0)
+        rc = st_save(path, f.tensor, f.count, f.meta, err);
+    for (size_t i = 0; i < f.nmade; i++)
+        free(f.made[i]);
+    st_close(st);
+    head_release(&h);
+    return rc;
+}
