@@ -9,7 +9,7 @@
 #include "lib/avatar/cheek_back.h"
 #include "lib/avatar/completion.h"
 #include "lib/avatar/coverage.h"
-#include "lib/avatar/lid_skin.h"
+#include "lib/avatar/eyes.h"
 #include "lib/avatar/light.h"
 #include "lib/avatar/lip_lining.h"
 #include "lib/avatar/white_point.h"
@@ -155,10 +155,9 @@ static void dynamic_branch_geometry(const struct source_mesh *mesh,
     b->lid = mesh->weights->lid;
     b->fold = mesh->weights->fold;
     memcpy(b->seam, mesh->weights->seam, b->count * sizeof *b->seam);
-    b->shut = shut_eye_find(mesh->posed, mesh->rest, mesh->head);
+    eyes_find_shut(b->shut, mesh->posed, mesh->rest, mesh->head);
     if (b->prior)
-        shut_eye_stretch(b->spacing, &b->shut, mesh->weights->stretch,
-                         mesh->head, b->dense);
+        eyes_stretch(b->spacing, b->shut, mesh->weights);
     source_mesh_project(b->place, b->verts, b->count, mesh->cam);
 }
 
@@ -338,15 +337,14 @@ static void dynamic_branch_start(const struct source_picture *picture,
                                  const struct tilt *tilt,
                                  struct dynamic_branch *b)
 {
-    const struct lid_skin_source lids = {b->verts, b->pixel, b->trust};
-    const struct shut_eye_light light = {b->white, b->pixel, b->trust};
+    const struct eyes_photo photo = {b->pixel, b->trust, b->white};
     const struct white_point_colors seen = {b->pixel, b->trust, b->tmp};
     float eye[3], *rgb = b->logit;
 
     camera_origin(eye, mesh->cam);
     coverage_seen(b->seen, b->verts, b->count, mesh->depth, mesh->n,
                   mesh->cam, SLACK);
-    shut_eye_hide(b->seen, &b->shut, mesh->head, b->dense);
+    eyes_hide(b->seen, b->shut, mesh->weights);
     source_picture_sample(b->pixel, picture, b->place, b->count);
     dynamic_branch_hull(picture, mesh, b);
 
@@ -360,9 +358,9 @@ static void dynamic_branch_start(const struct source_picture *picture,
     for (size_t i = 0; i < 3 * b->count; i++)
         rgb[i] += (b->trust[i / 3] - b->skin[i / 3]) *
                   (b->pixel[i / 3 * 4 + i % 3] - rgb[i]);
-    lid_skin(rgb, &lids, mesh->head, mesh->weights, b->dense, b->tmp);
+    eyes_paint_lids(rgb, &photo, mesh->weights, b->tmp);
     lip_lining_paint(rgb, b->seam, b->normals, b->white, b->count);
-    shut_eye_paint(rgb, &b->shut, &light, mesh->head, b->dense);
+    eyes_paint_balls(rgb, b->shut, &photo, mesh->weights, b->tmp);
 
     parallel_for(3 * b->count, 1, dynamic_branch_logit_part,
                  &(struct dynamic_branch_logit_part){ rgb });

@@ -13,7 +13,6 @@
 #include <stddef.h>
 
 #include "lib/avatar/branch.h"
-#include "lib/avatar/shut_eye.h"
 #include "lib/avatar/source_mesh.h"
 #include "lib/avatar/source_picture.h"
 #include "lib/avatar/tilt.h"
@@ -57,7 +56,8 @@ struct dynamic_branch {
                                          * in the picture */
     float *trust;                       /* (D) in the sampled colour, */
     float *skin;                        /* (D) and in its being skin */
-    struct shut_eye shut;               /* which eyes the source has shut */
+    float shut[2];                      /* how far the source has its eyes
+                                         * shut (eyes.h) */
     float white[3];                     /* what is white in the picture; with
                                          * the prior */
     float *tmp;                         /* COMPLETION_SCRATCH(D) */

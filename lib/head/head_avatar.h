@@ -45,6 +45,15 @@ struct head_avatar {
                              * rest, at least 1 */
     float *drop;            /* (D,3) where a dropped jaw takes it */
     size_t *mirror;         /* the point across the face; in the file an i32 */
+    float *side;            /* 1 the subject's left, -1 right */
+    float *lid_skin;        /* how far a closed lid there has the colour of the
+                             * skin about the eye, not of the crease */
+    float *eyeball;         /* (D,3) shares of pupil, iris and white; all 0:
+                             * no eyeball */
+    float *about_eye;       /* (V,2) how far skin is about the left eye, and
+                             * the right one */
+    float *eye_color;       /* (3,3) sRGB of pupil, iris and white under white
+                             * light */
     float *moving;          /* (V) 1 and more where expressions, jaw, lids or
                              * gaze move the skin, 0 on the skull */
     float *neck_blend;      /* (5) pivot, top and bottom of struct neck_blend */

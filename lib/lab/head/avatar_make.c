@@ -7,6 +7,7 @@
 
 #include "formats/safetensors.h"
 #include "lib/base/half.h"
+#include "lib/lab/head/avatar_eyes.h"
 #include "lib/lab/head/avatar_points.h"
 #include "lib/lab/head/crowns.h"
 
@@ -23,8 +24,10 @@ int avatar_make(struct head *h, size_t T, struct error *err)
         return -1;
     rc = head_avatar_init(&h->avatar, h->V, h->V + d.E, T, err) ||
          avatar_points_make(&h->avatar, h, &d, err) ? -1 : 0;
-    if (rc == 0)
+    if (rc == 0) {
+        avatar_eyes_make(&h->avatar, h, &d);
         crowns_make(&h->avatar);
+    }
     densify_release(&d);
     return rc;
 }
@@ -110,22 +113,34 @@ static int avatar_file_make(struct avatar_file *f, const struct head_avatar *a,
     return rc ? error_set(err, EX_OSERR, "no memory for a head's file") : 0;
 }
 
-int avatar_make_file(const char *path, struct error *err)
+/* The file anew, with the template avatar a or, NULL, none. */
+static int avatar_file_write(const char *path, const struct head_avatar *a,
+                             struct error *err)
 {
+    struct safetensors *st = st_open(path, err);
     struct avatar_file f = {.count = 0};
-    struct head h;
     int rc = -1;
 
-    if (head_load(&h, path, err))
+    if (!st)
         return -1;
-    struct safetensors *st = st_open(path, err);
-    if (st && avatar_make(&h, AVATAR_MAKE_MOUTH, err) == 0 &&
-        avatar_file_keep(&f, st, err) == 0 &&
-        avatar_file_make(&f, &h.avatar, err) == 0)
+    if (avatar_file_keep(&f, st, err) == 0 &&
+        (!a || avatar_file_make(&f, a, err) == 0))
         rc = st_save(path, f.tensor, f.count, f.meta, err);
     for (size_t i = 0; i < f.nmade; i++)
         free(f.made[i]);
     st_close(st);
+    return rc;
+}
+
+/* What avatar the file has may be an older one, which nobody reads. */
+int avatar_make_file(const char *path, struct error *err)
+{
+    struct head h;
+
+    if (avatar_file_write(path, NULL, err) || head_load(&h, path, err))
+        return -1;
+    int rc = avatar_make(&h, AVATAR_MAKE_MOUTH, err) ||
+             avatar_file_write(path, &h.avatar, err) ? -1 : 0;
     head_release(&h);
     return rc;
 }

@@ -5,7 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "lib/avatar/lid_skin.h"
+#include "lib/avatar/eyes.h"
+#include "lib/base/densify.h"
 #include "tests/check.h"
 
 #define HEAD_NAME "examples/model/head.safetensors"
@@ -107,14 +108,14 @@ int main(void)
     float *block = malloc(15 * D * sizeof *block), *verts = block;
     float *pixel = verts + 3 * D, *trust = pixel + 4 * D;
     float *before = trust + D, *rgb = before + 3 * D, *tmp = rgb + 3 * D;
-    const struct lid_skin_source source = {verts, pixel, trust};
+    const struct eyes_photo source = {pixel, trust, NULL};
 
     if (!block)
         return 1;
     densify_forward(verts, h.v_template, &d, 3);
     lid_photograph(pixel, trust, before, verts, &h.avatar, D);
     memcpy(rgb, before, 3 * D * sizeof *rgb);
-    lid_skin(rgb, &source, &h, &h.avatar, &d, tmp);
+    eyes_paint_lids(rgb, &source, &h.avatar, tmp);
     expect("at the crease", lid_mean(rgb, &h, &h.avatar, &d, 0, 0.15, false), SHADE,
            0.06);
     check_range("further down", lid_mean(rgb, &h, &h.avatar, &d, 0.6, 0.9, false),
@@ -127,7 +128,7 @@ int main(void)
            0);
     memset(trust, 0, D * sizeof *trust);
     memcpy(rgb, before, 3 * D * sizeof *rgb);
-    lid_skin(rgb, &source, &h, &h.avatar, &d, tmp);
+    eyes_paint_lids(rgb, &source, &h.avatar, tmp);
     expect("nothing trusted", lid_largest_change(rgb, before, &h.avatar, D, true), 0,
            0);
     free(block);

@@ -5,7 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "lib/avatar/shut_eye.h"
+#include "lib/avatar/eyes.h"
+#include "lib/base/densify.h"
 #include "tests/check.h"
 
 #define HEAD_NAME "examples/model/head.safetensors"
@@ -49,28 +50,30 @@ static void eyes_release(struct eyes *e)
     head_release(&e->h);
 }
 
-/* The lids down by so much of their way. */
-static struct shut_eye eyes_shut(struct eyes *e, float left, float right)
+/* shut (2) of lids that are down by so much of their way. */
+static void eyes_shut(float shut[2], struct eyes *e, float left, float right)
 {
     for (size_t i = 0; i < 3 * e->h.V; i++)
         e->posed[i] = e->h.v_template[i] + left * e->h.l_eyelid[i] +
                       right * e->h.r_eyelid[i];
-    return shut_eye_find(e->posed, e->h.v_template, &e->h);
+    eyes_find_shut(shut, e->posed, e->h.v_template, &e->h);
 }
 
 /* Paint, and the mean of red and of blue over eyeball vertices of one side
  * that lie so many head units off the middle of the eye's front. */
 static void eyes_paint(double mean[2], struct eyes *e,
-                       const struct shut_eye *s, bool left, double low,
-                       double high)
+                       const float s[2], bool left, double low, double high)
 {
-    const struct shut_eye_light by = {e->white, e->pixel, e->trust};
+    const struct eyes_photo by = {e->pixel, e->trust, e->white};
+    float *tmp = malloc(e->D * sizeof *tmp);
     const float *front = NULL;
     double n = 0;
 
+    REQUIRE(tmp, "memory");
     for (size_t i = 0; i < 3 * e->D; i++)
         e->rgb[i] = PHOTO;
-    shut_eye_paint(e->rgb, s, &by, &e->h, &e->d);
+    eyes_paint_balls(e->rgb, s, &by, &e->h.avatar, tmp);
+    free(tmp);
     mean[0] = mean[1] = 0;
     for (int pass = 0; pass < 2; pass++)
         for (size_t v = 0; v < e->h.V; v++) {
@@ -95,47 +98,48 @@ static void eyes_paint(double mean[2], struct eyes *e,
 
 static void test_found(struct eyes *e)
 {
-    struct shut_eye s = eyes_shut(e, 0.5f, 0.5f);
+    float s[2];
 
-    check("half down is open", fmax(s.left, s.right), 0);
-    s = eyes_shut(e, 0.95f, 0.1f);
-    check_that("a wink: the left one alone", s.left == 1 && s.right == 0);
-    s = eyes_shut(e, 1, 1);
-    check_that("all the way down is shut", s.left == 1 && s.right == 1);
+    eyes_shut(s, e, 0.5f, 0.5f);
+    check("half down is open", fmax(s[0], s[1]), 0);
+    eyes_shut(s, e, 0.95f, 0.1f);
+    check_that("a wink: the left one alone", s[0] == 1 && s[1] == 0);
+    eyes_shut(s, e, 1, 1);
+    check_that("all the way down is shut", s[0] == 1 && s[1] == 1);
 }
 
 static void test_colours(struct eyes *e)
 {
-    const struct shut_eye both = {1, 1}, left = {1, 0}, none = {0, 0};
+    const float both[2] = {1, 1}, left[2] = {1, 0}, none[2] = {0, 0};
     double pupil[2], iris[2], white[2];
 
     for (int k = 0; k < 2; k++) {
-        eyes_paint(pupil, e, &both, k, 0, 0.005);
-        eyes_paint(iris, e, &both, k, 0.014, 0.024);
-        eyes_paint(white, e, &both, k, 0.036, 0.06);
+        eyes_paint(pupil, e, both, k, 0, 0.005);
+        eyes_paint(iris, e, both, k, 0.014, 0.024);
+        eyes_paint(white, e, both, k, 0.036, 0.06);
         check("the pupil is dark", pupil[0], 0.1);
         check_that("the iris is brown, the white is white",
                    iris[0] > iris[1] + 0.1 && iris[0] < 0.5 &&
                    white[0] > 0.75 && white[1] > 0.7);
     }
-    eyes_paint(iris, e, &left, true, 0.014, 0.024);
+    eyes_paint(iris, e, left, true, 0.014, 0.024);
     expect("a winking eye has the other one's iris", iris[0], PHOTO, 0.02);
-    eyes_paint(pupil, e, &left, true, 0, 0.005);
+    eyes_paint(pupil, e, left, true, 0, 0.005);
     check("and a pupil", pupil[0], 0.1);
-    eyes_paint(pupil, e, &left, false, 0, 0.005);
+    eyes_paint(pupil, e, left, false, 0, 0.005);
     expect("which keeps its own", pupil[0], PHOTO, 0);
-    eyes_paint(pupil, e, &none, true, 0, 0.005);
+    eyes_paint(pupil, e, none, true, 0, 0.005);
     expect("as do open ones", pupil[0], PHOTO, 0);
 }
 
 static void test_hidden(struct eyes *e)
 {
-    const struct shut_eye left = {1, 0};
+    const float left[2] = {1, 0};
     double off = 0, stretched = 0;
 
     for (size_t k = 0; k < e->D; k++)
         e->rgb[k] = 1;
-    shut_eye_hide(e->rgb, &left, &e->h, &e->d);
+    eyes_hide(e->rgb, left, &e->h.avatar);
     for (size_t v = 0; v < e->h.V; v++) {
         const bool ball = e->h.region[v] == REGION_EYEBALL &&
                           e->h.v_template[3 * v] > 0;
@@ -145,9 +149,9 @@ static void test_hidden(struct eyes *e)
     check("nothing is seen of a shut eyeball, all of the rest", off, 0);
     for (size_t k = 0; k < e->D; k++) {
         e->rgb[k] = 1;
-        e->pixel[k] = 3;
+        e->h.avatar.stretch[k] = 3;
     }
-    shut_eye_stretch(e->rgb, &left, e->pixel, &e->h, &e->d);
+    eyes_stretch(e->rgb, left, &e->h.avatar);
     for (size_t v = 0; v < e->h.V; v++)
         stretched = fmax(stretched,
                          fabs((double)e->rgb[v] -
