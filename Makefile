@@ -410,17 +410,8 @@ $(BUILD)/fuzz/lib/spid/video.so $(BUILD)/fuzz/lib/spid/media.so: \
 	$(FUZZ_CXX) $(FUZZ_PART) -shared $^ $(LIBS_$*) -o $@
 -include $(shell find $(BUILD)/fuzz -name '*.d' 2>/dev/null)
 
-# The table of Winograd against direct convolutions (lib/nn/tune.c).
-$(BUILD)/tests/tune: $(BUILD)/obj/tests/bench/tune.o $(LIB)
-	@mkdir -p $(@D)
-	$(CXX) $(BASE) $(LDFLAGS) $< $(LIB) $(LIBS) -o $@
-
-tune: $(BUILD)/tests/tune
-	$< > $(BUILD)/tune_table.inc
-	mv $(BUILD)/tune_table.inc lib/nn/tune_table.inc
-
 clean:
 	rm -rf build
 
-.PHONY: tune all web tests check tsan check-long check-arm soak bench model \
+.PHONY: all web tests check tsan check-long check-arm soak bench model \
         eval-model demo deps deps-tests install fuzz clean

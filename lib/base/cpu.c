@@ -2,6 +2,8 @@
  * treats denormal numbers, and a clock. */
 #include "lib/base/cpu.h"
 
+#include <setjmp.h>
+#include <signal.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -13,6 +15,8 @@
 #ifdef SPID_X86
 #include <cpuid.h>
 #include <immintrin.h>
+#include <sys/syscall.h>
+#include <unistd.h>
 #endif
 
 static const char *const level_names[] = { "baseline", "avx2", "avx512" };
@@ -72,6 +76,55 @@ enum cpu_level cpu_level(void)
 const char *cpu_level_name(enum cpu_level level)
 {
     return level_names[level];
+}
+
+#ifdef SPID_X86
+static sigjmp_buf cpu_illegal;
+
+static void cpu_catch(int signal)
+{
+    siglongjmp(cpu_illegal, signal);
+}
+
+/* Loads and releases a configuration without tiles. */
+__attribute__((target("amx-tile"))) static void cpu_try_tiles(void)
+{
+    static const struct { _Alignas(64) uint8_t bytes[64]; } none = { { 1 } };
+
+    _tile_loadconfig(&none);
+    _tile_release();
+}
+#endif
+
+bool cpu_tiles(void)
+{
+    bool works = false;
+#ifdef SPID_X86
+    const unsigned wanted = 1u << 22 | 1u << 24 | 1u << 25; /* bf16, tile, int8 */
+    const long request = 0x1023, tile_data = 18;    /* ARCH_REQ_XCOMP_PERM */
+    struct sigaction now = { .sa_handler = cpu_catch }, before;
+    unsigned a, b, c, d;
+
+    if (!__get_cpuid_count(7, 0, &a, &b, &c, &d) || (d & wanted) != wanted ||
+        syscall(SYS_arch_prctl, request, tile_data) ||
+        sigaction(SIGILL, &now, &before))
+        return false;
+    if (!sigsetjmp(cpu_illegal, 1)) {
+        cpu_try_tiles();
+        works = true;
+    }
+    sigaction(SIGILL, &before, NULL);
+#endif
+    return works;
+}
+
+bool cpu_is_intel(void)
+{
+#ifdef SPID_X86
+    return __builtin_cpu_is("intel");
+#else
+    return false;
+#endif
 }
 
 const char *cpu_name(void)

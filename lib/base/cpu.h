@@ -2,6 +2,8 @@
 #ifndef SPID_BASE_CPU_H
 #define SPID_BASE_CPU_H
 
+#include <stdbool.h>
+
 #include "lib/base/isa.h"
 
 enum cpu_level { CPU_BASELINE, CPU_AVX2, CPU_AVX512 };
@@ -21,6 +23,15 @@ enum cpu_level cpu_level(void);
 
 /* As $SPID_CPU writes it. */
 const char *cpu_level_name(enum cpu_level level);
+
+/* Whether the system lets programs use AMX's tiles of bfloat16 and of 8-bit
+ * values, and they work: virtual machines were seen that show them, grant them,
+ * and then call their instructions illegal.  Not while another thread counts on
+ * its own handler of SIGILL. */
+bool cpu_tiles(void);
+
+/* Whether Intel made it. */
+bool cpu_is_intel(void);
 
 /* Marketing name of the processor from /proc/cpuinfo, or "unknown". */
 const char *cpu_name(void);

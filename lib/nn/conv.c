@@ -17,6 +17,7 @@
 #include "lib/base/cpu.h"
 #include "lib/nn/act.h"
 #include "lib/nn/conv_impl.h"
+#include "lib/nn/form.h"
 #include "lib/nn/image.h"
 
 const char *nn_name(char buf[120], const char *format, ...)
@@ -194,10 +195,30 @@ static size_t conv_weight_count(const struct conv *c)
     return c->out * c->in_data * c->kernel * c->kernel;
 }
 
-/* Whether bfloat16 has to be emulated by rounded floats. */
-static bool conv_rounds(const struct conv *c)
+/* The form that takes the fewest cycles of those that the plan's type allows,
+ * which for layers that learn is float.  Few rows take as long as reading the
+ * weights does. */
+static enum form conv_form(const struct conv *c)
 {
-    return nn_plan_type(c->plan) == NN_BF16 && !nn_bf16_products();
+    static const enum form most[] = { [NN_F32] = FORM_FLOAT,
+                                      [NN_FAST] = FORM_WINOGRAD,
+                                      [NN_BF16] = FORM_BF16,
+                                      [NN_INT8] = FORM_INT8 };
+    const struct form_layer l = { c->in_data, c->out, c->kernel, c->stride };
+    const struct form_rates r = form_rates();
+
+    return small_linear_wanted(c)
+               ? FORM_FLOAT : form_choose(&l, most[nn_plan_type(c->plan)], &r);
+}
+
+static bool conv_int8_wanted(const struct conv *c)
+{
+    return conv_form(c) == FORM_INT8;
+}
+
+static bool conv_winograd_wanted(const struct conv *c)
+{
+    return conv_form(c) == FORM_WINOGRAD && c->act <= ACT_LRELU;
 }
 
 bool conv_halves(const struct nn_plan *p)
@@ -206,10 +227,10 @@ bool conv_halves(const struct nn_plan *p)
            nn_type_native(NN_BF16) && cpu_level() == CPU_AVX512;
 }
 
-/* Layers that learn in bfloat16 and have enough channels to gain by it. */
+/* Layers that learn in bfloat16 have enough channels to gain by it. */
 static bool conv_half_wanted(const struct conv *c)
 {
-    if (c->half_in || c->half_out)
+    if (c->half_in || c->half_out || conv_form(c) == FORM_BF16)
         return true;
     return nn_plan_backward(c->plan) && c->plan->opt.type == NN_BF16 &&
            nn_type_native(NN_BF16) && c->in >= 16 && c->out >= 16 &&
@@ -230,13 +251,7 @@ static bool conv_direct_wanted(const struct conv *c)
 
 static void conv_update_direct(struct conv *c, const float *w)
 {
-    struct conv_impl *im = c->impl;
-
-    if (conv_rounds(c)) {
-        image_round_bf16(im->stage, w, conv_weight_count(c));
-        w = im->stage;
-    }
-    conv_onednn_reorder(&im->to_fwd, im->w_fwd, w, c);
+    conv_onednn_reorder(&c->impl->to_fwd, c->impl->w_fwd, w, c);
 }
 
 /* By the library's primitive, its input brought to the type it takes. */
@@ -249,8 +264,6 @@ static void conv_forward_direct(float *out, const float *in, struct conv *c)
         half = NULL;
     else if (c->impl->input == dnnl_bf16)
         image_to_bf16(half, in, count);
-    else if (conv_rounds(c))
-        image_round_bf16(half, in, count);
     else
         half = NULL;
     conv_onednn_forward(out, half ? half : in, c->impl->bias, NULL, c);
@@ -258,7 +271,7 @@ static void conv_forward_direct(float *out, const float *in, struct conv *c)
 
 /* In the order in which they are asked; the last takes any layer. */
 static const struct conv_method conv_methods[] = {
-    { int8_wanted, conv_plan_int8, conv_update_int8, conv_forward_int8 },
+    { conv_int8_wanted, conv_plan_int8, conv_update_int8, conv_forward_int8 },
     { pointwise_wanted, conv_plan_pointwise, conv_update_pointwise,
       conv_forward_pointwise },
     { conv_half_wanted, conv_plan_half, conv_update_direct,
@@ -267,7 +280,7 @@ static const struct conv_method conv_methods[] = {
       conv_forward_small_linear },
     { im2col_wanted, conv_plan_im2col, conv_update_im2col,
       conv_forward_im2col },
-    { winograd_wanted, conv_plan_winograd, conv_update_winograd,
+    { conv_winograd_wanted, conv_plan_winograd, conv_update_winograd,
       conv_forward_winograd },
     { conv_direct_wanted, conv_onednn_plan_forward, conv_update_direct,
       conv_forward_direct },
@@ -340,8 +353,7 @@ void conv_plan(struct conv *c, struct nn_plan *p, size_t batch, size_t h,
     c->ow = s.ow;
     assert(!nn_plan_backward(p) || c->act <= ACT_LRELU);
     assert(!c->half_out || (!c->add && !c->shuffle && c->act <= ACT_RELU));
-    im->input = im->weights =
-        nn_plan_type(p) == NN_BF16 && nn_bf16_products() ? dnnl_bf16 : dnnl_f32;
+    im->input = im->weights = dnnl_f32;
     while (!m->wanted(c))
         m++;
     im->method = m;

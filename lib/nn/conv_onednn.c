@@ -302,9 +302,8 @@ void conv_onednn_plan_forward(struct conv *c, const struct conv_shape *s)
     im->half_at = scratch = im->fwd.count * im->fwd.scratch;
     if (im->input == dnnl_u8)
         scratch += int8_input_size(&im->int8, c);
-    else if (nn_plan_type(p) == NN_BF16 || conv_onednn_half(c))
-        scratch += values * (im->input == dnnl_bf16 ? sizeof(uint16_t)
-                                                    : sizeof(float));
+    else if (im->input == dnnl_bf16)
+        scratch += values * sizeof(uint16_t);
     nn_plan_scratch(p, scratch);
 }
 

@@ -30,7 +30,8 @@ static dnnl_cpu_isa_t engine_user_limit(dnnl_cpu_isa_t most)
         { "AVX2", dnnl_cpu_isa_avx2 },
         { "AVX512_CORE", dnnl_cpu_isa_avx512_core },
         { "AVX512_CORE_VNNI", dnnl_cpu_isa_avx512_core_vnni },
-        { "AVX512_CORE_BF16", dnnl_cpu_isa_avx512_core_bf16 }
+        { "AVX512_CORE_BF16", dnnl_cpu_isa_avx512_core_bf16 },
+        { "AVX512_CORE_AMX", dnnl_cpu_isa_avx512_core_amx }
     };
     const char *word = getenv("ONEDNN_MAX_CPU_ISA");
 
@@ -45,16 +46,15 @@ static dnnl_cpu_isa_t engine_user_limit(dnnl_cpu_isa_t most)
 }
 #endif
 
-/* oneDNN obeys $SPID_CPU as well as its own variable, and never uses AMX: a
- * virtual machine was seen that shows it, grants it, and then calls its
- * instructions illegal. */
+/* oneDNN obeys $SPID_CPU as well as its own variable. */
 static void engine_limit_instructions(void)
 {
 #ifdef SPID_X86
     enum cpu_level level = cpu_level();
 
     dnnl_set_max_cpu_isa(engine_user_limit(
-        level == CPU_AVX512 ? dnnl_cpu_isa_avx512_core_bf16
+        level == CPU_AVX512 ? cpu_tiles() ? dnnl_cpu_isa_avx512_core_amx
+                                          : dnnl_cpu_isa_avx512_core_bf16
         : level == CPU_AVX2 ? dnnl_cpu_isa_avx2 : dnnl_cpu_isa_sse41));
 #endif
 }
@@ -87,25 +87,15 @@ dnnl_engine_t nn_engine(void)
     return engine;
 }
 
-bool nn_bf16_products(void)
+bool nn_has(dnnl_cpu_isa_t isa)
 {
-    const dnnl_cpu_isa_t isa =
-        nn_engine() ? dnnl_get_effective_cpu_isa() : dnnl_cpu_isa_sse41;
-
-    return isa == dnnl_cpu_isa_avx512_core ||
-           isa == dnnl_cpu_isa_avx512_core_vnni ||
-           isa == dnnl_cpu_isa_avx512_core_bf16;
+    return nn_engine() && (dnnl_get_effective_cpu_isa() & isa) == isa;
 }
 
 bool nn_type_native(enum nn_type type)
 {
-    const dnnl_cpu_isa_t isa =
-        nn_engine() ? dnnl_get_effective_cpu_isa() : dnnl_cpu_isa_sse41;
-
-    if (type == NN_INT8)
-        return isa == dnnl_cpu_isa_avx512_core_vnni ||
-               isa == dnnl_cpu_isa_avx512_core_bf16;
-    return type != NN_BF16 || isa == dnnl_cpu_isa_avx512_core_bf16;
+    return type == NN_INT8 ? nn_has(dnnl_cpu_isa_avx512_core_vnni)
+           : type != NN_BF16 || nn_has(dnnl_cpu_isa_avx512_core_bf16);
 }
 
 void nn_call_init(struct nn_call *c, const_dnnl_primitive_desc_t pd,

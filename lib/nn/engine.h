@@ -18,9 +18,8 @@ struct nn_call {
 
 /* NULL when oneDNN cannot make one. */
 dnnl_engine_t nn_engine(void);
-/* Whether oneDNN multiplies bfloat16 values here, be it emulated; without
- * AVX-512 it does not, and values rounded to it are multiplied as floats. */
-bool nn_bf16_products(void);
+/* Whether oneDNN may use these instructions here. */
+bool nn_has(dnnl_cpu_isa_t isa);
 
 /* Make the primitive of pd; pd stays the caller's.  Failures go to p. */
 void nn_call_init(struct nn_call *c, const_dnnl_primitive_desc_t pd,

@@ -15,13 +15,12 @@
 
 bool im2col_wanted(const struct conv *c)
 {
-    enum nn_type type = nn_plan_type(c->plan);
     size_t terms = c->kernel * c->kernel * c->in_data;
     bool few = c->h * c->w <= 256 && c->kernel == 3;
 
     return c->pad == CONV_HALF && c->act <= ACT_LRELU &&
-           (type == NN_F32 ? terms >= 512
-                           : type == NN_FAST && few && terms >= 2048);
+           (nn_plan_type(c->plan) == NN_F32 ? terms >= 512
+                                            : few && terms >= 2048);
 }
 
 void im2col_plan(struct im2col *t, const struct conv *c, struct nn_plan *p)

@@ -58,30 +58,6 @@ void image_to_bf16(uint16_t *y, const float *x, size_t n)
                  &(struct image_to_bf16_part){ k, y, x, n });
 }
 
-struct image_round_bf16_part {
-    const struct nn_kernels *k;
-    float *y;
-    const float *x;
-    size_t n;
-};
-
-/* One chunk. */
-static void image_round_bf16_part(void *ctx, size_t part)
-{
-    const struct image_round_bf16_part *c = ctx;
-    size_t i = part * CHUNK;
-
-    c->k->round_bf16(c->y + i, c->x + i, c->n - i < CHUNK ? c->n - i : CHUNK);
-}
-
-void image_round_bf16(float *y, const float *x, size_t n)
-{
-    const struct nn_kernels *k = nn_kernels();
-
-    parallel_for((n + CHUNK - 1) / CHUNK, 1, image_round_bf16_part,
-                 &(struct image_round_bf16_part){ k, y, x, n });
-}
-
 struct sft_forward_part {
     const struct nn_kernels *k;
     float *y;

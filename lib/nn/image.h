@@ -10,8 +10,6 @@ void image_add(float *y, const float *x, size_t n);
 
 /* y <- x as bfloat16, rounded to nearest even. */
 void image_to_bf16(uint16_t *y, const float *x, size_t n);
-/* The same values as floats. */
-void image_round_bf16(float *y, const float *x, size_t n);
 
 /* Spatial feature transform: y (rows,C) = x (one + s) + t, st (rows,2C) holds
  * s then t; one is 0 or 1.  dx may be dy. */

@@ -135,16 +135,6 @@ void ISA(to_bf16)(uint16_t *y, const float *x, size_t n)
     }
 }
 
-/* y <- x rounded to bfloat16, as to_bf16 does */
-void ISA(round_bf16)(float *y, const float *x, size_t n)
-{
-    for (size_t i = 0; i < n; i++) {
-        union { float f; uint32_t u; } v = { x[i] };
-        v.u = (v.u + 0x7fff + ((v.u >> 16) & 1)) & 0xffff0000u;
-        y[i] = v.f;
-    }
-}
-
 /* *lo and *hi lowered and raised to what is in x */
 void ISA(range)(float *lo, float *hi, const float *x, size_t n)
 {

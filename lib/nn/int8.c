@@ -10,14 +10,6 @@
 #include "lib/nn/kernels.h"
 
 #define CHUNK 16384
-#define PLACES 256       /* of the output: fewer are no work */
-
-bool int8_wanted(const struct conv *c)
-{
-    return nn_plan_type(c->plan) == NN_INT8 && nn_type_native(NN_INT8) &&
-           c->in_data % 16 == 0 &&
-           c->out % 16 == 0 && c->batch * c->oh * c->ow >= PLACES;
-}
 
 size_t int8_input_size(const struct int8 *q, const struct conv *c)
 {

@@ -5,7 +5,6 @@
 #ifndef SPID_NN_INT8_H
 #define SPID_NN_INT8_H
 
-#include <stdbool.h>
 #include <stdint.h>
 
 #include "lib/nn/plan.h"
@@ -25,10 +24,6 @@ struct int8 {
                               * act(scale (sum of products + bias)) */
 };
 
-/* Whether a layer of an NN_INT8 plan is worth it; the others compute in
- * float, and all do where the processor has no instructions for it: sums of
- * pairs of products in 16 bits were slower than NN_FAST. */
-bool int8_wanted(const struct conv *c);
 /* Buffers; `at` is set by the caller, who asks for the scratch too. */
 void int8_plan(struct int8 *q, const struct conv *c, struct nn_plan *p);
 /* Bytes of the padded input. */

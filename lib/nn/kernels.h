@@ -88,7 +88,6 @@ struct winograd;
                            size_t rows, size_t C))                           \
     X(void, add, (float *y, const float *x, size_t n))                       \
     X(void, to_bf16, (uint16_t *y, const float *x, size_t n))                \
-    X(void, round_bf16, (float *y, const float *x, size_t n))                \
     X(void, range, (float *lo, float *hi, const float *x, size_t n))         \
     X(void, quantise, (uint8_t *y, const float *x, float inverse,            \
                        float zero, size_t n))                                \

@@ -24,21 +24,17 @@
 #include "lib/base/error.h"
 
 /* The type of what convolutions and linear layers multiply; sums, other
- * layers and all borders are float always.  NN_BF16 in inference is emulated
- * where the processor has no such instructions, slower and with the same
- * meaning; in training it is for layers of 16 channels and more and 1x1 layers
- * (pointwise.h), on processors that have them, and the rest is float.  The
- * large 3x3 layers that Winograd in float does in less time are computed so
- * (see NN_FAST). */
+ * layers and all borders are float always.  In inference each type allows what
+ * those before it do, and each layer takes the form that costs the fewest
+ * cycles on this processor (lib/nn/form.h): none is slower than the type before
+ * it.  In training NN_BF16 is for layers of 16 channels and more and 1x1 layers
+ * (pointwise.h), on processors that have them, and the rest is float. */
 enum nn_type {
     NN_F32,
-    NN_BF16,
-    NN_FAST,    /* float, but 3x3 convolutions by Winograd where that is
-                 * faster; within the tolerance that golden files set for
-                 * float */
-    NN_INT8     /* products of 8-bit values in every convolution with some
-                 * work to it, where the processor has instructions for them
-                 * (lib/nn/int8.h), NN_FAST elsewhere; for the refiners,
+    NN_FAST,    /* float, and Winograd's method; within the tolerance that
+                 * golden files set for float */
+    NN_BF16,    /* products of bfloat16 values */
+    NN_INT8     /* products of 8-bit values (lib/nn/int8.h); for the refiners,
                  * inference only */
 };
 

@@ -157,7 +157,7 @@ void nn_plan_init(struct nn_plan *p, struct nn_options opt)
     memset(p, 0, sizeof *p);
     p->opt = opt;
     p->shared = opt.mode == NN_INFER ? plan_pool_in_use : NULL;
-    if (opt.type > NN_BF16 && opt.mode != NN_INFER)
+    if (opt.type != NN_F32 && opt.type != NN_BF16 && opt.mode != NN_INFER)
         nn_plan_fail(p, EX_SOFTWARE, "%s is for inference only",
                      nn_type_name(opt.type));
 }

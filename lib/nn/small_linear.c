@@ -11,11 +11,8 @@
 
 bool small_linear_wanted(const struct conv *c)
 {
-    enum nn_type type = nn_plan_type(c->plan);
-
-    return (type == NN_F32 || type == NN_FAST) && c->kernel == 1 &&
-           c->stride == 1 && c->batch * c->h * c->w <= ROWS &&
-           c->act <= ACT_LRELU;
+    return c->kernel == 1 && c->stride == 1 &&
+           c->batch * c->h * c->w <= ROWS && c->act <= ACT_LRELU;
 }
 
 void small_linear_plan(struct small_linear *t, const struct conv *c,

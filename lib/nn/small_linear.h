@@ -13,7 +13,7 @@ struct small_linear {
     float *w, *bias;         /* (out,in), (out) */
 };
 
-/* 1x1 of at most 16 pixels in all, in NN_F32 or NN_FAST. */
+/* 1x1 of at most 16 pixels in all. */
 bool small_linear_wanted(const struct conv *c);
 /* Buffers for the layer c, whose sizes are known. */
 void small_linear_plan(struct small_linear *t, const struct conv *c,

@@ -8,27 +8,8 @@
 #include "lib/base/parallel.h"
 #include "lib/nn/conv.h"
 #include "lib/nn/kernels.h"
-#include "lib/nn/tune.h"
 
 #define PIECE 64         /* terms of one chain of a float's sum */
-
-static enum winograd_choice forced;
-
-void winograd_force(enum winograd_choice how)
-{
-    forced = how;
-}
-
-bool winograd_wanted(const struct conv *c)
-{
-    if (c->kernel != 3 || c->stride != 1 || c->in_data % 16 || c->out % 16 ||
-        c->act > ACT_LRELU || nn_plan_type(c->plan) == NN_F32)
-        return false;
-    if (forced != WINOGRAD_BY_TABLE)
-        return forced == WINOGRAD_WHEREVER_POSSIBLE;
-    return tune_winograd(c->in_data, c->out, c->oh, c->ow,
-                         nn_plan_type(c->plan) == NN_BF16);
-}
 
 /* As many tiles as keep a thread's share of the second-level cache, but enough
  * for the weights to be worth their way from memory. */

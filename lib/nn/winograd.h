@@ -31,16 +31,6 @@ struct winograd {
 
 #define WINOGRAD_TILE 4      /* outputs across a tile */
 
-/* Whether Winograd serves this layer: 3x3, stride 1, NN_FAST (or NN_BF16,
- * whose large layers are faster so than in bfloat16), multiples of 16
- * channels, and the table of `make tune` says that it is faster.  Depends on
- * the layer's sizes only, never on a clock, so that two runs agree. */
-bool winograd_wanted(const struct conv *c);
-enum winograd_choice {
-    WINOGRAD_BY_TABLE, WINOGRAD_NEVER, WINOGRAD_WHEREVER_POSSIBLE
-};
-/* From now on, for tests and for `make tune` itself. */
-void winograd_force(enum winograd_choice how);
 /* Buffers for the layer c, whose sizes are known. */
 void winograd_plan(struct winograd *g, const struct conv *c,
                    struct nn_plan *p);

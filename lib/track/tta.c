@@ -133,7 +133,7 @@ static int motion_tta_plan(struct motion_encoder *net, size_t batch,
     struct nn_options opt = net->plan.opt;
 
     if (net->quick || (opt.mode == NN_INFER && opt.type == NN_FAST)) {
-        net->quick = quick && nn_type_native(NN_BF16);
+        net->quick = quick;
         opt.type = net->quick ? NN_BF16 : NN_FAST;
     }
     return net->batch == batch && net->plan.opt.type == opt.type

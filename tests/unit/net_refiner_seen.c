@@ -6,6 +6,7 @@
 
 #include "lib/base/random.h"
 #include "lib/net/narrow_refiner.h"
+#include "lib/nn/form.h"
 #include "tests/check.h"
 
 enum { H = 96, W = 128, PIXELS = H * W, C = 32, CELLS = PIXELS / 16 };
@@ -149,7 +150,7 @@ int main(void)
     struct params ps;
 
     random_init(&dice, 1, "refiner seen");
-    winograd_force(WINOGRAD_WHEREVER_POSSIBLE);
+    form_prefer(FORM_WINOGRAD);
     seen_plan(&fast, &ps, NN_INFER, NN_FAST);
     check_that("the last layers are one", fast.end.joint.u != NULL);
     seen_draw(&dice, 60, 40, 30);

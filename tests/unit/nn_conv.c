@@ -10,8 +10,8 @@
 #include "lib/base/parallel.h"
 #include "lib/base/random.h"
 #include "lib/nn/depthwise.h"
+#include "lib/nn/form.h"
 #include "lib/nn/image.h"
-#include "lib/nn/winograd.h"
 #include "tests/check.h"
 
 enum kind {
@@ -347,7 +347,7 @@ static void check_winograd(size_t h, size_t w, size_t in, size_t out)
     if (params_allocate(&ps, &err))
         exit(1);
     params_randomise(&ps, 5);
-    winograd_force(WINOGRAD_WHEREVER_POSSIBLE);
+    form_prefer(FORM_WINOGRAD);
     nn_plan_init(&p, (struct nn_options){ NN_INFER, NN_FAST });
     conv_plan(&c, &p, 2, h, w);
     if (nn_plan_finish(&p, &err))
@@ -357,7 +357,7 @@ static void check_winograd(size_t h, size_t w, size_t in, size_t out)
     conv_test_reference(&r, x, param_w(&ps, 0), param_w(&ps, 1), NULL, &s, h,
                         w);
     conv_test_compare("Winograd", &s, y, r.out, r.out_n, 6e-5);
-    winograd_force(WINOGRAD_BY_TABLE);
+    form_prefer(FORM_FLOAT);
     conv_release(&c);
     nn_plan_release(&p);
     params_release(&ps);
@@ -398,7 +398,9 @@ static void check_int8(const struct shape *s, bool add)
         x[i] += 0.7f;              /* the zero point is not in the middle */
     parallel_set_width(3);
     nn_plan_init(&p, (struct nn_options){ NN_INFER, NN_INT8 });
+    form_prefer(FORM_INT8);
     conv_plan(&c, &p, s->B, s->h, s->w);
+    form_prefer(FORM_FLOAT);
     if (nn_plan_finish(&p, &err)) {
         printf("%s\n", err.text);
         exit(1);

@@ -87,7 +87,6 @@ CASE(sft_backward,
      k->sft_backward(out[0], out[1], in[0], in[1], in[2], 1, rows, C))
 CASE(add, memcpy(out[0], in[1], n * sizeof(float)); k->add(out[0], in[0], n))
 CASE(to_bf16, k->to_bf16(half, in[0], n))
-CASE(round_bf16, k->round_bf16(out[0], in[0], n))
 CASE(range, out[0][0] = out[0][1] = 0;
      k->range(out[0], out[0] + 1, in[0], n))
 CASE(quantise, k->quantise(bytes, in[0], 100, 117, n))
@@ -144,7 +143,7 @@ static const struct kernel_case {
     ROW(rescale_line_backward, 1, 1, 2, 1e-6),
     ROW(sft_forward, 1024, 32, 10, 1e-6),
     ROW(sft_backward, 1024, 32, 10, 1e-6), ROW(add, 1021, 40, 10, 0),
-    ROW(to_bf16, 1021, 41, 10, 0), ROW(round_bf16, 1021, 41, 10, 0), ROW(range,
+    ROW(to_bf16, 1021, 41, 10, 0), ROW(range,
                                                                          1021,
                                                                          41,
                                                                          10,
