@@ -23,7 +23,8 @@ int refine_open(struct refine *r, const struct model *m, enum nn_type type,
                          "(spid-splat -o FILE writes its pictures without "
                          "one)", model_path(m));
     r->model = m;
-    r->type = type;
+    r->type = type == NN_FAST && m->config.refiner.type == REFINER_NARROW
+                  ? NN_BF16 : type;
     r->roi = roi;
     return 0;
 }

@@ -20,7 +20,7 @@ void narrow_end_plan(struct narrow_end *e, struct conv *rgb,
     struct conv both = *rgb;
 
     *e = (struct narrow_end){.rgb = rgb, .field = field, .most = most};
-    if (p->err.code || nn_plan_backward(p) || !conv_winograd(rgb) ||
+    if (p->err.code || nn_plan_type(p) == NN_F32 || rgb->in % 16 ||
         rgb->h % TILE || rgb->w % TILE)
         return;
     both.out = (out + 15) / 16 * 16;
