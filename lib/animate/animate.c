@@ -115,7 +115,11 @@ static int animate_take(struct animate *a, struct driver_frame *f,
 
     pthread_mutex_lock(&a->in);
     if (!a->ended && (!a->opt.frames || a->next_in < a->opt.frames)) {
+        /* one at a time, so with whoever is free: the longest of what frames
+         * cannot do beside each other */
+        const bool before = parallel_alone(false);
         rc = driver_next(a->driver, f, &err);
+        parallel_alone(before);
         a->ended = rc <= 0;
         *ticket = a->next_in;
         a->next_in += rc == 1;

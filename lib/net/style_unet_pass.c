@@ -2,6 +2,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "lib/base/parallel.h"
 #include "lib/net/style_unet.h"
 #include "lib/nn/image.h"
 
@@ -71,13 +72,33 @@ static void style_unet_encoder_forward(const float *feat, struct style_unet *s)
     conv_forward(s->inner, x, &s->final_conv);
 }
 
+#define CHUNK 16384              /* values that a thread takes at once */
+
+/* Maps of a feature transform: y = x scale + shift, or dscale = dy x and
+ * y = dy scale. */
+struct style_unet_maps {
+    float *y, *dscale;
+    const float *x, *dy, *scale, *shift;
+    size_t n;
+};
+
+static void style_unet_transform_part(void *ctx, size_t k)
+{
+    const struct style_unet_maps m = *(struct style_unet_maps *)ctx;
+    const size_t end = (k + 1) * CHUNK < m.n ? (k + 1) * CHUNK : m.n;
+
+#pragma omp simd
+    for (size_t i = k * CHUNK; i < end; i++)
+        m.y[i] = m.x[i] * m.scale[i] + m.shift[i];
+}
+
 /* y = x scale + shift, two maps */
 static void style_unet_transform(float *y, const float *x, const float *scale,
                                  const float *shift, size_t n)
 {
-#pragma omp parallel for simd schedule(static)
-    for (size_t i = 0; i < n; i++)
-        y[i] = x[i] * scale[i] + shift[i];
+    parallel_for((n + CHUNK - 1) / CHUNK, 1, style_unet_transform_part,
+                 &(struct style_unet_maps){ .y = y, .x = x, .scale = scale,
+                                            .shift = shift, .n = n });
 }
 
 /* One level up: conditions from the encoder, two style convolutions,
@@ -139,18 +160,29 @@ const float *style_unet_logits(const struct style_unet *s)
 
 /* ---- backward ------------------------------------------------------------ */
 
+static void style_unet_backward_part(void *ctx, size_t k)
+{
+    const struct style_unet_maps m = *(struct style_unet_maps *)ctx;
+    const size_t end = (k + 1) * CHUNK < m.n ? (k + 1) * CHUNK : m.n;
+
+#pragma omp simd
+    for (size_t i = k * CHUNK; i < end; i++) {
+        const float g = m.dy[i];
+
+        m.dscale[i] = g * m.x[i];
+        m.y[i] = g * m.scale[i];
+    }
+}
+
 /* d(x scale + shift): dscale = dy x, dx = dy scale (may be over dy). */
 static void style_unet_transform_backward(float *dx, float *dscale,
                                           const float *dy, const float *x,
                                           const float *scale, size_t n)
 {
-#pragma omp parallel for simd schedule(static)
-    for (size_t i = 0; i < n; i++) {
-        float g = dy[i];
-
-        dscale[i] = g * x[i];
-        dx[i] = g * scale[i];
-    }
+    parallel_for((n + CHUNK - 1) / CHUNK, 1, style_unet_backward_part,
+                 &(struct style_unet_maps){ .y = dx, .dscale = dscale,
+                                            .x = x, .dy = dy, .scale = scale,
+                                            .n = n });
 }
 
 /* On entry g[0]: gradient of same.y from the next level, g[1]: of up.out from
