@@ -10,7 +10,7 @@
 #include "lib/base/resample.h"
 
 #define SOLID 0.97f     /* the prior's opacity: no holes */
-#define BACK_LIKE 0.5f  /* what is behind the teeth is seen so well at most */
+#define BACK_MAX 0.5f   /* what is behind the teeth is seen so well at most */
 #define AROUND 20       /* the cells around one: the grid's side over this */
 #define JAW_MM 4.5f     /* of the chin's way change what is between the lips */
 
@@ -106,7 +106,7 @@ int mouth_branch_plan(struct mouth_branch *b, struct nn_options opt,
         {&b->teeth, M * sizeof *b->teeth / sizeof(float), false},
         {&b->jaw, 3 * M, false}, {&b->pixel, 4 * M, false},
         {&b->shown, M, false}, {&b->reach, M, false},
-        {&b->like, M, false}, {&b->alike, M, false},
+        {&b->likeness, M, false}, {&b->around, M, false}, {&b->own, M, false},
         {&b->in, M * b->inputs, false},
         {&b->din, M * b->inputs, true}, {&b->logit, 3 * M, false},
         {&b->q, 3 * M, false}, {&b->dq, 3 * M, true}
@@ -150,19 +150,19 @@ static float mouth_branch_opening(const struct mouth_branch *b, size_t k,
  * is like the photograph only while the jaw is where it was; what is behind the
  * teeth shows a little more of itself for every millimetre. */
 static float mouth_branch_reach(const struct teeth_cell *t, float mm,
-                                float like)
+                                float likeness)
 {
     const float still = hypotf(t->jaw[1], t->jaw[2]) * JAW_MM * mm;
 
     if (t->layer == MOUTH_BACK)
-        return still / (1 - fminf(like, BACK_LIKE));
-    return like < 0.99f ? still / (1 - like) : 0;
+        return still / (1 - fminf(likeness, BACK_MAX));
+    return likeness < 0.99f ? still / (1 - likeness) : 0;
 }
 
-/* b->alike from b->like: what most cells around are.  Lines between teeth and
- * what gums the photograph shows belong to teeth, though no generic tooth is
+/* b->around from b->likeness: what most cells around are.  Lines between teeth
+ * and what gums the photograph shows belong to teeth, though no generic tooth is
  * dark or red just there. */
-static void mouth_branch_alike(struct mouth_branch *b)
+static void mouth_branch_smooth_likeness(struct mouth_branch *b)
 {
     const size_t K = b->K, R = K / AROUND;
 
@@ -174,10 +174,10 @@ static void mouth_branch_alike(struct mouth_branch *b)
             for (size_t x = j > R ? j - R : 0; x <= j + R && x < K; x++) {
                 if (b->teeth[y * K + x].layer != b->teeth[k].layer)
                     continue;
-                sum += b->like[y * K + x];
+                sum += b->likeness[y * K + x];
                 n++;
             }
-        b->alike[k] = branch_ramp(sum / n, 0.5f, 0.75f);
+        b->around[k] = branch_ramp(sum / n, 0.5f, 0.75f);
     }
 }
 
@@ -186,17 +186,17 @@ static void mouth_branch_alike(struct mouth_branch *b)
 static void mouth_branch_start(float r, float mm, struct mouth_branch *b)
 {
     for (size_t k = 0; k < b->count; k++)
-        b->like[k] = branch_likeness(b->pixel + 4 * k, b->teeth[k].color);
-    mouth_branch_alike(b);
+        b->likeness[k] = branch_likeness(b->pixel + 4 * k, b->teeth[k].color);
+    mouth_branch_smooth_likeness(b);
     for (size_t k = 0; k < b->count; k++) {
         const float *pixel = b->pixel + 4 * k, *own = b->teeth[k].color;
         float *extra = b->in + (k + 1) * b->inputs - MOUTH_BRANCH_EXTRA;
-        const float like = b->alike[k];
+        const float likeness = b->around[k];
 
         b->shown[k] = teeth_hidden(b->teeth, b->K, k)
                     ? 0 : mouth_branch_opening(b, k, r);
-        b->reach[k] = mouth_branch_reach(&b->teeth[k], mm, like);
-        const float w = extra[0] = b->shown[k] * like;
+        b->reach[k] = mouth_branch_reach(&b->teeth[k], mm, likeness);
+        const float w = b->own[k] = extra[0] = b->shown[k] * likeness;
         extra[1] = b->lips.gap / r;
         for (int c = 0; c < 3; c++)
             b->logit[3 * k + c] = attribute_logit(w * pixel[c] +
@@ -210,13 +210,6 @@ static float mouth_branch_radius(const struct mouth_branch *b)
     return fmaxf(b->lips.radius, 1e-3f);
 }
 
-/* How much of cell k's colour is the source's, as mouth_branch_start wrote
- * it. */
-static float mouth_branch_own(const struct mouth_branch *b, size_t k)
-{
-    return b->in[(k + 1) * b->inputs - MOUTH_BRANCH_EXTRA];
-}
-
 /* Place and shape are the teeth's; so is the colour of what the source does
  * not show, and features beyond it are 0: decoders that saw most mouths closed
  * paint a torn veil there. */
@@ -225,7 +218,7 @@ static void mouth_branch_unseen(struct branch_set *out,
 {
     for (size_t k = 0; k < b->count; k++) {
         const struct teeth_cell *t = &b->teeth[k];
-        float w = mouth_branch_own(b, k), *color = out->color +
+        float w = b->own[k], *color = out->color +
                                                      k * out->channels;
 
         for (size_t c = 0; c < out->channels; c++)
@@ -247,7 +240,7 @@ static void mouth_branch_unseen_backward(struct branch_set *dout,
     const size_t C = dout->channels;
 
     for (size_t i = 0; i < b->count * C; i++)
-        dout->color[i] *= mouth_branch_own(b, i / C);
+        dout->color[i] *= b->own[i / C];
     memset(dout->scale, 0, 3 * b->count * sizeof *dout->scale);
     memset(dout->quat, 0, 4 * b->count * sizeof *dout->quat);
     memset(dout->opacity, 0, b->count * sizeof *dout->opacity);

@@ -44,9 +44,11 @@ struct mouth_branch {
     float *shown;                       /* (K,K) how far the source shows them:
                                          * so far the photograph is drawn */
     float *reach;                       /* (K,K) within this (gaussian_seen) */
-    float *like, *alike;                /* (K,K) how far the picture's colour is
+    float *likeness, *around;           /* (K,K) how far the picture's colour is
                                          * the teeth's; how far that around is
                                          */
+    float *own;                         /* (K,K) share of the picture's colour,
+                                         * not the template's */
     float *pixel;                       /* (K,K,4) the picture there */
     float *in, *din;                    /* (K,K,inputs) */
     float *logit;                       /* (K,K,3) RGB to start from */

@@ -73,14 +73,15 @@ void teeth_make(struct teeth_cell *cells, const struct head *h,
 
 /* Column by column the lowest cell that is teeth; the rows of the middle half
  * are as high as the first one's. */
-float teeth_lift(const struct teeth_cell *cells, const float *like, size_t K)
+float teeth_lift(const struct teeth_cell *cells, const float *likeness,
+                 size_t K)
 {
     const size_t crown = teeth_crown_rows(K);
     float sum = 0, found = 0;
 
     for (size_t j = 3 * K / 8; j < K - 3 * K / 8; j++)
         for (size_t i = 0; i < crown; i++) {
-            if (!(like[i * K + j] > 0.5f))
+            if (!(likeness[i * K + j] > 0.5f))
                 continue;
             found++;
             if (i > 0)
@@ -91,15 +92,15 @@ float teeth_lift(const struct teeth_cell *cells, const float *like, size_t K)
 }
 
 void teeth_light(float light[3], const struct teeth_cell *cells,
-                 const float *like, const float *pixel, size_t K)
+                 const float *likeness, const float *pixel, size_t K)
 {
     float seen = 0, there[3] = {0}, own[3] = {1e-6f, 1e-6f, 1e-6f};
 
     for (size_t k = 0; k < teeth_upper_rows(K) * K; k++) {
-        seen += like[k];
+        seen += likeness[k];
         for (int c = 0; c < 3; c++) {
-            there[c] += like[k] * pixel[4 * k + c];
-            own[c] += like[k] * cells[k].color[c];
+            there[c] += likeness[k] * pixel[4 * k + c];
+            own[c] += likeness[k] * cells[k].color[c];
         }
     }
     const float count = (float)(K * K);

@@ -27,17 +27,18 @@ void teeth_make(struct teeth_cell *cells, const struct head *h,
                 const struct head_mouth *rest, const float chin[3],
                 float lift, size_t K);
 
-/* The lift of upper teeth of which the source shows like (K,K) of each cell,
+/* The lift of upper teeth that the source shows by `likeness` (K,K) of each cell,
  * 0..1: by what it shows in the middle below the generic edge, 0 where it shows
  * no teeth there. */
-float teeth_lift(const struct teeth_cell *cells, const float *like, size_t K);
+float teeth_lift(const struct teeth_cell *cells, const float *likeness,
+                 size_t K);
 
 /* light, by which the cells' colours were multiplied, becomes that of the upper
  * teeth in the picture, up to twice as bright, where it shows K K / 32 cells of
  * them; from half of that down it stays.  pixel (K,K,4): the picture at each
  * cell. */
 void teeth_light(float light[3], const struct teeth_cell *cells,
-                 const float *like, const float *pixel, size_t K);
+                 const float *likeness, const float *pixel, size_t K);
 
 /* Whether the upper teeth (or, of the back, the teeth) hide a cell from the
  * front, as the source has them. */
