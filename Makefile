@@ -26,6 +26,7 @@ CXXFLAGS_ALL := -std=c++17 $(BASE) $(CXXFLAGS)
 
 # ---- libraries: a program that uses nothing of one does not link it --------
 
+comma := ,
 HAVE_PKG = $(shell pkg-config --exists $(1) 2>/dev/null && echo 1)
 OPENCV_CFLAGS := $(shell pkg-config --cflags opencv4 2>/dev/null)
 OIIO_CFLAGS   := $(shell pkg-config --cflags OpenImageIO 2>/dev/null)
@@ -104,10 +105,40 @@ CMD  := $(BUILD)/libcmd.a
 
 HEAD := $(BUILD)/share/spid/head.safetensors
 
+# What a live page runs: the tracker and Phase A in WebAssembly, where there is
+# emcc.  oneDNN's, cJSON's and xxHash's headers are the system's, behind emcc's
+# own; what needs their code, or learns, is not there to be called.
+WASM_C := $(wildcard lib/export/web/wasm/*.c) lib/export/page.c \
+          lib/export/page_pack.c formats/safetensors.c formats/outfile.c \
+          $(filter-out lib/nn/conv_onednn.c lib/nn/engine.c,$(wildcard \
+            $(patsubst %,lib/%/*.c,base stream head nn net photo track avatar)))
+EMCC   := $(shell command -v emcc)
+GLUE   := $(if $(EMCC),$(BUILD)/wasm/glue.mjs)
+WASM_FLAGS := -std=gnu17 -O2 -msimd128 -ffp-contract=off -fno-math-errno \
+        -fno-trapping-math -I. -idirafter /usr/include -D_GNU_SOURCE -MMD -MP \
+        -DISA_ONE -DXXH_INLINE_ALL= -DSPID_VERSION='"$(VERSION)"'
+WASM_LINK  := -O2 -msimd128 $(foreach s,MODULARIZE=1 EXPORT_ES6=1 \
+        ENVIRONMENT=worker ALLOW_MEMORY_GROWTH=1 FORCE_FILESYSTEM=1 \
+        TOTAL_STACK=8MB ERROR_ON_UNDEFINED_SYMBOLS=0 \
+        WARN_ON_UNDEFINED_SYMBOLS=0 EXPORTED_FUNCTIONS=_malloc \
+        EXPORTED_RUNTIME_METHODS=FS$(comma)UTF8ToString,-s $(s))
+
+$(BUILD)/wasm/%_tmpl.o: WASM_FLAGS += -O3 -DISA_BASELINE -DISA_NAME=baseline
+$(BUILD)/wasm/%.o: %.c
+	@mkdir -p $(@D)
+	$(SAY) EMCC $@
+	$(EMCC) $(WASM_FLAGS) -c $< -o $@
+
+# Debian's emcc wants Debian's JavaScript modules.
+$(BUILD)/wasm/glue.mjs: $(WASM_C:%.c=$(BUILD)/wasm/%.o)
+	$(SAY) EMLD $@
+	NODE_PATH=/usr/share/nodejs $(EMCC) $^ $(WASM_LINK) -o $@
+-include $(shell find $(BUILD)/wasm -name '*.d' 2>/dev/null)
+
 # The page that spid-export --html fills, where there is npm to fetch its
 # engine; without it, or without a network, all else is built.
 PLAYER   := $(BUILD)/share/spid/player.html
-PLAYER_SOURCES := $(sort $(wildcard lib/export/web/*))
+PLAYER_SOURCES := $(sort $(wildcard lib/export/web/*.*))
 MODULE_SOURCES := $(sort $(wildcard examples/web/*))
 
 all: $(PROGRAMS) $(MODULES) $(HEAD) $(if $(shell command -v npm),$(BUILD)/web/tried)
@@ -117,10 +148,10 @@ $(HEAD): examples/model/head.safetensors
 	@mkdir -p $(@D)
 	cp $< $@
 
-$(PLAYER): $(PLAYER_SOURCES) $(MODULE_SOURCES)
+$(PLAYER): $(PLAYER_SOURCES) $(MODULE_SOURCES) $(GLUE)
 	@mkdir -p $(BUILD)/web $(@D)
 	$(SAY) WEB $@
-	cp $(PLAYER_SOURCES) $(BUILD)/web
+	cp $(PLAYER_SOURCES) $(GLUE) $(GLUE:.mjs=.wasm) $(BUILD)/web
 	cd $(BUILD)/web && npm install --silent --no-audit --no-fund \
 	  --fetch-retries=1 --fetch-timeout=30000
 	cd $(BUILD)/web && node build.mjs player.built live.built \
@@ -128,12 +159,12 @@ $(PLAYER): $(PLAYER_SOURCES) $(MODULE_SOURCES)
 	mkdir -p $(BUILD)/web-module
 	cp examples/web/* $(BUILD)/web-module
 	mv $(BUILD)/web/module.built $(BUILD)/web-module/spid-avatar.js
-	mv $(BUILD)/web/live.built $(@D)/player-live.html
+	$(if $(GLUE),mv $(BUILD)/web/live.built $(@D)/player-live.html)
 	mv $(BUILD)/web/player.built $@
 
 # Once for each change of the sources, so that a make without a network does
 # not wait for one every time.
-$(BUILD)/web/tried: $(PLAYER_SOURCES) $(MODULE_SOURCES)
+$(BUILD)/web/tried: $(PLAYER_SOURCES) $(MODULE_SOURCES) $(GLUE)
 	@mkdir -p $(@D)
 	@$(MAKE) $(PLAYER) || echo "no page for spid-export --html: npm installed \
 	  nothing (make web tries again)"
@@ -300,7 +331,7 @@ deps:
 # tests skip.
 DEPS_TESTS := chromium blender python3-torch python3-scipy python3-onnx \
         imagemagick libimage-exiftool-perl liblcms2-utils libheif-examples \
-        bsdutils
+        bsdutils emscripten
 deps-tests: deps
 	@sudo=; [ "$$(id -u)" = 0 ] || sudo=sudo; \
 	for p in $(DEPS_TESTS) $$(command -v npm >/dev/null || echo npm); do \

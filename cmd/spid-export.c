@@ -15,7 +15,6 @@ static struct export_options opt = {.frame = -1};
 static const char *identity_path, *head_path, *lint_path, *onnx_path;
 static long expressions = 50;
 static bool live;
-static struct networks networks;
 
 static const struct cli_option options[] = {
     OPTION_OUTPUT("ply", 0, &opt.ply, "FILE",
@@ -134,23 +133,42 @@ static bool export_streams(void)
            opt.html || opt.web;
 }
 
-/* The model's networks: as files, and for a page that is live. */
-static void export_open_networks(void)
+/* --onnx: the model's networks as files. */
+static void export_networks(void)
 {
+    struct networks networks;
     struct model model;
-    static struct head head;    /* of the networks, as long as they last */
+    struct head head;
     struct error err = {0};
 
-    if (!onnx_path && !live)
+    if (!onnx_path)
         return;
-    if (live && !opt.html)
-        die(EX_USAGE, "--live: no page (expected --html FILE)");
     if (option_model_open(&model, &err) ||
         option_head_load(&head, head_path, &err) ||
         networks_open(&networks, &model, &head, &err) ||
-        (onnx_path && networks_write(onnx_path, &networks, &err)))
+        networks_write(onnx_path, &networks, &err))
         die_error(&err);
+    networks_release(&networks);
+    head_release(&head);
     model_close(&model);
+}
+
+/* --live: the files that go into the page, checked. */
+static void export_open_live(struct export *x, const char *head)
+{
+    static char path[4096];
+    struct error err = {0};
+    struct model model;
+
+    if (!live)
+        return;
+    if (option_model_open(&model, &err) ||
+        model_check_head(&model.config, &x->head, &err))
+        die_error(&err);
+    snprintf(path, sizeof path, "%s", model_path(&model));
+    model_close(&model);
+    x->page.live_model = path;
+    x->page.live_head = head;
 }
 
 /* The template of --html. */
@@ -172,8 +190,10 @@ static void export_open_player(void)
 static void export_open_all(struct export *x)
 {
     struct error err = {0};
-    char path[4096] = "";
+    static char path[4096];
 
+    if (live && !opt.html)
+        die(EX_USAGE, "--live: no page (expected --html FILE)");
     if (!export_streams())
         die(EX_USAGE, "nothing to write (expected --ply, --splat, "
             "--glb-splats, --glb-head, --obj, --html, --web or --onnx)");
@@ -185,6 +205,7 @@ static void export_open_all(struct export *x)
     export_open_player();
     if (export_init(x, &opt, head_path ? head_path : path, &err))
         die_error(&err);
+    export_open_live(x, head_path ? head_path : path);
     if (identity_path && x->has_head &&
         export_load_identity(x, identity_path, &err))
         die_error(&err);
@@ -221,14 +242,12 @@ int main(int argc, char **argv)
         die(EX_USAGE, "more than one stream");
     if (lint_path)
         return export_lint_file(lint_path);
-    export_open_networks();
+    export_networks();
     if (onnx_path && !export_streams()) {
-        networks_release(&networks);
         stats_write();
         return EX_OK;
     }
     export_open_all(&x);
-    x.page.live = live ? &networks : NULL;
     export_stream(&x, at < argc ? argv[at] : "-");
     export_print_drawn(&x);
     export_print_page(&x);
@@ -236,7 +255,6 @@ int main(int argc, char **argv)
         warn("only the first three channels were written: the coarse picture "
              "without the refiner");
     export_release(&x);
-    networks_release(&networks);
     stats_write();
     return EX_OK;
 }

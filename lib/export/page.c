@@ -3,8 +3,8 @@
  * photograph. */
 #include "lib/export/page.h"
 
-#include <cjson/cJSON.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
@@ -75,8 +75,7 @@ static int page_grow(struct page *p, struct error *err)
     return 0;
 }
 
-/* m in PAGE_POSE + nexp numbers. */
-static void page_store_motion(float *to, const struct motion *m, size_t nexp)
+void page_row(float *to, const struct motion *m, size_t nexp)
 {
     memcpy(to, m->R, sizeof m->R);
     memcpy(to + 9, m->t, sizeof m->t);
@@ -98,7 +97,7 @@ static int page_take_motion(struct page *p, const struct record *rec,
         return error_set(err, EX_DATAERR, "time %g follows %g (expected "
                          "increasing times)", rec->time,
                          p->time[p->frames - 1]);
-    page_store_motion(p->motion + p->frames * (PAGE_POSE + p->nexp), &m,
+    page_row(p->motion + p->frames * (PAGE_POSE + p->nexp), &m,
                       p->nexp);
     p->time[p->frames++] = rec->time;
     return 0;
@@ -189,7 +188,7 @@ static void page_pack_mesh(struct pack *k, const struct identity *id)
 {
     const struct head *h = id->head;
 
-    page_pack_head(k, "", id);
+    page_pack_head(k, id);
     page_pack_add(k, "faces", ST_I32, h->F, 3, h->f);
     page_pack_add(k, "lip_inner", ST_I32, h->nlip_inner, 0, h->lip_inner);
     page_pack_add(k, "chin_vertices", ST_I32, h->nchin, 0, h->chin);
@@ -208,7 +207,7 @@ static void page_pack_motion(struct pack *k, const struct page *p,
         return;
     float *to = page_pack_add(k, "source", ST_F32, 1, width, NULL);
     if (to)
-        page_store_motion(to, &person->source, p->nexp);
+        page_row(to, &person->source, p->nexp);
 }
 
 /* Number, home, reach of the Gaussians that the photograph shows only near
@@ -257,16 +256,19 @@ static int page_pack_photograph(struct pack *k, const struct baked *b,
     return 0;
 }
 
-/* Names of the expression directions as a JSON list; empty where the head
- * does not name them. */
+/* Names of the expression directions as a JSON list (the caller frees it);
+ * empty where the head does not name them.  ARKit's need no escape. */
 static char *page_names(const struct head *h)
 {
-    cJSON *list = cJSON_CreateArray();
+    char *text = NULL;
+    size_t bytes;
+    FILE *list = open_memstream(&text, &bytes);
 
-    for (int i = 0; head_has_arkit(h) && i < ARKIT_COUNT; i++)
-        cJSON_AddItemToArray(list, cJSON_CreateString(arkit_name(i)));
-    char *text = cJSON_PrintUnformatted(list);
-    cJSON_Delete(list);
+    for (int i = 0; list && head_has_arkit(h) && i < ARKIT_COUNT; i++)
+        fprintf(list, "%s\"%s\"", i ? "," : "[", arkit_name(i));
+    if (!list || fputs(head_has_arkit(h) ? "]" : "[]", list) == EOF ||
+        fclose(list))
+        return NULL;
     return text;
 }
 
@@ -283,7 +285,7 @@ static int page_check(const struct page *p, const struct person *person,
         return error_set(err, EX_DATAERR, "this stream has what moved, not "
                          "the motion (expected MOTN records, as spid-motion "
                          "writes them)");
-    if (p->live && !person->has_source)
+    if (p->live_model && !person->has_source)
         return error_set(err, EX_DATAERR, "the avatar has no motion of its "
                          "own, from which --live moves it (expected MOTN "
                          "beside SRCI, as spid-shape writes them)");
@@ -320,7 +322,8 @@ int page_write(const struct page *p, const char *path,
     if (page_check(p, person, err) ||
         page_pack_rides(k, &p->baked, id->head, err) ||
         page_pack_photograph(k, &p->baked, person, err) ||
-        (p->live && page_pack_live(k, p->live, id->head, err)))
+        (p->live_model &&
+         page_pack_live(k, p->live_model, p->live_head, err)))
         goto out;
     page_pack_gaussians(k, &p->baked);
     page_pack_mesh(k, id);
@@ -334,7 +337,7 @@ int page_write(const struct page *p, const char *path,
     else
         rc = page_write_archive(path, k, meta, err);
 out:
-    cJSON_free(names);
+    free(names);
     if (k)
         page_pack_release(k);
     free(k);

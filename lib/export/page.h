@@ -13,7 +13,6 @@
 
 #include "lib/avatar/baked.h"
 #include "lib/base/error.h"
-#include "lib/export/networks.h"
 #include "lib/head/lbs.h"
 #include "lib/head/motion.h"
 #include "lib/head/person.h"
@@ -33,9 +32,13 @@ struct page {
     size_t nexp, frames, room;
     float *motion;              /* (frames, PAGE_POSE + nexp) */
     double *time;               /* (frames) seconds */
-    const struct networks *live;        /* borrowed; NULL: a page without a
-                                         * camera */
+    const char *live_model, *live_head; /* borrowed: the files that a page
+                                         * which finds motions itself holds;
+                                         * NULL: it is to have no camera */
 };
+
+/* m in PAGE_POSE + nexp numbers. */
+void page_row(float *to, const struct motion *m, size_t nexp);
 
 /* nexp: expression directions of the head.  A zeroed page may be released. */
 void page_init(struct page *p, size_t nexp);

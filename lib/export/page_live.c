@@ -1,45 +1,34 @@
-/* A page's tracker: its network and its landmarks, packed. */
+/* The engine's files, packed as they are. */
 #include "lib/export/page_live.h"
 
-#include <stdlib.h>
+#include <errno.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <sysexits.h>
 
-#include "lib/track/landmarks.h"
-
-/* A network's file as bytes. */
-static int page_pack_network(struct pack *k, const char *name,
-                             const struct networks *nets, enum network which,
-                             struct error *err)
+/* A file's bytes as an array. */
+static int page_pack_file(struct pack *k, const char *name, const char *path,
+                          struct error *err)
 {
-    struct graph g;
-    size_t bytes = 0;
-    uint8_t *packed = networks_graph(&g, nets, which, err)
-                          ? NULL
-                          : onnx_pack(&bytes, &g.file, err);
+    struct stat st;
+    FILE *f = fopen(path, "rb");
+    void *to;
+    int rc = 0;
 
-    graph_release(&g);
-    if (!packed)
-        return -1;
-    page_pack_add(k, name, ST_U8, bytes, 0, packed);
-    free(packed);
-    return 0;
+    if (!f || fstat(fileno(f), &st))
+        rc = error_set(err, EX_NOINPUT, "%s: %s", path, strerror(errno));
+    else if ((to = page_pack_add(k, name, ST_U8, (size_t)st.st_size, 0, NULL)) &&
+             fread(to, 1, (size_t)st.st_size, f) != (size_t)st.st_size)
+        rc = error_set(err, EX_IOERR, "%s: could not be read whole", path);
+    if (f)
+        fclose(f);
+    return rc;
 }
 
-int page_pack_live(struct pack *k, const struct networks *nets,
-                   const struct head *head, struct error *err)
+int page_pack_live(struct pack *k, const char *model, const char *head,
+                   struct error *err)
 {
-    struct identity mean = {0};
-    struct landmarks l = {0};
-    int rc = head_fold(&mean, head, NULL, 0, err) ||
-             landmarks_init(&l, &mean, err) ||
-             page_pack_network(k, "net.motion", nets, NETWORK_MOTION, err)
-                 ? -1 : 0;
-
-    if (rc == 0) {
-        page_pack_head(k, "track.", &l.id);
-        page_pack_add(k, "track.corner", ST_I32, HEAD_LANDMARKS, 3, l.corner);
-        page_pack_add(k, "track.bary", ST_F32, HEAD_LANDMARKS, 3, l.bary);
-    }
-    landmarks_release(&l);
-    identity_release(&mean);
-    return rc;
+    return page_pack_file(k, "engine.model", model, err) ||
+           page_pack_file(k, "engine.head", head, err) ? -1 : 0;
 }

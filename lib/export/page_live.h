@@ -1,17 +1,14 @@
-/* What lets a page find a motion in a camera's frames by itself: E_m, and the
- * mean head's landmarks, by which its crop follows the face. */
+/* What lets a page find motions in a camera's frames and make avatars of
+ * photographs by itself: the files of model and head, for the engine in
+ * lib/export/web/wasm. */
 #ifndef SPID_EXPORT_PAGE_LIVE_H
 #define SPID_EXPORT_PAGE_LIVE_H
 
 #include "lib/base/error.h"
-#include "lib/export/networks.h"
 #include "lib/export/page_pack.h"
-#include "lib/head/head.h"
 
-/* "net.motion", the ONNX file; "track.*", the head of those vertices that
- * landmarks hang on (page_pack_head), "track.corner" (68,3) which of them and
- * "track.bary" (68,3) how much of each. */
-int page_pack_live(struct pack *k, const struct networks *nets,
-                   const struct head *head, struct error *err);
+/* "engine.model" and "engine.head": the bytes of the two files. */
+int page_pack_live(struct pack *k, const char *model, const char *head,
+                   struct error *err);
 
 #endif

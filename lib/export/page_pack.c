@@ -129,25 +129,21 @@ static void page_pack_skin(struct pack *k, const char *name,
     free(w);
 }
 
-void page_pack_head(struct pack *k, const char *prefix,
-                    const struct identity *id)
+void page_pack_head(struct pack *k, const struct identity *id)
 {
     const struct head *h = id->head;
     float joints[3 * HEAD_JOINTS];
-    char name[24];
 
     for (int i = 0; i < 3 * HEAD_JOINTS; i++)
         joints[i] = (float)id->joints[i];
-#define NAME(what) (snprintf(name, sizeof name, "%s" what, prefix), name)
-    page_pack_directions(k, NAME("shaped"), h, id->shaped, 1);
-    page_pack_directions(k, NAME("lids"), h, id->lids, 2);
-    page_pack_directions(k, NAME("exp_dirs"), h, h->exp_dirs, h->nexp);
-    page_pack_directions(k, NAME("pose_dirs"), h, h->pose_dirs,
+    page_pack_directions(k, "shaped", h, id->shaped, 1);
+    page_pack_directions(k, "lids", h, id->lids, 2);
+    page_pack_directions(k, "exp_dirs", h, h->exp_dirs, h->nexp);
+    page_pack_directions(k, "pose_dirs", h, h->pose_dirs,
                          HEAD_POSE_DIRS);
-    page_pack_skin(k, NAME("weights"), h);
-    page_pack_add(k, NAME("joints"), ST_F32, HEAD_JOINTS, 3, joints);
-    page_pack_add(k, NAME("joint_exp"), ST_F32, h->nexp, 3 * HEAD_JOINTS,
+    page_pack_skin(k, "weights", h);
+    page_pack_add(k, "joints", ST_F32, HEAD_JOINTS, 3, joints);
+    page_pack_add(k, "joint_exp", ST_F32, h->nexp, 3 * HEAD_JOINTS,
                   h->joint_exp);
-    page_pack_add(k, NAME("parents"), ST_I32, HEAD_JOINTS, 0, h->parents);
-#undef NAME
+    page_pack_add(k, "parents", ST_I32, HEAD_JOINTS, 0, h->parents);
 }

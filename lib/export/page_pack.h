@@ -36,9 +36,8 @@ void page_pack_columns(struct pack *k, const char *name, const float *x,
  * deflated. */
 void page_pack_picture(struct pack *k, const char *name, const uint8_t *pixel,
                        size_t S, size_t channels);
-/* What poses an identity's head (Eq. M with beta folded in): prefix + shaped,
- * lids, exp_dirs, pose_dirs, weights, joints, joint_exp, parents. */
-void page_pack_head(struct pack *k, const char *prefix,
-                    const struct identity *id);
+/* What poses an identity's head (Eq. M with beta folded in): shaped, lids,
+ * exp_dirs, pose_dirs, weights, joints, joint_exp, parents. */
+void page_pack_head(struct pack *k, const struct identity *id);
 
 #endif

@@ -159,8 +159,7 @@ static void conv_forward_pointwise(float *out, const float *in,
 
 static void conv_plan_im2col(struct conv *c, const struct conv_shape *s)
 {
-    (void)s;
-    im2col_plan(&c->impl->im2col, c, c->plan);
+    im2col_plan(&c->impl->im2col, c, s, c->plan);
 }
 
 static void conv_update_im2col(struct conv *c, const float *w)

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "lib/base/parallel.h"
-#include "lib/nn/conv.h"
+#include "lib/nn/conv_impl.h"
 #include "lib/nn/kernels.h"
 
 #define PIECE 128        /* terms of one chain, at most */
@@ -23,12 +23,15 @@ bool im2col_wanted(const struct conv *c)
                                             : few && terms >= 2048);
 }
 
-void im2col_plan(struct im2col *t, const struct conv *c, struct nn_plan *p)
+void im2col_plan(struct im2col *t, const struct conv *c,
+                 const struct conv_shape *s, struct nn_plan *p)
 {
     size_t pixels = c->batch * c->oh * c->ow;
     size_t rows = pixels < BAND ? pixels : BAND;
 
     t->c = c;
+    t->top = s->top;
+    t->left = s->left;
     t->K = c->kernel * c->kernel * c->in_data;
     t->N = (c->out + COLUMNS - 1) / COLUMNS * COLUMNS;
     t->w = nn_plan_floats(p, t->K * t->N);
@@ -86,32 +89,32 @@ void im2col_update(struct im2col *t, const float *w, const float *bias)
 }
 
 struct im2col_unfold_part {
-    const struct conv *c;
-    struct im2col *t;
+    const struct im2col *t;
     const float *in;
-    size_t m0, k, C, half;
+    size_t m0;
 };
 
+/* What the window of one pixel of the output sees. */
 static void im2col_unfold_part(void *ctx, size_t row)
 {
     const struct im2col_unfold_part *a = ctx;
-    size_t r = a->m0 + row, n = r / (a->c->oh * a->c->ow);
-    size_t y = r / a->c->ow % a->c->oh * a->c->stride,
-           x = r % a->c->ow * a->c->stride;
-    float *to = a->t->rows + row * a->t->K;
+    const struct im2col *t = a->t;
+    const struct conv *c = t->c;
+    const size_t r = a->m0 + row, n = r / (c->oh * c->ow), C = c->in_data;
+    const size_t y = r / c->ow % c->oh * c->stride;
+    const size_t x = r % c->ow * c->stride;
+    float *to = t->rows + row * t->K;
 
-    for (size_t tap = 0; tap < a->k * a->k; tap++, to += a->C) {
-        size_t yy = y + tap / a->k, xx = x + tap % a->k; /* `half` too many */
+    for (size_t tap = 0; tap < c->kernel * c->kernel; tap++, to += C) {
+        const size_t yy = y + tap / c->kernel;  /* t->top too many */
+        const size_t xx = x + tap % c->kernel;
 
-        if (yy < a->half || yy >= a->c->h + a->half || xx < a->half ||
-            xx >= a->c->w + a->half)
-            memset(to, 0, a->C * sizeof *to);
+        if (yy < t->top || yy >= c->h + t->top || xx < t->left ||
+            xx >= c->w + t->left)
+            memset(to, 0, C * sizeof *to);
         else
-            memcpy(to,
-                   a->in +
-                       ((n * a->c->h + yy - a->half) * a->c->w + xx - a->half) *
-                           a->C,
-                   a->C * sizeof *to);
+            memcpy(to, a->in + ((n * c->h + yy - t->top) * c->w + xx -
+                                t->left) * C, C * sizeof *to);
     }
 }
 
@@ -120,11 +123,8 @@ static void im2col_unfold_part(void *ctx, size_t row)
 static void im2col_unfold(const float *in, struct im2col *t, size_t m0,
                           size_t M)
 {
-    const struct conv *c = t->c;
-    size_t C = c->in_data, k = c->kernel, half = k / 2;
-
     parallel_for(M, 1, im2col_unfold_part,
-                 &(struct im2col_unfold_part){ c, t, in, m0, k, C, half });
+                 &(struct im2col_unfold_part){ t, in, m0 });
 }
 
 struct im2col_multiply_part {

@@ -7,9 +7,11 @@
 #include "lib/nn/plan.h"
 
 struct conv;
+struct conv_shape;
 
 struct im2col {
     const struct conv *c;
+    size_t top, left;        /* zeros before the picture's first pixel */
     size_t K, N;             /* k k in; out rounded up to a panel */
     float *w;                /* packed, piece by piece */
     float *bias;
@@ -21,8 +23,9 @@ struct im2col {
  * are made of them: StyleUNet's innermost layers, whose errors would reach
  * every other layer by the style. */
 bool im2col_wanted(const struct conv *c);
-/* Buffers for the layer c, whose sizes are known. */
-void im2col_plan(struct im2col *t, const struct conv *c, struct nn_plan *p);
+/* Buffers for the layer c, whose sizes are known, of shape s. */
+void im2col_plan(struct im2col *t, const struct conv *c,
+                 const struct conv_shape *s, struct nn_plan *p);
 /* From weights w (out,in_data,k,k) and bias (out). */
 void im2col_update(struct im2col *t, const float *w, const float *bias);
 /* out (B,oh,ow,out) from in (B,h,w,in_data). */

@@ -23,7 +23,7 @@ setup_file() {
 
 setup() {
     cd "$BATS_TEST_TMPDIR"
-    [ -e "$SHARE/player-live.html" ] || skip "no player-live.html (apt: npm, then make web)"
+    [ -e "$SHARE/player-live.html" ] || skip "no player-live.html (apt: npm, emscripten; then make web)"
     ln -s "$BATS_FILE_TMPDIR"/*.* .
 }
 
@@ -41,6 +41,15 @@ need_browser() {
     spid-motion -q --no-align --no-tta --precision f32 --window "$window" driver.webm |
         spid-dump --json --values >ours.json
     node "$TOP/tests/npm/motions.cjs" motion.json ours.json
+}
+
+@test "a photograph becomes the avatar that the programs make of it, to 40 dB" {
+    need_browser
+    ffmpeg -nostdin -v error -i "$TOP/examples/photo.jpg" -vf scale=480:-1 photo.png
+    echo "no picture" >text.jpg
+    ffmpeg -nostdin -v error -f lavfi -i color=gray:320x240 -frames:v 1 wall.png
+    timeout 800 node "$TOP/tests/npm/face.cjs" page.html photo.png text.jpg wall.png >out 2>&1 || { cat out; false; }
+    cat out
 }
 
 @test "a camera drives it, is recorded with its mark, and may be refused" {

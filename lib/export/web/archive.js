@@ -18,8 +18,13 @@ export function bytesOf(base64) {
 export const inflate = unzlibSync;
 
 export class Archive {
-  // of a page's text, or of the file of spid-export --web
+  // of a page's text, of the file of spid-export --web, or of the engine's
+  // {meta, arrays}
   constructor(text) {
+    if (text.arrays) {
+      Object.assign(this, { meta: text.meta, index: text.arrays });
+      return;
+    }
     const bytes = typeof text === "string" ? inflate(bytesOf(text))
                                            : new Uint8Array(text);
     const size = Number(new DataView(bytes.buffer, bytes.byteOffset)
@@ -28,9 +33,10 @@ export class Archive {
     const { __metadata__, ...index } = JSON.parse(json);
     this.meta = __metadata__;
     this.index = index;
-    this.data = bytes.subarray(8 + size);
-    if (Object.values(index).some(({ data_offsets: [, to] }) => to > this.data.length))
+    const data = bytes.subarray(8 + size);
+    if (Object.values(index).some(({ data_offsets: [, to] }) => to > data.length))
       throw new Error("cut short");
+    for (const t of Object.values(index)) t.bytes = data.subarray(...t.data_offsets);
   }
 
   has(name) { return name in this.index; }
@@ -39,8 +45,8 @@ export class Archive {
 
   // A copy of an array as it is.
   array(name) {
-    const { dtype, data_offsets: [from, to] } = this.index[name];
-    return new types[dtype](this.data.slice(from, to).buffer);
+    const { dtype, bytes } = this.index[name];
+    return new types[dtype](bytes.slice().buffer);
   }
 
   // Rows of 16 bits between the ends of their range, as floats.

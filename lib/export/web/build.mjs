@@ -1,7 +1,8 @@
 // node build.mjs OUT LIVE MODULE: the player as one file, OUT, that lacks only
-// the avatar (formats/pagefile.h); LIVE, which a camera can drive, too; and
-// MODULE, for other people's sites (examples/web).  make web runs a copy of
-// this folder, where npm has installed what package.json names.
+// the avatar (formats/pagefile.h); LIVE, which a camera can drive, too, where
+// there is an engine, glue.mjs and glue.wasm; and MODULE, for other people's
+// sites (examples/web).  make web runs a copy of this folder, where npm has
+// installed what package.json names.
 import { build } from "esbuild";
 import { existsSync, readFileSync, writeFileSync } from "node:fs";
 import { deflateSync } from "node:zlib";
@@ -17,11 +18,11 @@ async function bundle(entry, plugins = []) {
   return made.outputFiles[0].text;
 }
 
-// import code from "worker" or "tracker": that bundled worker as a string.
+// import code from "worker" or "engine": that bundled worker as a string.
 const workers = {
   name: "workers",
   setup(b) {
-    b.onResolve({ filter: /^(worker|tracker)$/ },
+    b.onResolve({ filter: /^(worker|engine)$/ },
                 ({ path }) => ({ path, namespace: "text" }));
     b.onLoad({ filter: /.*/, namespace: "text" }, async ({ path }) => ({
       contents: await bundle(`${path}.js`), loader: "text" }));
@@ -41,24 +42,24 @@ const live = (on) => ({
 
 // The engine's code, deflated, as the text of an element.
 function engine() {
-  const wasm = readFileSync("node_modules/onnxruntime-web/dist/ort-wasm-simd-threaded.wasm");
+  const wasm = readFileSync("glue.wasm");
   return `<script type="application/x-wasm" id="engine">${
     deflateSync(wasm, { level: 9 }).toString("base64")}</script>\n`;
 }
 
 function notice(names) {
-  const file = (name) => [`node_modules/${name}/LICENSE`, `node_modules/${name}/LICENSE.md`,
-                          `${name}.license`].find(existsSync);
+  const file = (name) => [`node_modules/${name}/LICENSE`, `node_modules/${name}/LICENSE.md`]
+    .find(existsSync);
   return names.map((name) => `${name}: ${file(name)
     ? read(file(name)).trim()
     : `${JSON.parse(read(`node_modules/${name}/package.json`)).license} licence`}`)
-    .join("\n\n");
+    .join("\n\n") + "\n\nEmscripten's runtime and musl: MIT licence";
 }
 
 async function page(out, on) {
   const script = (await bundle("main.js", [workers, live(on)]))
     .replaceAll("</script", "<\\/script");
-  const names = ["three", "fflate", ...on ? ["onnxruntime-web", "tracking"] : []];
+  const names = ["three", "fflate", ...on ? ["tracking"] : []];
   const text = read("player.html")
     .replace("/*STYLE*/", () => read("player.css"))
     .replace(" /*WASM*/", on ? " 'wasm-unsafe-eval'" : "")
@@ -82,5 +83,5 @@ async function module(out) {
 }
 
 await page(process.argv[2], false);
-await page(process.argv[3], true);
+if (existsSync("glue.wasm")) await page(process.argv[3], true);
 await module(process.argv[4]);

@@ -99,7 +99,7 @@ export class Head {
   }
 
   // Centroids of the inner lips and the chin, and the lips' opening away from
-  // the corners (head_mouth in lib/lab/head/measure.c).
+  // the corners (head_mouth in lib/head/measure.c).
   mouth() {
     const points = (list) => Array.from(list, (v) => this.verts.subarray(3 * v, 3 * v + 3));
     const mean = (x) => x.reduce((s, v) => s + v, 0) / (x.length || 1);

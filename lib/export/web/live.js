@@ -1,7 +1,8 @@
-// A camera or a video drives the avatar: frames to the tracker's worker, its
-// motions to the player; neutral, mirror, recording, and what all of it costs.
-import trackerCode from "tracker";
-import { bytesOf, inflate } from "./archive.js";
+// A camera or a video drives the avatar, a photograph becomes another one: frames
+// and pictures to the engine's worker, what it finds to the player; neutral,
+// mirror, recording, and what all of it costs.
+import engineCode from "engine";
+import { Archive, bytesOf, inflate } from "./archive.js";
 import { Recorder } from "./record.js";
 import { relative } from "./relative.js";
 
@@ -22,19 +23,11 @@ export class Live {
     this.player = player;
     this.arkit = JSON.parse(archive.meta.names).length > 0;
     this.source = archive.array("source");
-    this.width = this.source.length;
     this.spent = {};
     this.video = $("eye");
     this.smooth = SMOOTH;
     this.waiting = [];          // for settled()
-    const planes = (name) => archive.planes(`track.${name}`);
-    const array = (name) => archive.array(`track.${name}`);
-    this.arrays = {
-      net: archive.array("net.motion"), shaped: planes("shaped"),
-      expDirs: planes("exp_dirs"), poseDirs: planes("pose_dirs"),
-      lids: planes("lids"), weights: planes("weights"), joints: array("joints"),
-      jointExp: array("joint_exp"), parents: array("parents"),
-      corner: array("corner"), bary: array("bary") };
+    this.files = { model: archive.array("engine.model"), head: archive.array("engine.head") };
     this.recorder = new Recorder($("canvas"), MARK(), (blob) => this.save(blob),
                                  (why) => this.say(`No recording: ${why}.`));
     this.addControls();
@@ -50,22 +43,25 @@ export class Live {
       if (file) this.openFile(file);
       $("picked").value = "";
     };
+    $("photo-file").onclick = () => $("photo-picked").click();
+    $("photo-picked").onchange = () => {
+      const [file] = $("photo-picked").files;
+      if (file) this.openPhoto(file);
+      $("photo-picked").value = "";
+    };
     $("rest").onclick = () => { this.neutral = this.last; };
     $("record").onclick = () => this.recorder.on ? this.recorder.stop() : this.record();
     $("mirror").onchange = () => this.restart();
     const click = (id) => () => $(id).click();
     Object.assign(this.player.panel.more, { c: click("camera"), v: click("file"),
-                                            n: click("rest"), r: click("record") });
+                                            n: click("rest"), r: click("record"),
+                                            f: click("photo-file") });
     addEventListener("dragover", (e) => e.preventDefault());
     addEventListener("drop", (e) => {
       e.preventDefault();
       const files = [...e.dataTransfer.files];
-      const video = files.find((f) => f.type.startsWith("video/"));
-      if (video) this.openFile(video);
-      else this.say(files.some((f) => f.type.startsWith("image/"))
-        ? "A photograph becomes an avatar in the spid programs, not in this page; " +
-          "drop a video to drive this one."
-        : "That is no video.");
+      if (files[0]?.type.startsWith("video/")) this.openFile(files[0]);
+      else if (files[0]) this.openPhoto(files[0]);
     });
   }
 
@@ -77,30 +73,31 @@ export class Live {
   async begin() {
     if (!globalThis.WebAssembly || !WebAssembly.validate(SIMD) ||
         !globalThis.OffscreenCanvas) {
-      this.say("This browser lacks WebAssembly SIMD or OffscreenCanvas, which the " +
-               "camera needs; the avatar plays on without it.");
+      this.say("This browser lacks WebAssembly SIMD or OffscreenCanvas, which cameras " +
+               "and photographs need; the avatar plays on without them.");
       return false;
     }
     this.ready ??= new Promise((resolve, reject) => {
-      this.say("Starting the network…");
+      this.say("Starting the networks…");
       this.worker = new Worker(URL.createObjectURL(
-        new Blob([trackerCode], { type: "text/javascript" })));
+        new Blob([engineCode], { type: "text/javascript" })));
       this.worker.onerror = (e) => reject(new Error(e.message));
       this.worker.onmessage = ({ data }) => {
         if (data.ready) resolve(true);
-        else if (data.failed) reject(new Error(data.failed));
-        else this.take(data);
+        else if (data.failed && !this.running) reject(new Error(data.failed));
+        else if (data.failed || data.row || data.lost) this.take(data);
+        else this.made(data);
       };
-      const engine = inflate(bytesOf($("engine").textContent)).buffer;
+      const code = inflate(bytesOf($("engine").textContent)).buffer;
       $("engine").remove();
-      this.worker.postMessage({ setup: { engine, smooth: this.smooth, ...this.arrays } },
-                              [engine]);
-      this.arrays = null;
+      this.worker.postMessage({ setup: { code, smooth: this.smooth, ...this.files } }, [code]);
+      this.files = null;
     });
     try {
-      return await this.ready;
+      this.running = await this.ready;
+      return true;
     } catch (error) {
-      this.say(`The network does not start here (${error.message}); the avatar plays on ` +
+      this.say(`The networks do not start here (${error.message}); the avatar plays on ` +
                "without it.");
       return false;
     }
@@ -116,9 +113,9 @@ export class Live {
   take({ row, lost, why, window, spent, time, failed }) {
     this.busy = false;
     this.found = { row, lost, window, time };
-    if (failed) this.say(`A frame failed: ${failed}.`);
+    if (failed) this.refuse(`That failed: ${failed}.`);
     if (row) {
-      this.last = row.slice(0, this.width);
+      this.last = row;
       this.neutral ??= this.last;
       $("rest").disabled = false;
       if (this.open) this.drive();
@@ -134,6 +131,48 @@ export class Live {
   drive() {
     this.player.live(relative(this.last, this.neutral, this.source, this.arkit));
     this.frames = (this.frames ?? 0) + 1;
+  }
+
+  /* ---- a new face ---- */
+
+  // The browser decodes it, upright and in sRGB.
+  async openPhoto(file) {
+    if (this.making) return;
+    this.stop();
+    const picture = await createImageBitmap(file).catch(() => null);
+    if (!picture) {
+      this.say("This browser reads no picture in that file.");
+      return;
+    }
+    if (!await this.begin()) return;
+    this.making = true;
+    $("making").hidden = false;
+    $("photo-file").disabled = $("camera").disabled = $("file").disabled = true;
+    this.worker.postMessage({ photo: picture }, [picture]);
+  }
+
+  // How far a photograph is, its avatar, or why there is none.
+  made({ progress, share, avatar, ms, refused }) {
+    if (progress) {
+      $("making").value = share;
+      this.say(`${progress}…`);
+    } else if (refused) {
+      this.refuse(`No avatar of that photograph: ${refused.replace(/; --[^)]*/, "")}.`);
+    } else {
+      this.refuse(`A new face, made in ${(ms / 1000).toFixed(1)} seconds.`);
+      const archive = new Archive(avatar);
+      this.source = archive.array("source");
+      this.window = archive.meta.window;
+      this.player.load(archive);
+    }
+  }
+
+  // Nothing is being made any more.
+  refuse(text) {
+    this.making = false;
+    $("making").hidden = true;
+    $("photo-file").disabled = $("camera").disabled = $("file").disabled = false;
+    this.say(text);
   }
 
   /* ---- where frames come from ---- */

@@ -10,13 +10,14 @@ import workerCode from "worker";
 
 const $ = (id) => document.getElementById(id);
 
+const countOf = (archive) => archive.array("counts").reduce((s, n) => s + n, 0);
+
 class Player {
   constructor(archive) {
-    const count = archive.array("counts").reduce((s, n) => s + n, 0);
+    const count = countOf(archive);
     const bytes = document.documentElement.innerHTML.length;
     this.motion = motionOf(archive);
-    const z = this.motion.row(0)[11];
-    this.view = new View($("canvas"), drawnArrays(archive, count), z);
+    this.view = new View($("canvas"), drawnArrays(archive, count), this.motion.row(0)[11]);
     this.worker = new Worker(URL.createObjectURL(
       new Blob([workerCode], { type: "text/javascript" })));
     this.worker.onmessage = ({ data }) => this.take(data);
@@ -76,6 +77,19 @@ class Player {
 
   frame() { return this.motion.frame(this.time); }
 
+  // Another avatar in this one's place, with the same drive.
+  load(archive) {
+    const count = countOf(archive), { motion, view } = this;
+    if (motion.frames < 2) motion.numbers = motionOf(archive).numbers;
+    view.load(drawnArrays(archive, count), motion.row(0)[11]);
+    this.panel.views();
+    this.avatars = (this.avatars ?? 0) + 1;
+    this.spare = {};
+    this.worker.postMessage({ setup: drivenArrays(archive, count), avatar: this.avatars });
+    this.changed("pose");
+    this.resize();
+  }
+
   // A motion from elsewhere, until null.
   live(row) {
     this.motion.live = row;
@@ -103,7 +117,7 @@ class Player {
     this.busy = true;
     this.wanted = { pose: false, view: false };
     this.worker.postMessage(
-      { pose: pose ? this.now.pose : null, cam: this.now.cam,
+      { avatar: this.avatars, pose: pose ? this.now.pose : null, cam: this.now.cam,
         view: this.view.through(this.now.cam), spare },
       Object.values(spare).map((x) => x.buffer));
     if (pose) this.panel.show(this.now.values);
@@ -111,10 +125,14 @@ class Player {
 
   // The worker's answer.
   take(found) {
+    this.busy = false;
+    if (found.avatar !== this.avatars) {        // of the one before
+      this.changed("pose");
+      return;
+    }
     Object.assign(this.spare, this.view.take(found));
     this.cam = found.cam;
     this.driver?.cost("pose", found.ms);
-    this.busy = false;
     this.stale = true;
     $("wait").classList.add("done");
     this.ask();
@@ -216,7 +234,7 @@ addEventListener("DOMContentLoaded", () => setTimeout(() => {
       throw new Error("this browser has no WebGL 2, or has turned it off");
     const archive = unpack();
     const player = new Player(archive);
-    if (Live && archive.has("net.motion")) player.driver = new Live(player, archive);
+    if (Live && archive.has("engine.model")) player.driver = new Live(player, archive);
     $("avatar").remove();
     watchContext(player);
     expose(player);

@@ -156,14 +156,19 @@ export class Panel {
   /* ---- views ---- */
 
   addViews() {
-    const { view } = this.player;
     const change = () => { this.apply(); this.player.stale = true; };
     for (const input of document.querySelectorAll("#panel section:first-child input"))
       input.addEventListener("input", change);
     $("any").addEventListener("click", () => { this.choose("background", "any"); change(); });
-    this.disable("view", "source", !view.rgb);
-    this.disable("background", "scene", !view.back);
-    if (!view.levels) $("photo").closest("label").remove();
+    this.views();
+  }
+
+  // What this avatar has to be shown.
+  views() {
+    const { view } = this.player;
+    this.hide(this.radio("view", "source"), !view.rgb);
+    this.hide(this.radio("background", "scene"), !view.back);
+    this.hide($("photo"), !view.levels);
     this.apply();
   }
 
@@ -178,10 +183,9 @@ export class Panel {
     if (input && !input.disabled) input.checked = true;
   }
 
-  disable(name, value, off) {
-    const input = this.radio(name, value);
+  hide(input, off) {
     input.disabled = off;
-    if (off && name === "background") input.closest("label").remove();
+    input.closest("label").hidden = off;
   }
 
   // What the controls say becomes what is shown.

@@ -82,12 +82,21 @@ function squares(n) {
   return geometry;
 }
 
+// What the graphics card holds of a scene: its textures are its materials'.
+function dispose(scene) {
+  scene.traverse(({ geometry, material }) => {
+    geometry?.dispose();
+    for (const { value } of Object.values(material?.uniforms ?? {}))
+      if (value?.isTexture) value.dispose();
+    material?.dispose();
+  });
+}
+
 export class View {
   // g: count, counts, scale, quat, opacity, color, uv, seen; view, rgb,
   // matte, back of the photograph; faces and vertices of the mesh.
   constructor(canvas, g, distance) {
     this.canvas = canvas;
-    this.source = g.view;
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: false,
                                               powerPreference: "high-performance" });
     this.renderer.autoClear = false;
@@ -96,16 +105,26 @@ export class View {
     this.orbit = new OrbitControls(this.camera, canvas);
     Object.assign(this.orbit, { enableDamping: true, dampingFactor: 0.15,
                                 minDistance: 2, maxDistance: 60 });
-    this.home = distance;
-    this.reset();
     this.show = { branches: [1, 1, 1], photo: true, mesh: false,
                   original: false, scenery: false,
                   background: new THREE.Color(0) };
+    this.load(g, distance);
+  }
+
+  // What is drawn from now on, at such a distance from the camera at home.
+  load(g, distance) {
+    this.scenes?.forEach(dispose);
+    for (const t of [this.target, this.empty, this.rgb, this.back, ...this.levels ?? []])
+      t?.dispose();
+    this.source = g.view;
+    this.home = distance;
+    this.reset();
     this.mouth = true;
     this.addPhotograph(g);
     this.addGaussians(g);
     this.addPicture();
     this.addMesh(g);
+    this.scenes = [this.cloud, this.screen, this.lines];
   }
 
   reset() {

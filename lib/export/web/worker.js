@@ -1,7 +1,7 @@
 // Off the main thread: poses the head, moves the Gaussians, sorts them.
-//   in   {setup: arrays}, then {pose, cam, view, spare}: pose null when only
-//        the view has changed; spare: buffers given back
-//   out  {order, means, mesh, mouth, cam, ms}: means and mesh null when
+//   in   {setup: arrays}, then {avatar, pose, cam, view, spare}: pose null when
+//        only the view has changed; spare: buffers given back
+//   out  {avatar, order, means, mesh, mouth, cam, ms}: means and mesh null when
 //        unchanged; ms: what it took
 import { Drive } from "./drive.js";
 import { Head } from "./head.js";
@@ -19,9 +19,9 @@ function setup(a) {
   means = new Float32Array(4 * texels);
 }
 
-function frame({ pose, cam, view, spare }) {
+function frame({ avatar, pose, cam, view, spare }) {
   const began = performance.now();
-  const out = { order: spare.order ?? new Uint32Array(texels), cam,
+  const out = { order: spare.order ?? new Uint32Array(texels), cam, avatar,
                 means: null, mesh: null };
   if (pose) {
     const verts = head.pose(pose);

@@ -1,0 +1,117 @@
+// Off the main thread: frames to motion, a photograph to an avatar, by the C of
+// spid-motion, spid-shape and spid-branches in WebAssembly (wasm/, on one
+// thread: no page needs to be isolated for it).  The first guess of where a
+// face is comes from tracking.js's cascade.
+//   in   {setup: {code, model, head, smooth}}, then {frame: ImageBitmap, time,
+//        mirror}, {restart: true} or {photo: ImageBitmap}
+//   out  {ready: true}; of a frame {row} or {lost, why}, with window, time and
+//        the times spent (ms: detect, crop, network, head); of a photograph
+//        {progress, share}, then {avatar: {meta, arrays}, ms} or {refused: why};
+//        {failed: why}
+import glue from "./glue.mjs";
+import "tracking";
+import "tracking/build/data/face.js";
+
+const ROW = 7 * 8;              // bytes before it in motion_found
+const { tracking } = self;
+const canvas = new OffscreenCanvas(1, 1), small = new OffscreenCanvas(1, 1);
+const [paint, paintSmall] = [canvas, small]
+  .map((c) => c.getContext("2d", { willReadFrequently: true }));
+let engine, width, avatar;
+let finder = 240;               // pixels of the larger side that faces are
+                                // looked for in: fewer in a clip
+
+// Upright faces of RGB pixels, those that at least three windows agree on, the
+// largest first.
+function faces(rgb, W, H) {
+  const k = Math.min(1, finder / Math.max(W, H));
+  const picture = new ImageData(W, H);
+  for (let i = 0, j = 0; j < rgb.length; i += 4, j += 3) {
+    picture.data[i] = rgb[j];
+    picture.data[i + 1] = rgb[j + 1];
+    picture.data[i + 2] = rgb[j + 2];
+    picture.data[i + 3] = 255;
+  }
+  canvas.width = W;
+  canvas.height = H;
+  paint.putImageData(picture, 0, 0);
+  small.width = Math.round(k * W);
+  small.height = Math.round(k * H);
+  paintSmall.drawImage(canvas, 0, 0, small.width, small.height);
+  const { data, width: w, height: h } =
+    paintSmall.getImageData(0, 0, small.width, small.height);
+  return tracking.ViolaJones.detect(data, w, h, 1.6, 1.2, 1, 0,
+    tracking.ViolaJones.classifiers.face).filter((f) => f.total >= 3)
+    .sort((a, b) => b.width - a.width)
+    .map((f) => ({ x: (f.x + f.width / 2) / k, y: (f.y + f.height / 2) / k,
+                   size: f.width / k }));
+}
+
+const why = () => engine.UTF8ToString(engine._engine_error());
+
+async function setup({ code, model, head, smooth }) {
+  engine = await glue({
+    wasmBinary: code, locateFile: (name) => name, faces,
+    tell: (progress, share) => postMessage({ progress, share }),
+    note: (key, value) => { avatar.meta[key] = value; },
+    take: (name, dtype, shape, bytes) => { avatar.arrays[name] = { dtype, shape, bytes }; } });
+  engine.FS.writeFile("/model", model);
+  engine.FS.writeFile("/head", head);
+  if (engine._engine_open() || (width = engine._motion_open(smooth)) < 0)
+    throw new Error(why());
+  postMessage({ ready: true });
+}
+
+// A picture's pixels to the engine; false where there is no room for them.
+function give(bitmap, mirror) {
+  const { width: W, height: H } = bitmap;
+  const at = engine._engine_room(W, H);
+  if (!at) return false;
+  canvas.width = W;
+  canvas.height = H;
+  paint.setTransform(mirror ? -1 : 1, 0, 0, 1, mirror ? W : 0, 0);
+  paint.drawImage(bitmap, 0, 0);
+  paint.resetTransform();
+  engine.HEAPU8.set(paint.getImageData(0, 0, W, H).data, at);
+  return true;
+}
+
+function frame({ frame: bitmap, time, mirror }) {
+  const { width: W, height: H } = bitmap;
+  if (!give(bitmap, mirror)) throw new Error(`frames of ${W} x ${H} pixels are too large`);
+  bitmap.close();
+  finder = 240;
+  const found = engine._motion_step(W, H, time), at = engine._motion_found();
+  if (found < 0) throw new Error(why());
+  const [detect, crop, network, head, x, y, size] = engine.HEAPF64.slice(at / 8, at / 8 + 7);
+  const row = (at + ROW) / 4;
+  postMessage({
+    time, window: { x, y, size },
+    spent: { detect: 1e3 * detect, crop: 1e3 * crop, network: 1e3 * network, head: 1e3 * head },
+    ...found ? { row: engine.HEAPF32.slice(row, row + width) }
+             : { lost: true, why: engine.UTF8ToString(engine._motion_why()) } });
+}
+
+function photo({ photo: bitmap }) {
+  const { width: W, height: H } = bitmap, began = performance.now();
+  avatar = { meta: {}, arrays: {} };
+  finder = 480;
+  const refused = !give(bitmap) ? `${W} x ${H} pixels are too many for a page (at most 4096 a side)`
+    : engine._face_make(W, H) ? why() : null;
+  bitmap.close();
+  if (refused) postMessage({ refused });
+  else postMessage({ avatar, ms: performance.now() - began },
+                   Object.values(avatar.arrays).map(({ bytes }) => bytes.buffer));
+  avatar = null;
+}
+
+// One after another, whatever comes while the engine starts.
+let last = Promise.resolve();
+onmessage = ({ data }) => {
+  last = last.then(async () => {
+    if (data.setup) await setup(data.setup);
+    else if (data.restart) engine._motion_restart();
+    else if (data.photo) photo(data);
+    else frame(data);
+  }).catch((error) => postMessage({ failed: error.message }));
+};

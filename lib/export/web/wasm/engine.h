@@ -1,0 +1,28 @@
+/* What the page's engine shares: model and head, and the pixels that the worker
+ * hands over. */
+#ifndef SPID_EXPORT_WEB_ENGINE_H
+#define SPID_EXPORT_WEB_ENGINE_H
+
+#include "lib/head/head.h"
+#include "lib/net/model.h"
+#include "lib/track/encoders.h"
+
+struct engine {
+    struct model model;
+    struct head head;
+    struct encoders nets;
+    struct error err;           /* of the last call that failed */
+};
+
+extern struct engine engine;
+
+/* The colours of the W H pixels that the worker last wrote: 3 W H bytes, the
+ * engine's until the next picture; where alpha is not NULL, their alpha there
+ * (W H bytes; freed by the caller; NULL where all are opaque).  NULL: no
+ * memory. */
+uint8_t *engine_rgb(uint8_t **alpha, size_t W, size_t H);
+
+/* A line about the archive that the worker is given: Module.note(key, value). */
+void archive_note(const char *key, const char *value);
+
+#endif

@@ -1,0 +1,51 @@
+/* The first crop (formats/facedetect.h) by the page's own cascade: the worker's
+ * Module.faces(pixels, W, H) lists squares, the largest first. */
+#include <emscripten.h>
+
+#include "formats/facedetect.h"
+
+/* How many of at most `most` faces went to face (x, y, size each). */
+EM_JS(int, faces_find, (double *face, int most, const uint8_t *rgb, int W, int H), {
+    const found = Module.faces(HEAPU8.subarray(rgb, rgb + 3 * W * H), W, H).slice(0, most);
+    found.forEach(({ x, y, size }, i) => HEAPF64.set([x, y, size], face / 8 + 3 * i));
+    return found.length;
+})
+
+/* Whether one is in about the middle of the square (x, y, size). */
+EM_JS(int, faces_in_middle, (const uint8_t *rgb, int W, int H, double x, double y,
+                             double size), {
+    return Module.faces(HEAPU8.subarray(rgb, rgb + 3 * W * H), W, H).some((f) =>
+        Math.max(Math.abs(f.x - x), Math.abs(f.y - y)) < size / 4 && f.size > size / 4);
+})
+
+struct facedetect *facedetect_open(struct error *err)
+{
+    static char any;
+
+    (void)err;
+    return (struct facedetect *)&any;
+}
+
+void facedetect_close(struct facedetect *d)
+{
+    (void)d;
+}
+
+size_t facedetect_find(struct facedetect *d, struct square *face, size_t most,
+                       bool all, const uint8_t *rgb, size_t W, size_t H,
+                       size_t stride)
+{
+    _Static_assert(sizeof *face == 3 * sizeof(double), "x, y, size");
+    (void)d;
+    (void)all;
+    (void)stride;
+    return (size_t)faces_find(&face->x, (int)most, rgb, (int)W, (int)H);
+}
+
+int facedetect_confirm(struct facedetect *d, const uint8_t *rgb, size_t W,
+                       size_t H, size_t stride, struct square q)
+{
+    (void)d;
+    (void)stride;
+    return faces_in_middle(rgb, (int)W, (int)H, q.x, q.y, q.size);
+}
