@@ -74,7 +74,7 @@ join() { # FILE FIRST STAGE...
         "$dir/$first/model.safetensors" "$@"
 }
 
-make_once head.safetensors spid-head --from "$assets/ict/ict.safetensors"
+[ -e "$dir/head.safetensors" ] || cp "$here/model/head.safetensors" "$dir"
 
 # People to learn from, in pieces that real ones come between, and others to
 # be judged by.

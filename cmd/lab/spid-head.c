@@ -1,6 +1,5 @@
-/* spid-head: write the toolkit's own head model, a safetensors file with
- * FLAME's arrays: sculpted from tables, or registered to ICT-FaceKit's scans;
- * draw it, and compare it with those scans. */
+/* spid-head: lay the built-in head on ICT-FaceKit's scans, write it as plain
+ * arrays, draw it, and compare it with those scans. */
 #include <stdio.h>
 #include <string.h>
 
@@ -10,7 +9,7 @@
 #include "lib/lab/head/compare.h"
 #include "lib/lab/head/head_sheet.h"
 #include "lib/lab/head/register.h"
-#include "lib/lab/head/sculpt.h"
+#include "lib/lab/head/template.h"
 #include "lib/lab/head/transfer.h"
 
 static const char *sheet, *from, *check, *head_path, *avatar_path;
@@ -18,7 +17,7 @@ static long size = 300, people = 100;
 
 static const struct cli_option options[] = {
     OPTION_STRING("from", 0, &from, "SCANS",
-                  "register it to ICT-FaceKit's ict.safetensors"),
+                  "lay it on ICT-FaceKit's ict.safetensors"),
     OPTION_STRING("check", 0, &check, "SCANS",
                   "print how far a head is from random faces of the scans"),
     OPTION_STRING("avatar", 0, &avatar_path, "FILE",
@@ -36,56 +35,45 @@ static const struct cli_option options[] = {
 static const struct cli_usage usage = {
     "spid-head",
     "-o FILE [--from SCANS] [--check SCANS] [--people N] [--head FILE] "
-    "[--avatar FILE] [--sheet FILE] [--size N] [-j N] [-m MODEL] [-q] [--stats FILE]",
-    "write the built-in head model", options
+    "[--avatar FILE] [--sheet FILE] [--size N] [-j N] [-m MODEL] [-q] "
+    "[--stats FILE]",
+    "write the built-in head model, draw it, compare it with scans", options
 };
 
-/* The head in memory: sculpted, then laid on the scans if there are any. */
-static void head_make_model(struct sculpt *s)
+/* --from: the template, laid on the scans. */
+static void head_register(struct template *t)
 {
     struct error err = {0};
     struct scan scan;
     struct registration r;
     double begun = stats_begin();
 
-    if (sculpt_make(s, &err))
-        die_error(&err);
-    stats_end("sculpt", begun);
-    if (!from)
-        return;
-    begun = stats_begin();
     if (scan_load(&scan, from, &err) ||
-        registration_init(&r, s, &scan, &err))
+        registration_init(&r, t, &scan, &err))
         die_error(&err);
     stats_end("register", begun);
     begun = stats_begin();
-    if (transfer_head(s, &r, &err))
+    if (transfer_head(t, &r, &err))
         die_error(&err);
     stats_end("transfer", begun);
     registration_release(&r);
     scan_release(&scan);
 }
 
-static void head_write_model(const struct sculpt *s)
+/* The head to write, read, and laid on the scans if there are any. */
+static void head_write_model(const char *path)
 {
     struct error err = {0};
+    struct template t;
 
-    if (from ? sculpt_save_scans(s, cli.output, &err)
-             : sculpt_save(s, cli.output, &err))
+    if (template_load(&t, path, &err))
         die_error(&err);
-    if (avatar_make_file(cli.output, &err))
+    if (from)
+        head_register(&t);
+    if (template_save(&t, cli.output, !from, &err) ||
+        avatar_make_file(cli.output, &err))
         die_error(&err);
-}
-
-/* The head that was made, or --head FILE's. */
-static void head_open_model(struct head *h, const struct sculpt *s)
-{
-    struct head_arrays a;
-    struct error err = {0};
-
-    sculpt_arrays(&a, s);
-    if (head_path ? head_load(h, head_path, &err) : head_init(h, &a, &err))
-        die_error(&err);
+    template_release(&t);
 }
 
 /* --check: a table of distances, for faces at rest and two shares of their
@@ -113,8 +101,8 @@ static void head_compare_models(const struct head *h)
 
 int main(int argc, char **argv)
 {
+    char found[4096];
     struct error err = {0};
-    struct sculpt s = {0};
     struct head h = {0};
 
     if (cli_parse(&usage, argc, argv) < argc)
@@ -125,23 +113,24 @@ int main(int argc, char **argv)
             die_error(&err);
         return EX_OK;
     }
-    if (!writes && !sheet && !check)
+    if (!writes && (from || (!sheet && !check)))
         die(EX_USAGE, "no output file (expected -o FILE)");
-    if (head_path && (writes || from))
-        die(EX_USAGE, "--head is for --sheet and --check (expected no -o and "
-            "no --from)");
-    if (!head_path)
-        head_make_model(&s);
-    if (writes)
-        head_write_model(&s);
-    if (sheet || check)
-        head_open_model(&h, &s);
+    if (!head_path) {
+        if (cli_find_model("head.safetensors", found, sizeof found, &err))
+            die_error(&err);
+        head_path = found;
+    }
+    if (writes) {
+        head_write_model(head_path);
+        head_path = cli.output;
+    }
+    if ((sheet || check) && head_load(&h, head_path, &err))
+        die_error(&err);
     if (sheet && head_sheet(sheet, &h, (size_t)size, &err))
         die_error(&err);
     if (check)
         head_compare_models(&h);
     head_release(&h);
-    sculpt_release(&s);
     stats_write();
     return EX_OK;
 }

@@ -4,7 +4,7 @@ load flame
 
 prepare() {
     export PYTHONPATH=$BATS_TEST_DIRNAME
-    HEAD=$BATS_FILE_TMPDIR/sculpted.safetensors     # its arrays are not packed
+    HEAD=$BATS_FILE_TMPDIR/plain.safetensors
     [ -e "$HEAD" ] || spid-head -q -o "$HEAD"
     need_numpy
 }
@@ -18,9 +18,15 @@ import sys, numpy as np, import_read
 want, _ = import_read.load(sys.argv[1])
 got, meta = import_read.load("flame.safetensors")
 for n, x in got.items():
-    if not n.startswith("avatar."):     # FLAME has no regions
-        assert x.dtype == want[n].dtype and np.array_equal(x, want[n]), n
-assert set(want) - set(got) == {"region", "hair", "uv"}, set(want) ^ set(got)
+    if n == "lip_inner":        # found by landmarks: at the corners a loop beside it
+        v = want["v_template"]
+        far = np.linalg.norm(v[x][:, None] - v[want[n]][None], axis=2).min(1)
+        assert len(x) == len(want[n]) and far.max() < 6e-4 and (far > 0).sum() < 8, far
+        continue
+    if n.startswith("avatar."):         # FLAME has no regions
+        continue
+    assert x.dtype == want[n].dtype and np.array_equal(x, want[n]), n
+assert set(want) - set(got) == {"region", "hair", "uv", "lid_vertices", "lid_sides", "lid_shapedirs"}, set(want) ^ set(got)
 assert meta["kind"] == "flame" and meta["nshape"] == "300"
 assert len([k for k in meta if k.endswith("xxh128")]) == 4
 P
@@ -29,7 +35,7 @@ P
         spid-flame --head "$h" motion.spid -o mesh.spid
         spid-dump --npy "${h##*/}.d" mesh.spid
     done
-    cmp sculpted.safetensors.d/MESH.verts.npy flame.safetensors.d/MESH.verts.npy
+    cmp plain.safetensors.d/MESH.verts.npy flame.safetensors.d/MESH.verts.npy
 }
 
 @test "flame: of 2019, 2020 or 2023, whichever arrays are chumpy's or sparse" {
@@ -83,7 +89,7 @@ for lid, upper, lower in (("l_eyelid", (43, 44), (42, 47, 46, 45)), ("r_eyelid",
     closed = marks(mesh + a[lid])
     edge = marks(mesh)[list(lower)]
     open_gap = np.linalg.norm(marks(mesh)[list(upper)] - edge[1:3], axis=1)
-    assert (open_gap > 0.009).all(), open_gap
+    assert (open_gap > 0.008).all(), open_gap
     # on the lower lid's edge, whose points lie millimetres apart
     for p in closed[list(upper)]:
         d = min(np.linalg.norm(p - (x + t * (y - x))) for x, y in zip(edge, edge[1:])
@@ -95,7 +101,7 @@ for lid, upper, lower in (("l_eyelid", (43, 44), (42, 47, 46, 45)), ("r_eyelid",
     assert (side > 0).all()
     # the eyeballs stay
     assert (r["region"][moved] != 4).all()
-    # like the sculpted ones
+    # like the scans' own
     assert (a[lid] * r[lid]).sum() > 0.8 * np.sqrt((a[lid] ** 2).sum() * (r[lid] ** 2).sum())
 P
 }

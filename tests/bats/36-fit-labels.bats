@@ -179,8 +179,8 @@ assert 0.1 < np.mean(aside > 0.1) < 0.6, aside'
 
 @test "a head that is not of the scans is refused" {
     has_labels
-    spid-head -o sculpted.safetensors
+    other_head other.safetensors
     status 78 spid-fit --assets "$ASSETS" -o x.spid \
-        --head sculpted.safetensors "$ASSETS/labels/photos.safetensors"
+        --head other.safetensors "$ASSETS/labels/photos.safetensors"
     has "registered to the scans"
 }

@@ -201,7 +201,7 @@ numbers() {
 
 @test "another head is refused in a line" {
     take 3 >take.csv
-    spid-head -q -o other.safetensors           # the sculpted one
+    other_head other.safetensors
     status 78 spid-pack --arkit take.csv --head other.safetensors -o out.spid
     one_line
     has "the head has not ARKit's expressions"

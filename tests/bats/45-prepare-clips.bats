@@ -173,8 +173,8 @@ P
     need_numpy
     export PYTHONPATH=$BATS_TEST_DIRNAME
     local model=$PWD/made.safetensors
-    spid-head -q -o sculpted.safetensors            # its arrays are not packed
-    HEAD=$PWD/sculpted.safetensors
+    spid-head -q -o plain.safetensors
+    HEAD=$PWD/plain.safetensors
     "$TOP/${BUILD:-build}/tests/unit/avatar_model" "$model" small "$HEAD"
     # the same head, its vertices in another order, expressions mixed by a
     # rotation, the origin elsewhere
@@ -238,7 +238,7 @@ P
     load flame
     export PYTHONPATH=$BATS_TEST_DIRNAME
     local own=$HEAD
-    HEAD=sculpted.safetensors           # its arrays are not packed
+    HEAD=plain.safetensors
     spid-head -q -o "$HEAD"
     flame_files
     # lids and rings of the lips by the landmarks

@@ -9,7 +9,7 @@ prepare() {
     local i own=$TOP/${BUILD:-build}/share/spid/head.safetensors
     export PYTHONPATH=$BATS_TEST_DIRNAME
     need_numpy
-    HEAD=sculpted.safetensors               # its arrays are not packed
+    HEAD=plain.safetensors
     spid-head -q -o "$HEAD"
     flame_files
     cp landmarks.npy landmark_embedding.npy

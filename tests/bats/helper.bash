@@ -51,6 +51,26 @@ motion() {
     spid-pack motion-src.json -o "${2:-motion.spid}"
 }
 
+# other_head FILE: the built-in head as plain arrays, but half a centimetre up and with an
+# expression in the place of the lids', so that it is neither the model's nor the scans'.
+other_head() {
+    spid-head -q -o "$1"
+    python3 - "$1" <<'P'
+import json, struct, sys
+with open(sys.argv[1], "r+b") as f:
+    n = struct.unpack("<Q", f.read(8))[0]
+    at = {k: [8 + n + x for x in v["data_offsets"]] for k, v in json.loads(f.read(n)).items() if k != "__metadata__"}
+    first, last = at["v_template"]
+    f.seek(first)
+    x = list(struct.unpack(f"<{(last - first) // 4}f", f.read(last - first)))
+    x[1::3] = [y + 0.005 for y in x[1::3]]
+    f.seek(first)
+    f.write(struct.pack(f"<{len(x)}f", *x))
+    f.seek(at["shapedirs"][0] + 4 * (300 + 10))
+    f.write(struct.pack("<f", 0.01))
+P
+}
+
 # python: one with numpy, or the test is skipped.
 need_numpy() {
     for PYTHON in python3 /usr/bin/python3; do

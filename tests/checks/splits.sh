@@ -48,7 +48,7 @@ while [ $# -gt 0 ]; do
 done
 S
 chmod +x "$work/bin/spid-stub"
-for p in spid-synth spid-fit spid-train spid-head spid-motion python3; do ln -s spid-stub "$work/bin/$p"; done
+for p in spid-synth spid-fit spid-train spid-motion python3; do ln -s spid-stub "$work/bin/$p"; done
 CALLS=$work/calls PATH=$work/bin:$PATH examples/train-real.sh assets "$work/out" >/dev/null 2>"$work/err" ||
     bad "examples/train-real.sh: $(head -n 1 "$work/err")"
 [ "$(grep -c '^spid-fit' "$work/calls")" -ge 3 ] || bad "examples/train-real.sh fits nothing"

@@ -12,7 +12,6 @@
 #include "lib/base/parallel.h"
 #include "lib/base/random.h"
 #include "lib/base/camera.h"
-#include "lib/lab/head/sculpt.h"
 #include "lib/lab/people/lens.h"
 #include "lib/lab/people/noise.h"
 #include "lib/lab/people/stage.h"
@@ -23,17 +22,9 @@ enum { S = 192 };
 
 static int open_head(struct head *h)
 {
-    struct sculpt s;
     struct error err = {0};
-    char path[] = "/tmp/spid-synth-head-XXXXXX";
-    int fd = mkstemp(path), rc = fd < 0;
+    int rc = head_load(h, "examples/model/head.safetensors", &err);
 
-    if (!rc)
-        close(fd);
-    rc = rc || sculpt_make(&s, &err);
-    rc = rc || sculpt_save(&s, path, &err) || head_load(h, path, &err);
-    sculpt_release(&s);
-    unlink(path);
     if (rc)
         printf("FAILED: head: %s\n", err.text);
     return rc;

@@ -9,13 +9,13 @@
 #include "lib/base/rotation.h"
 #include "lib/head/lbs.h"
 #include "lib/head/mirror.h"
-#include "lib/lab/head/sculpt.h"
+#include "lib/lab/head/loops.h"
 #include "lib/nn/params.h"
 #include "lib/track/tta.h"
 #include "lib/lab/train/shape_loss.h"
 #include "tests/check.h"
 
-enum { DIRS = SCULPT_SHAPES, N = SHAPE_ENCODER_SIZE };
+enum { DIRS = 300, N = SHAPE_ENCODER_SIZE };
 
 static void shape_die(const struct error *err)
 {
@@ -166,7 +166,7 @@ static void test_place(const struct head *h)
 }
 
 /* A mirrored shape has the mirrored vertices. */
-static void test_mirror(const struct head *h, const struct sculpt *s)
+static void test_mirror(const struct head *h, const int *mirror)
 {
     struct head_mirror across;
     float beta[DIRS], other[DIRS];
@@ -188,7 +188,7 @@ static void test_mirror(const struct head *h, const struct sculpt *s)
     shape_vertices(a, h, beta);
     shape_vertices(b, h, other);
     for (size_t v = 0; v < h->V; v++) {
-        const float *p = a + 3 * v, *q = b + 3 * (size_t)s->mirror[v];
+        const float *p = a + 3 * v, *q = b + 3 * (size_t)mirror[v];
         most = fmax(most, fabs((double)p[0] + q[0]));
         most = fmax(most, fabs((double)p[1] - q[1]));
         most = fmax(most, fabs((double)p[2] - q[2]));
@@ -239,7 +239,7 @@ static void shape_pose(float *verts, float R[9], const struct head *h,
 /* What E_m would say of the mirrored picture, read back, moves the head as the
  * first look does: the mean of a row and its mirror image is the row, and the
  * mirror image poses the mirrored head. */
-static void test_motion(const struct head *h, const struct sculpt *s)
+static void test_motion(const struct head *h, const int *mirror)
 {
     struct motion_mirror across;
     float a[MOTION_OUT], b[MOTION_OUT], mean[MOTION_OUT], Ra[9], Rb[9];
@@ -262,7 +262,7 @@ static void test_motion(const struct head *h, const struct sculpt *s)
     shape_pose(x, Ra, h, a);
     shape_pose(y, Rb, h, b);
     for (size_t v = 0; v < h->V; v++) {
-        const float *p = x + 3 * v, *q = y + 3 * (size_t)s->mirror[v];
+        const float *p = x + 3 * v, *q = y + 3 * (size_t)mirror[v];
         most = fmax(most, fabs((double)p[0] + q[0]));
         most = fmax(most, fabs((double)p[1] - q[1]));
         most = fmax(most, fabs((double)p[2] - q[2]));
@@ -342,23 +342,19 @@ static void test_looks(const struct head *h)
 
 int main(void)
 {
-    struct head_arrays arrays;
-    struct head h = {0};
-    struct sculpt s;
+    struct head h;
+    static struct loops loops;
     struct error err = {0};
 
-    if (sculpt_make(&s, &err))
-        shape_die(&err);
-    sculpt_arrays(&arrays, &s);
-    if (head_init(&h, &arrays, &err))
+    loops_make(&loops);
+    if (head_load(&h, "examples/model/head.safetensors", &err))
         shape_die(&err);
     test_value(&h);
     test_place(&h);
-    test_mirror(&h, &s);
+    test_mirror(&h, loops.mirror);
     test_lopsided(&h);
-    test_motion(&h, &s);
+    test_motion(&h, loops.mirror);
     test_looks(&h);
     head_release(&h);
-    sculpt_release(&s);
     return check_status();
 }

@@ -36,7 +36,7 @@ static bool register_is_ball(const struct registration *r, size_t v)
 /* Vertex of the left half (or midline) that v is, or mirrors. */
 static size_t register_left(const struct registration *r, size_t v)
 {
-    return v < (size_t)r->h->nv ? v : (size_t)r->s->mirror[v];
+    return v < (size_t)r->h->nv ? v : (size_t)r->h->mirror[v];
 }
 
 /* How far the scans are to be followed at p: down the throat to where their
@@ -49,7 +49,7 @@ static double register_reach(const double p[3])
 }
 
 /* Unit normals (nv,3) of the mesh at `at`, each face by its area. */
-static void register_normals(double *n, const struct sculpt *s,
+static void register_normals(double *n, const struct template *s,
                              const double *at)
 {
     memset(n, 0, 3 * s->nv * sizeof *n);
@@ -80,7 +80,7 @@ static void register_normals(double *n, const struct sculpt *s,
 static void register_mirror(double *x, const struct registration *r)
 {
     for (size_t v = 0; v < (size_t)r->h->nv; v++) {
-        size_t w = (size_t)r->s->mirror[v];
+        size_t w = (size_t)r->h->mirror[v];
 
         if (w == v)
             x[3 * v] = 0;
@@ -112,7 +112,7 @@ static void register_match_near(struct match *m, const struct fit *f,
 /* Vertices matched by their loops keep that match. */
 static bool register_is_rim(const struct registration *r, size_t v)
 {
-    const struct half *h = r->h;
+    const struct loops *h = r->h;
 
     v = register_left(r, v);
     return (h->part[v] == PART_EYE && h->ring[v] >= EYE_MARGIN) ||
@@ -139,8 +139,8 @@ static void register_match_all(struct fit *f, double least, double most)
         else if (!register_is_rim(r, v))
             register_match_near(&r->match[v], f, r->at + 3 * v,
                                 f->normal + 3 * v, least, most);
-        if ((size_t)r->s->mirror[v] != v)
-            register_mirror_match(&r->match[r->s->mirror[v]], &r->match[v],
+        if ((size_t)r->h->mirror[v] != v)
+            register_mirror_match(&r->match[r->h->mirror[v]], &r->match[v],
                                   r->scan);
     }
 }
@@ -180,7 +180,7 @@ static int register_step(struct fit *f, double stiff, double slide,
     return 0;
 }
 
-static bool register_is_nostril(const struct half *h, size_t v)
+static bool register_is_nostril(const struct loops *h, size_t v)
 {
     bool found = false;
 
@@ -222,7 +222,7 @@ static void register_dense_mean(double out[3], const struct fit *f, size_t v)
 static void register_even_out(struct fit *f, double much)
 {
     struct registration *r = f->r;
-    const struct half *h = r->h;
+    const struct loops *h = r->h;
 
     for (size_t v = 0; v < (size_t)h->nv; v++) {
         double mean[3], p[3];
@@ -277,7 +277,7 @@ static void register_cut_extent(double e[3], const struct registration *r)
     }
 }
 
-/* The neck's cut without the folds of the sculpted throat: evened out along
+/* The neck's cut without the throat's folds: evened out along
  * itself, then as wide and deep as it was. */
 static void register_smooth_cut(struct registration *r)
 {
@@ -337,7 +337,7 @@ static int register_fill_neck(struct fit *f, struct error *err)
 /* Rims proper: lid margins, and the lips from where they touch. */
 static bool register_is_still(const struct registration *r, size_t v)
 {
-    const struct half *h = r->h;
+    const struct loops *h = r->h;
 
     v = register_left(r, v);
     return (h->part[v] == PART_EYE && h->ring[v] >= EYE_MARGIN) ||
@@ -518,7 +518,7 @@ static int register_fit_init(struct fit *f, struct registration *r,
                         err) ? -1 : 0;
 }
 
-int registration_init(struct registration *r, const struct sculpt *s,
+int registration_init(struct registration *r, const struct template *s,
                       const struct scan *scan, struct error *err)
 {
     struct fit f = {0};
@@ -532,7 +532,7 @@ int registration_init(struct registration *r, const struct sculpt *s,
         registration_release(r);
         return error_set(err, EX_OSERR, "no memory for a registration");
     }
-    sculpt_topology(r->h);
+    loops_make(r->h);
     for (size_t i = 0; i < 3 * s->nv; i++)
         r->at[i] = s->v_template[i];
     if (!register_rims(r, err) && !register_bend_template(r, err)

@@ -10,13 +10,27 @@
 #ifndef SPID_LAB_HEAD_REGISTER_H
 #define SPID_LAB_HEAD_REGISTER_H
 
+#include <math.h>
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
 #include "lib/base/error.h"
+#include "lib/lab/head/loops.h"
 #include "lib/lab/head/scan.h"
-#include "lib/lab/head/sculpt.h"
-#include "lib/lab/head/sculpt_impl.h"
+#include "lib/lab/head/template.h"
+
+static inline double mix(double a, double b, double t)
+{
+    return a + (b - a) * t;
+}
+static inline double clamp01(double t) { return t < 0 ? 0 : t > 1 ? 1 : t; }
+/* Smooth step from 0 at a to 1 at b (a > b falls). */
+static inline double ramp(double a, double b, double t)
+{
+    t = clamp01((t - a) / (b - a));
+    return t * t * (3 - 2 * t);
+}
 
 /* A vertex is sum_k w_k scan vertex v_k, as far as it is trusted: 1 on the
  * scans' surface, 0 where they end (lower neck) or do not apply (eyeballs). */
@@ -27,9 +41,9 @@ struct match {
 };
 
 struct registration {
-    const struct sculpt *s;     /* borrowed */
+    const struct template *s;     /* borrowed */
     const struct scan *scan;
-    struct half *h;             /* the sculptor's loops, left half */
+    struct loops *h;             /* our mesh's loops */
     struct match *match;        /* (nv) */
     double *at;                 /* (nv,3) where the template came to lie */
 };
@@ -37,7 +51,7 @@ struct registration {
 /* Lay the template of s (borrowed) on the neutral face of scan (borrowed).
  * -1 and *err when
  * memory is short or the rims do not match. */
-int registration_init(struct registration *r, const struct sculpt *s,
+int registration_init(struct registration *r, const struct template *s,
                       const struct scan *scan, struct error *err);
 /* Free what it holds; zeroed then. */
 void registration_release(struct registration *r);

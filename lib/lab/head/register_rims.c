@@ -285,7 +285,7 @@ int register_rims(struct registration *r, struct error *err)
 /* ---- controls ----------------------------------------------------------- */
 
 /* The scans' left ear in side view, metres y and z, at the twelve places of
- * our own outline (sculpt_ear.c): tragus, root of the helix, over the top,
+ * our own outline: tragus, root of the helix, over the top,
  * down the back, lobe. */
 static const double ear[12][2] = {
     { -.0057, .0010 }, { .0113, -.0056 }, { .0193, -.0074 },
@@ -316,7 +316,7 @@ static void rim_control_at(struct control *c, const struct registration *r,
     }
 }
 
-static void rim_landmark_at(double p[3], const struct sculpt *s, int k)
+static void rim_landmark_at(double p[3], const struct template *s, int k)
 {
     const int32_t *f = s->f + 3 * s->landmark_face[k];
 

@@ -5,7 +5,7 @@
  * the face, as we do; so the way from there is a scale and a shift, no turn:
  *     metres      = 0.01 cm + SCAN_SHIFT        (a head file's v_template)
  *     head units  = 5 metres = 0.05 cm + 5 SCAN_SHIFT
- * It puts the eyes where the sculpted head has them.  A head registered to the
+ * A head registered to the
  * scans has their identity weights as its shape coefficients 0 to 99 and their
  * expression weights as motion: lib/head/arkit.h. */
 #ifndef SPID_LAB_HEAD_SCAN_H

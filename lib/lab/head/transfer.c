@@ -11,10 +11,7 @@
 
 #define NECK_HOLD 0.85          /* share of its widening that is taken away */
 
-enum {
-    DIRS = SCULPT_SHAPES + SCULPT_EXPRESSIONS,
-    EXTRA = TRANSFER_EXTRA
-};
+enum { DIRS = TEMPLATE_DIRECTIONS };
 
 /* ---- eyes --------------------------------------------------------------- */
 
@@ -31,23 +28,25 @@ static void transfer_place_balls(double *at, const struct registration *r)
 
         scan_eye(eye, right);
         scan_eye_axis(axis, right);
-        struct vec n = vec(axis[0], axis[1], axis[2]);
-        struct vec up = unit(sub(vec(0, 1, 0), mul(n, n.y)));
-        struct vec out = cross(up, n);
+        const double *n = axis, flat = sqrt(1 - n[1] * n[1]);
+        const double up[3] = { -n[0] * n[1] / flat, flat,
+                               -n[2] * n[1] / flat };
+        const double out[3] = { up[1] * n[2] - up[2] * n[1],
+                                up[2] * n[0] - up[0] * n[2],
+                                up[0] * n[1] - up[1] * n[0] };
 
         for (int v = first; v <= last; v++) {
             int i = v - first - 1, ring = i < 0 ? -1 : i / BALL_N;
             double a = ring < 0 ? 0 : v == last ? M_PI
                      : polar[ring] * M_PI / 180;
             double b = 2 * M_PI * (i % BALL_N) / BALL_N;
-            struct vec p = add(mul(n, cos(a)),
-                               mul(add(mul(out, (right ? -1 : 1) * cos(b)),
-                                       mul(up, sin(b))), sin(a)));
-            double *q = at + 3 * (right ? r->s->mirror[v] : v);
+            double side = right ? -1 : 1;
+            double *q = at + 3 * (right ? r->h->mirror[v] : v);
 
-            q[0] = eye[0] + SCAN_EYE_RADIUS * p.x;
-            q[1] = eye[1] + SCAN_EYE_RADIUS * p.y;
-            q[2] = eye[2] + SCAN_EYE_RADIUS * p.z;
+            for (int c = 0; c < 3; c++)
+                q[c] = eye[c] + SCAN_EYE_RADIUS *
+                       (n[c] * cos(a) + (side * out[c] * cos(b) +
+                                         up[c] * sin(b)) * sin(a));
         }
     }
 }
@@ -114,20 +113,22 @@ static int transfer_shape(double *d, const struct registration *r,
     return 0;
 }
 
-/* The scans' identities are even or odd under mirroring, as are the sculpted
- * head's: what rounding has left of the other kind goes. */
-static void transfer_make_pure(double *d, const struct sculpt *s)
+/* The scans' identities are even or odd under mirroring: what rounding has
+ * left of the other kind goes. */
+static void transfer_make_pure(double *d, const struct registration *r)
 {
+    const int *mirror = r->h->mirror;
+    const size_t nv = r->s->nv;
     double with = 0;
 
-    for (size_t v = 0; v < s->nv; v++) {
-        const double *a = d + 3 * v, *b = d + 3 * s->mirror[v];
+    for (size_t v = 0; v < nv; v++) {
+        const double *a = d + 3 * v, *b = d + 3 * mirror[v];
 
         with += a[1] * b[1] + a[2] * b[2] - a[0] * b[0];
     }
     double sign = with < 0 ? -1 : 1;
-    for (size_t v = 0; v < s->nv; v++) {
-        size_t w = (size_t)s->mirror[v];
+    for (size_t v = 0; v < nv; v++) {
+        size_t w = (size_t)mirror[v];
 
         for (size_t c = 0; w >= v && c < 3; c++) {
             double flip = c == 0 ? -sign : sign;
@@ -140,52 +141,24 @@ static void transfer_make_pure(double *d, const struct sculpt *s)
 }
 
 /* Column k of s->shapedirs = d (nv,3). */
-static void transfer_store(struct sculpt *s, size_t k, const double *d)
+static void transfer_store(struct template *s, size_t k, const double *d)
 {
     for (size_t i = 0; i < 3 * s->nv; i++)
         s->shapedirs[i * DIRS + k] = d ? (float)d[i] : 0;
 }
 
-/* Where the sculpted head's own variety is kept: skull and neck, not the face
- * and ears. */
-static void transfer_extra_mask(double *mask, const struct registration *r)
-{
-    for (size_t v = 0; v < r->s->nv; v++) {
-        const double *p = r->at + 3 * v;
-        double neck = ramp(-0.085, -0.125, p[1] - 0.15 * fmin(0, p[2]));
-        double skull = ramp(0.055, 0.10, p[1] + 0.5 * fmax(0, -p[2]) -
-                                         0.3 * fmax(0, p[2] - 0.04));
-        double ear = r->s->region[v] == REGION_EAR ||
-                     r->s->region[v] == REGION_EYEBALL ? 0 : 1;
-
-        mask[v] = ear * fmax(neck, 0.4 * skull);
-    }
-}
-
-/* The scans' identities, and behind them shapes of skull and neck, which scans
- * lack. */
-static int transfer_carry_identities(struct sculpt *s,
+/* The scans' identities, in place of the first shapes. */
+static int transfer_carry_identities(struct template *s,
                                      const struct registration *r, double *d,
                                      struct error *err)
 {
-    transfer_extra_mask(d, r);
-    if (transfer_extras(s, SCAN_IDENTITIES, EXTRA, d, err))
-        return -1;
-    for (size_t k = SCAN_IDENTITIES; k < SCAN_IDENTITIES + EXTRA; k++) {
-        for (size_t i = 0; i < 3 * s->nv; i++)
-            d[i] = s->shapedirs[i * DIRS + k];
-        transfer_make_pure(d, s);
-        transfer_store(s, k, d);
-    }
     for (size_t k = 0; k < SCAN_IDENTITIES; k++) {
         if (transfer_shape(d, r, r->scan->identity + k * 3 * SCAN_VERTS, 0, 1,
                            err))
             return -1;
-        transfer_make_pure(d, s);
+        transfer_make_pure(d, r);
         transfer_store(s, k, d);
     }
-    for (size_t k = SCAN_IDENTITIES + EXTRA; k < SCULPT_SHAPES; k++)
-        transfer_store(s, k, NULL);
     return 0;
 }
 
@@ -205,7 +178,7 @@ static void transfer_hold_neck(double *open, const struct registration *r)
 }
 
 /* The scans' expressions through the registration, behind the identities. */
-static int transfer_carry_expressions(struct sculpt *s,
+static int transfer_carry_expressions(struct template *s,
                                       const struct registration *r,
                                       struct error *err)
 {
@@ -217,8 +190,8 @@ static int transfer_carry_expressions(struct sculpt *s,
                             k * 3 * SCAN_VERTS, 1, 0, err);
     if (!rc)
         transfer_hold_neck(all + 3 * s->nv * ARKIT_JAW_OPENED, r);
-    for (size_t k = 0; !rc && k < SCULPT_EXPRESSIONS; k++)
-        transfer_store(s, SCULPT_SHAPES + k,
+    for (size_t k = 0; !rc && k < TEMPLATE_EXPRESSIONS; k++)
+        transfer_store(s, TEMPLATE_SHAPES + k,
                        k < ARKIT_COUNT && !arkit_is_rig((int)k)
                            ? all + 3 * s->nv * k
                            : NULL);
@@ -231,7 +204,7 @@ static int transfer_carry_expressions(struct sculpt *s,
 /* ---- landmarks ---------------------------------------------------------- */
 
 /* Landmarks are the scans', on the faces of our skin. */
-static int transfer_carry_landmarks(struct sculpt *s, const struct scan *scan,
+static int transfer_carry_landmarks(struct template *s, const struct scan *scan,
                                     struct error *err)
 {
     struct nearest t;
@@ -251,7 +224,7 @@ static int transfer_carry_landmarks(struct sculpt *s, const struct scan *scan,
         }
     if (nearest_init(&t, s->v_template, skin, n, err))
         goto out;
-    for (int k = 0; k < SCULPT_LANDMARKS; k++) {
+    for (int k = 0; k < TEMPLATE_LANDMARKS; k++) {
         struct nearest_hit hit;
         const float *q = scan->neutral + 3 * scan_landmarks[k];
         double p[3] = {q[0], q[1], q[2]};
@@ -269,7 +242,7 @@ out:
     return rc;
 }
 
-int transfer_head(struct sculpt *s, const struct registration *r,
+int transfer_head(struct template *s, const struct registration *r,
                   struct error *err)
 {
     double *d = calloc(3 * s->nv, sizeof *d);

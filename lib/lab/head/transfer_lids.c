@@ -36,7 +36,7 @@ static void lid_carried(double d[3], const struct registration *r,
 }
 
 /* Left lids lie where x > 0: the mean's correction is added to both. */
-static void lid_add_mean(struct sculpt *s, const struct registration *r,
+static void lid_add_mean(struct template *s, const struct registration *r,
                          const float *shape)
 {
     for (size_t v = 0; v < s->nv; v++) {
@@ -51,9 +51,14 @@ static void lid_add_mean(struct sculpt *s, const struct registration *r,
 
 /* Which of our vertices a correction moves by more than a micrometre or two:
  * those that follow the margins for the mean. */
-static int lid_list_vertices(struct sculpt *s, const struct registration *r,
+static int lid_list_vertices(struct template *s, const struct registration *r,
                              const float *shape)
 {
+    free(s->lid_vertices);
+    free(s->lid_sides);
+    free(s->lid_shapedirs);
+    s->nlid = 0;
+    s->lid_shapedirs = NULL;
     s->lid_vertices = malloc(s->nv * sizeof *s->lid_vertices);
     s->lid_sides = malloc(s->nv * sizeof *s->lid_sides);
     if (!s->lid_vertices || !s->lid_sides)
@@ -64,15 +69,15 @@ static int lid_list_vertices(struct sculpt *s, const struct registration *r,
         lid_carried(d, r, shape, v);
         if (d[0] * d[0] + d[1] * d[1] + d[2] * d[2] < 1e-10)
             continue;
-        s->lid_vertices[s->n_lid] = (int32_t)v;
-        s->lid_sides[s->n_lid++] = s->v_template[3 * v] < 0;
+        s->lid_vertices[s->nlid] = (int32_t)v;
+        s->lid_sides[s->nlid++] = s->v_template[3 * v] < 0;
     }
-    s->lid_shapedirs = calloc(3 * s->n_lid * SCULPT_LID_SHAPES + 1,
+    s->lid_shapedirs = calloc(3 * s->nlid * TEMPLATE_LID_SHAPES + 1,
                               sizeof *s->lid_shapedirs);
     return s->lid_shapedirs ? 0 : -1;
 }
 
-int transfer_lids(struct sculpt *s, const struct registration *r,
+int transfer_lids(struct template *s, const struct registration *r,
                   struct error *err)
 {
     const struct scan *scan = r->scan;
@@ -93,15 +98,15 @@ int transfer_lids(struct sculpt *s, const struct registration *r,
         error_set(err, EX_OSERR, "no memory for lids");
         goto out;
     }
-    for (size_t k = 0; k < SCULPT_LID_SHAPES; k++) {
+    for (size_t k = 0; k < TEMPLATE_LID_SHAPES; k++) {
         lid_correction(shape, shape + ROW, scan, &l,
                        scan->identity + k * (size_t)ROW);
-        for (size_t i = 0; i < s->n_lid; i++) {
+        for (size_t i = 0; i < s->nlid; i++) {
             double d[3];
 
             lid_carried(d, r, shape, (size_t)s->lid_vertices[i]);
             for (size_t c = 0; c < 3; c++)
-                s->lid_shapedirs[(3 * i + c) * SCULPT_LID_SHAPES + k] =
+                s->lid_shapedirs[(3 * i + c) * TEMPLATE_LID_SHAPES + k] =
                     (float)d[c];
         }
     }

@@ -30,10 +30,10 @@ static size_t transfer_posedir_column(int j, int row, int column)
 }
 
 /* Skin hangs on root and neck. */
-static void transfer_weights(struct sculpt *s)
+static void transfer_weights(struct template *s)
 {
     for (size_t v = 0; v < s->nv; v++) {
-        float *w = s->weights + SCULPT_JOINTS * v;
+        float *w = s->weights + TEMPLATE_JOINTS * v;
 
         w[JOINT_NECK] += w[JOINT_JAW];
         w[JOINT_JAW] = 0;
@@ -44,7 +44,7 @@ static void transfer_weights(struct sculpt *s)
 
 /* Whether joint j hangs on vertex v: eyes on their ball; the others on skin of
  * about their height that no expression moves. */
-static int transfer_joint_carries(const struct sculpt *s, int j, size_t v,
+static int transfer_joint_carries(const struct template *s, int j, size_t v,
                                   const double *still, const double at[3])
 {
     const float *p = s->v_template + 3 * v;
@@ -58,7 +58,7 @@ static int transfer_joint_carries(const struct sculpt *s, int j, size_t v,
 
 /* Weights linear in the distance from the carriers' mean move it to `at` and
  * keep their sum: w = (1 + (x - u) . k) / n. */
-static int transfer_regress_joint(float *row, const struct sculpt *s, int j,
+static int transfer_regress_joint(float *row, const struct template *s, int j,
                                   const double *still, const double at[3])
 {
     double u[3] = {0}, q[3] = {1e-9, 1e-9, 1e-9}, k[3] = {0}, n = 0;
@@ -98,7 +98,7 @@ static int transfer_regress_joint(float *row, const struct sculpt *s, int j,
 }
 
 /* still (nv): how far the strongest expression moves each vertex. */
-static int transfer_joints(struct sculpt *s, const double *expressions,
+static int transfer_joints(struct template *s, const double *expressions,
                            struct error *err)
 {
     double *still = calloc(s->nv, sizeof *still);
@@ -116,9 +116,9 @@ static int transfer_joints(struct sculpt *s, const double *expressions,
         }
     scan_eye(left, 0);
     scan_eye(right, 1);
-    const double *at[SCULPT_JOINTS] = {joint_root, joint_neck, joint_jaw,
+    const double *at[TEMPLATE_JOINTS] = {joint_root, joint_neck, joint_jaw,
                                        left, right};
-    for (int j = 0; j < SCULPT_JOINTS && !rc; j++)
+    for (int j = 0; j < TEMPLATE_JOINTS && !rc; j++)
         if (transfer_regress_joint(s->j_regressor + (size_t)j * s->nv, s, j,
                                    still, at[j]))
             rc = error_set(err, EX_DATAERR, "joint %d hangs on nothing "
@@ -151,7 +151,7 @@ static const struct drive drives[] = {
 
 /* The two columns of posedirs of a drive: p = sin A + (cos - 1) B at both
  * angles. */
-static void transfer_corrections(struct sculpt *s, const struct drive *d,
+static void transfer_corrections(struct template *s, const struct drive *d,
                                  const double *expressions)
 {
     /* the sine of a turn about x stands at (2,1), about y at (0,2) */
@@ -170,7 +170,7 @@ static void transfer_corrections(struct sculpt *s, const struct drive *d,
         if (s->region[v] == REGION_EYEBALL)
             continue;
         for (size_t c = 0; c < 3; c++) {
-            float *out = s->posedirs + (3 * v + c) * SCULPT_POSES;
+            float *out = s->posedirs + (3 * v + c) * TEMPLATE_POSES;
             double p[2];
 
             for (int i = 0; i < 2; i++)
@@ -183,7 +183,7 @@ static void transfer_corrections(struct sculpt *s, const struct drive *d,
     }
 }
 
-int transfer_rig(struct sculpt *s, const double *expressions,
+int transfer_rig(struct template *s, const double *expressions,
                  struct error *err)
 {
     size_t n = 3 * s->nv;
@@ -191,7 +191,7 @@ int transfer_rig(struct sculpt *s, const double *expressions,
     if (transfer_joints(s, expressions, err))
         return -1;
     transfer_weights(s);
-    memset(s->posedirs, 0, n * SCULPT_POSES * sizeof *s->posedirs);
+    memset(s->posedirs, 0, n * TEMPLATE_POSES * sizeof *s->posedirs);
     for (size_t i = 0; i < sizeof drives / sizeof *drives; i++)
         transfer_corrections(s, &drives[i], expressions);
     for (size_t i = 0; i < n; i++) {
