@@ -342,19 +342,21 @@ deps-tests: deps
 	done
 	@$(MAKE) deps
 
-# The shipped model from its seeds (hours; see spid-train(1)), and how it does
-# on people it has never seen.
-# ASSETS=DIR: for real people, from the scans and photographs there
+# A model from its seeds (hours; see spid-train(1)), from the scans and
+# photographs in ASSETS=DIR, and how the shipped one does on people it has
+# never seen: with ASSETS of the scans, without plain figures.
 model: all
-	PATH="$(CURDIR)/$(BUILD)/bin:$$PATH" $(if $(ASSETS), \
-	  examples/train-real.sh "$(ASSETS)" $(BUILD)/train-real, \
-	  examples/train-model.sh $(BUILD)/train)
+	@[ -n "$(ASSETS)" ] || { echo "make model ASSETS=DIR: spid-synth(1) says \
+	  what DIR holds"; exit 64; }
+	PATH="$(CURDIR)/$(BUILD)/bin:$$PATH" \
+	  examples/train-real.sh "$(ASSETS)" $(BUILD)/train-real
 
 SEED   ?= 77
 PEOPLE ?= 40
 FRAMES ?= 25
 eval-model: all
-	PATH="$(CURDIR)/$(BUILD)/bin:$$PATH" examples/eval-model.sh \
+	PATH="$(CURDIR)/$(BUILD)/bin:$$PATH" ASSETS="$(ASSETS)" \
+	  examples/eval-model.sh \
 	  $(BUILD)/eval $(SEED) $(PEOPLE) $(FRAMES)
 
 install: all

@@ -1,5 +1,4 @@
 /* spid-synth: synthetic people with their true parameters. */
-#include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -7,22 +6,18 @@
 
 #include "cmd/options.h"
 #include "formats/framesink.h"
-#include "formats/image.h"
 #include "lib/head/mesh.h"
 #include "lib/head/motion.h"
 #include "lib/stream/shape.h"
 #include "lib/stream/imag.h"
 #include "lib/lab/people/scan.h"
-#include "lib/lab/people/sheet.h"
-#include "lib/lab/people/statistics.h"
 #include "lib/lab/people/synth.h"
 #include "lib/lab/people/turn.h"
 #include "lib/track/conf.h"
 
 static long people = 1, frames = 1, seed = 1, first, size = 512;
 static double fps = 25, effects = 1;
-static const char *head_path, *sheet_path, *assets_path;
-static bool statistics;
+static const char *head_path, *assets_path;
 static bool without_mesh;
 
 #define SYNTH_TURNS 1000        /* that --turn takes */
@@ -73,13 +68,9 @@ static const struct cli_option options[] = {
                 "leave out the MESH records"),
     OPTION_CALL("format", 0, &format, "NAME", framesink_parse_format,
                 FRAMESINK_FORMATS " instead of what -o's name says"),
-    OPTION_OUTPUT("sheet", 0, &sheet_path, "FILE",
-                  "write a contact sheet (PNG) of people, expressions and "
-                  "lights"),
-    OPTION_FLAG("statistics", 0, &statistics,
-                "print mean and spread of every parameter instead"),
     OPTION_STRING("assets", 0, &assets_path, "DIR",
-                  "people of scans under real light, from this folder"),
+                  "people of scans under real light, from this folder, "
+                  "in place of a plain figure"),
     OPTION_HEAD(&head_path),
     {0}
 };
@@ -87,8 +78,8 @@ static const struct cli_option options[] = {
 static const struct cli_usage usage = {
     "spid-synth", "[-n N] [--frames N] [-s N] [--first N] [--size PIXELS] "
     "[--fps RATE] [--effects X] [--turn LIST] [--without mesh] [--format NAME] "
-    "[--sheet FILE] [--statistics] [--assets DIR] [--head FILE] [-o FILE] "
-    "[-j N] [-m MODEL] [-q] [--stats FILE] [PICTURE ...]",
+    "[--assets DIR] [--head FILE] [-o FILE] [-j N] [-m MODEL] [-q] "
+    "[--stats FILE]",
     "make people: pictures with their true parameters", options
 };
 
@@ -169,49 +160,6 @@ static int synth_write_output(struct framesink *sink, const struct head *head,
     return synth_write_frame(w, head, f, number, err);
 }
 
-/* A contact sheet as PNG. */
-static void synth_write_sheet(const struct head *head,
-                              struct synth_options *opt)
-{
-    struct error err = {0};
-    size_t w = SHEET_COLUMNS * (size_t)opt->size;
-    size_t h = SHEET_ROWS * (size_t)opt->size;
-    uint8_t *rgb = malloc(3 * w * h);
-
-    if (!rgb)
-        die(EX_OSERR, "no memory for a sheet of %zu x %zu pixels", w, h);
-    if (synth_sheet(rgb, head, opt, &err)
-        || image_write_png(sheet_path, rgb, w, h, 3, &err))
-        die_error(&err);
-    free(rgb);
-}
-
-/* The tables of --statistics; pictures to compare with, named by people. */
-static void synth_write_statistics(const struct head *head,
-                                   const struct synth_options *opt,
-                                   char **picture, int count)
-{
-    struct error err = {0};
-    struct picture_figures f;
-    struct image im;
-
-    synth_statistics(stdout, head, opt);
-    printf("\n");
-    picture_print(stdout, "picture", NULL);
-    if (synth_figures(&f, head, opt, &err))
-        die_error(&err);
-    picture_print(stdout, "people (mean)", &f);
-    for (int i = 0; i < count; i++) {
-        if (image_read(&im, picture[i], &err))
-            die_error(&err);
-        picture_figures(&f, im.rgb, (int)im.width, (int)im.height);
-        picture_print(stdout, picture[i], &f);
-        image_release(&im);
-    }
-    if (fflush(stdout) || ferror(stdout))
-        die(EX_IOERR, "standard output: %s", strerror(errno));
-}
-
 /* Every frame of opt into the sink. */
 static void synth_write_frames(const struct head *head,
                                struct synth_options *opt)
@@ -254,9 +202,8 @@ int main(int argc, char **argv)
     struct head head;
 
     int operand = cli_parse(&usage, argc, argv);
-    if (operand < argc && !statistics)
-        die(EX_USAGE, "%s: nothing is read (expected no "
-            "operand without --statistics)",
+    if (operand < argc)
+        die(EX_USAGE, "%s: nothing is read (expected no operand)",
             argv[operand]);
     struct error err = {0};
     if (option_head_load(&head, head_path, &err))
@@ -270,20 +217,12 @@ int main(int argc, char **argv)
         .size = (int)size, .fps = fps, .effects = (float)effects,
         .turn = turns.each, .turns = turns.n
     };
-    if (assets_path && (statistics || sheet_path))
-        die(EX_USAGE, "--assets does not go with --statistics or --sheet");
     struct scan_assets *assets = assets_path
         ? scan_open(assets_path, &head, &err) : NULL;
     if (assets_path && !assets)
         die_error(&err);
     opt.assets = assets;
-    if (statistics) {
-        synth_write_statistics(&head, &opt, argv + operand, argc - operand);
-    } else if (sheet_path) {
-        synth_write_sheet(&head, &opt);
-    } else {
-        synth_write_frames(&head, &opt);
-    }
+    synth_write_frames(&head, &opt);
     scan_close(assets);
     head_release(&head);
     stats_write();

@@ -74,12 +74,6 @@ P
     done
 }
 
-@test "statistics of people are printed" {
-    spid-synth --statistics -n 4 --size 32 > "$BATS_TEST_TMPDIR/t"
-    grep -q '^yaw degrees' "$BATS_TEST_TMPDIR/t"
-    grep -q '^people (mean)' "$BATS_TEST_TMPDIR/t"
-}
-
 @test "an assets folder that is not there, or lacks a file, is named" {
     run spid-synth --assets "$BATS_TEST_TMPDIR/none" --size 32 -o /dev/null
     [ "$status" -eq 66 ]
@@ -102,11 +96,6 @@ P
     run spid-synth --assets "$BATS_TEST_TMPDIR/bad" --size 32 -o /dev/null
     [ "$status" -eq 65 ]
     [[ "$output" == *bad/ict/ict.safetensors*neutral* ]]
-}
-
-@test "assets do not go with a sheet or statistics" {
-    run spid-synth --assets "$BATS_TEST_TMPDIR" --statistics -o /dev/null
-    [ "$status" -eq 64 ]
 }
 
 # With the assets at hand (SPID_ASSETS): the same promises for people of scans.

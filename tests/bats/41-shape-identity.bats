@@ -117,8 +117,8 @@ PY
 }
 
 @test "a made person is found, and its matte is about what was drawn" {
-    spid-synth -q --size 512 --effects 0 -s 3 --without mesh -o true.spid
-    spid-synth -q --size 512 --effects 0 -s 3 --format png -o me.png
+    spid-synth -q --size 512 --effects 0 -s 31 --without mesh -o true.spid
+    spid-synth -q --size 512 --effects 0 -s 31 --format png -o me.png
     spid-shape me.png -o me.spid --window 256,256,512
     mean() {
         spid-dump --json --only "$2" "$1" | grep -o "\"name\":\"$3\"[^}]*" |
@@ -133,7 +133,7 @@ PY
 
 @test "shoulders that leave the picture below go on to the window's edge" {
     need_numpy
-    spid-synth -q --size 512 --effects 0 -s 3 --format png -o whole.png
+    spid-synth -q --size 512 --effects 0 -s 7 --format png -o whole.png
     ffmpeg -v error -i whole.png -vf crop=512:430:0:0 me.png
     spid-shape me.png -o me.spid --window 256,256,512
     spid-dump --npy . --only SRCI me.spid

@@ -106,7 +106,7 @@ PY
 
 @test "--size shows the photograph's detail, --into-source leaves it alone" {
     unset SPID_MODEL
-    spid-synth -q -n 1 -s 8 --effects 0 --size 1024 --head "$HEAD" -o whole.png
+    spid-synth -q -n 1 -s 32 --effects 0 --size 1024 --head "$HEAD" -o whole.png
     ffmpeg -v error -i whole.png -vf crop=900:1000:70:0 own.png
     export SPID_MODEL=$TOP/examples/model
     spid-shape -q --head "$HEAD" own.png -o own.spid

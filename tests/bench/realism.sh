@@ -27,20 +27,13 @@ for python in python3 /usr/bin/python3 ''; do
 done
 [ -n "$work" ] || { work=$(mktemp -d); trap 'rm -rf "$work"' EXIT; }
 
-# measure TITLE NAME OPTION...: people, their pictures, labels and figures.
-measure() {
-    local title=$1 at=$work/$2
-    shift 2
-    mkdir -p "$at/png"
-    spid-synth -q -n "$people" -s "$seed" --size "$size" --without mesh "$@" \
-        -o "$at/people.spid"
-    spid-dump -q --npy "$at/truth" -o /dev/null "$at/people.spid"
-    "$python" "$top/tests/bench/realism.py" --pictures "$at/truth" "$at/png"
-    "$label" "$at/labels.safetensors" \
-        --model "$assets/mediapipe/face_landmarker.task" \
-        --base "$at/png" "$at"/png/*.ppm 2>"$at/label.log"
-    "$python" "$top/tests/bench/realism.py" "$title" "$at/truth" \
-        "$at/labels.safetensors" "$assets/labels/mediapipe_to_ict.json"
-}
-measure "people of scans" scans --assets "$assets"
-measure "procedural people" drawn
+mkdir -p "$work/png"
+spid-synth -q -n "$people" -s "$seed" --size "$size" --without mesh --assets "$assets" \
+    -o "$work/people.spid"
+spid-dump -q --npy "$work/truth" -o /dev/null "$work/people.spid"
+"$python" "$top/tests/bench/realism.py" --pictures "$work/truth" "$work/png"
+"$label" "$work/labels.safetensors" \
+    --model "$assets/mediapipe/face_landmarker.task" \
+    --base "$work/png" "$work"/png/*.ppm 2>"$work/label.log"
+"$python" "$top/tests/bench/realism.py" "people of scans" "$work/truth" \
+    "$work/labels.safetensors" "$assets/labels/mediapipe_to_ict.json"

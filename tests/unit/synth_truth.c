@@ -1,37 +1,26 @@
-/* The people's truth: masks against the projected mesh, landmarks against a
- * double-precision projection, the same bytes for any number of threads, and
- * the same light from the shaders of every instruction set. */
+/* The truth of plain figures: masks against the projected mesh, landmarks
+ * against a double-precision projection, the mouth's inside seen between the
+ * inner lips alone, the same bytes for any number of threads, and a head that
+ * is another's refused. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
-#include "lib/base/cpu.h"
-#include "lib/base/isa.h"
-#include "lib/base/parallel.h"
-#include "lib/base/random.h"
 #include "lib/base/camera.h"
-#include "lib/lab/people/lens.h"
-#include "lib/lab/people/noise.h"
-#include "lib/lab/people/stage.h"
+#include "lib/base/parallel.h"
+#include "lib/lab/people/label.h"
+#include "lib/lab/people/scan_scene.h"
 #include "lib/lab/people/synth.h"
 #include "tests/check.h"
 
 enum { S = 192 };
+#define CLEAR (-0.2f)           /* above it nothing turns with the shoulders */
 
-static int open_head(struct head *h)
-{
-    struct error err = {0};
-    int rc = head_load(h, "examples/model/head.safetensors", &err);
-
-    if (rc)
-        printf("FAILED: head: %s\n", err.text);
-    return rc;
-}
-
-/* Samples of a pixel, 8 x 8, that the mesh covers: plain point in triangle. */
-static void cover_mesh(int *cover, const struct head *h, const double *uv)
+/* Samples of a pixel, 8 x 8, that the mesh above floor_y covers: plain point
+ * in triangle. */
+static void cover_mesh(int *cover, const struct head *h, const double *uv,
+                       float floor_y)
 {
     static unsigned char hit[8 * S][8 * S];
 
@@ -39,6 +28,8 @@ static void cover_mesh(int *cover, const struct head *h, const double *uv)
     for (size_t f = 0; f < h->F; f++) {
         const double *p[3];
         double lo[2] = {1e9, 1e9}, hi[2] = {-1e9, -1e9};
+        if (h->v_template[3 * h->f[3 * f] + 1] < floor_y)
+            continue;
         for (int k = 0; k < 3; k++) {
             p[k] = uv + 2 * h->f[3 * f + k];
             for (int c = 0; c < 2; c++) {
@@ -71,8 +62,8 @@ static void cover_mesh(int *cover, const struct head *h, const double *uv)
     }
 }
 
-/* Most of cover within one pixel of i, or least. */
-static int truth_around(const int *cover, int i, int most)
+/* The largest of cover within one pixel of i, or the smallest. */
+static int truth_around(const int *cover, int i, int largest)
 {
     int best = cover[i];
 
@@ -82,68 +73,76 @@ static int truth_around(const int *cover, int i, int most)
             if (x < 0 || y < 0 || x >= S || y >= S)
                 continue;
             int c = cover[y * S + x];
-            best = most ? (c > best ? c : best) : (c < best ? c : best);
+            best = largest ? (c > best ? c : best) : (c < best ? c : best);
         }
     return best;
 }
 
-/* Whether a sample of pixel i shows the head model. */
-static int shows_head(const struct stage *s, const struct head *h, int i)
-{
-    for (int k = 0; k < STAGE_GRID * STAGE_GRID; k++) {
-        int x = i % S * STAGE_GRID + k % STAGE_GRID;
-        int y = i / S * STAGE_GRID + k / STAGE_GRID;
-        if (s->eye.id[y * s->eye.w + x] < h->F)
-            return 1;
-    }
-    return 0;
-}
-
-/* A bald head whose shoulders turn with it: what is drawn of the head is the
- * mesh, and the landmarks lie where double precision puts them. */
-static void check_mask(const struct head *h, int index)
-{
-    static int cover[S * S];
-    struct persona p;
-    struct actor a;
-    struct stage s;
+/* One frame of a person, and where the head's vertices lie in double
+ * precision. */
+struct shot {
+    struct scan_scene scene;
     struct synth_motion m;
-    struct error err = {0};
-    int missing = 0, extra = 0, inside = 0;
-    double worst = 0, cam[12], *x = malloc(3 * h->V * sizeof *x);
-    double *uv = malloc(2 * h->V * sizeof *uv), lmk[68 * 3], at[68 * 2];
+    float lmk[68][2];
+    double *x, *uv;             /* (V,3), (V,2) */
+    double cam[12];
+};
 
-    persona_sample(&p, 5, (uint64_t)index, h->nshape, 0);
-    p.hair.style = HAIR_SHAVED;
-    p.glasses = 0;
-    p.beard_length = 0;
-    if (!x || !uv || actor_init(&a, h, &p, &err)
-        || stage_init(&s, S, &err)) {
-        check_that(err.text, 0);
-        return;
-    }
-    synth_motion(&m, &p, 3.0 * index, h->nexp, NULL);
-    memcpy(m.body, m.rot, sizeof m.body);
-    memcpy(m.body_trans, m.trans, sizeof m.body_trans);
-    check_that("rendered", !stage_render(&s, &a, &m, &err));
+static void truth_shoot(struct shot *o, struct scan_worker *w,
+                        const struct scan_assets *a, const struct head *h,
+                        uint64_t seed, uint64_t who, double time)
+{
+    static uint8_t rgb[3 * S * S], person[3 * S * S], mask[S * S],
+        label[S * S];
+    const struct scan_print out = {rgb, person, mask, label};
+    struct error err = {0};
+
+    o->x = malloc(3 * h->V * sizeof *o->x);
+    o->uv = malloc(2 * h->V * sizeof *o->uv);
+    REQUIRE(o->x && o->uv
+            && !scan_scene_init(&o->scene, a, h, seed, who, 0, S, &err)
+            && !scan_scene_render(&out, &o->m, o->lmk, NULL, w, &o->scene, 0,
+                                  time, NULL, &err), "%s", err.text);
     for (int k = 0; k < 3; k++) {
         for (int c = 0; c < 3; c++)
-            cam[4 * k + c] = (double)m.rot[3 * k + c];
-        cam[4 * k + 3] = (double)m.trans[k];
+            o->cam[4 * k + c] = (double)o->m.rot[3 * k + c];
+        o->cam[4 * k + 3] = (double)o->m.trans[k];
     }
     for (size_t i = 0; i < 3 * h->V; i++)
-        x[i] = (double)s.verts[i];
-    camera_project_d(uv, NULL, cam, S, x, h->V);
-    cover_mesh(cover, h, uv);
+        o->x[i] = (double)w->verts[i];
+    camera_project_d(o->uv, NULL, o->cam, S, o->x, h->V);
+}
+
+static void truth_release(struct shot *o)
+{
+    scan_scene_release(&o->scene);
+    free(o->x);
+    free(o->uv);
+}
+
+/* What is drawn of the head above the neck is the mesh, and the landmarks lie
+ * where double precision puts them. */
+static void check_mask(struct scan_worker *w, const struct scan_assets *a,
+                       const struct head *h, int index)
+{
+    static int cover[S * S], all[S * S];
+    struct shot o;
+    int missing = 0, extra = 0, inside = 0;
+    double worst = 0, lmk[68 * 3], at[68 * 2];
+
+    truth_shoot(&o, w, a, h, 5, (uint64_t)index, 3.0 * index);
+    cover_mesh(cover, h, o.uv, CLEAR);
+    cover_mesh(all, h, o.uv, -9);
     for (int i = 0; i < S * S; i++) {
+        uint8_t tag = w->stage.tag[i];
+
         inside += cover[i] == 64;
-        if (truth_around(cover, i, 0) == 64 && s.cover[i] < 1)
-            missing++;
-        if (truth_around(cover, i, 1) == 0 && shows_head(&s, h, i))
-            extra++;
+        missing += truth_around(cover, i, 0) == 64 && w->stage.alpha[i] < 1;
+        extra += (tag == LABEL_NOSE || tag == LABEL_LIP || tag == LABEL_EYE)
+                 && truth_around(all, i, 1) == 0;
     }
-    printf("person %d: %d pixels of mesh, %d not in the mask, %d beyond a "
-           "pixel outside\n", index, inside, missing, extra);
+    printf("person %d: %d pixels of mesh, %d not in the mask, %d of face "
+           "beyond a pixel outside\n", index, inside, missing, extra);
     check_that("mask is the projected mesh",
                inside > 2000 && !missing && !extra);
     for (int k = 0; k < 68; k++)
@@ -151,19 +150,80 @@ static void check_mask(const struct head *h, int index)
             lmk[3 * k + c] = 0;
             for (int j = 0; j < 3; j++)
                 lmk[3 * k + c] += (double)h->landmark_bary[3 * k + j]
-                    * x[3 * h->f[3 * h->landmark_faces[k] + j] + c];
+                    * o.x[3 * h->f[3 * h->landmark_faces[k] + j] + c];
         }
-    camera_project_d(at, NULL, cam, S, lmk, 68);
+    camera_project_d(at, NULL, o.cam, S, lmk, 68);
     for (int k = 0; k < 68; k++)
-        worst = fmax(worst, hypot(at[2 * k] - (double)s.lmk[k][0],
-                                  at[2 * k + 1] - (double)s.lmk[k][1]));
-    printf("landmarks: largest error %.2g pixels (limit 0.5)\n", worst);
-    check_that("landmarks", worst < 0.5);
-    stage_release(&s);
-    actor_release(&a);
-    free(x);
-    free(uv);
+        worst = fmax(worst, hypot(at[2 * k] - (double)o.lmk[k][0],
+                                  at[2 * k + 1] - (double)o.lmk[k][1]));
+    check("landmarks, pixels", worst, 0.01);
+    truth_release(&o);
 }
+
+/* ---- the inside of the mouth -------------------------------------------- */
+
+/* Distance of (x,y) from the polygon uv (n,2), 0 inside. */
+static double truth_outside(const double *uv, size_t n, double x, double y)
+{
+    double best = 1e9;
+    bool in = false;
+
+    for (size_t i = 0, j = n - 1; i < n; j = i++) {
+        const double *a = uv + 2 * j, *b = uv + 2 * i;
+        double e[2] = {b[0] - a[0], b[1] - a[1]};
+        double t = ((x - a[0]) * e[0] + (y - a[1]) * e[1])
+                   / (e[0] * e[0] + e[1] * e[1] + 1e-12);
+
+        t = fmin(fmax(t, 0), 1);
+        best = fmin(best, hypot(a[0] + t * e[0] - x, a[1] + t * e[1] - y));
+        if ((a[1] > y) != (b[1] > y)
+            && x < a[0] + (y - a[1]) / (b[1] - a[1]) * e[0])
+            in = !in;
+    }
+    return in ? 0 : best;
+}
+
+/* Samples of the mouth's inside in all, and how far outside the inner lips'
+ * ring the farthest lies, pixels. */
+static size_t truth_mouth_frame(double *worst, const struct scan_stage *s,
+                                const struct shot *o, const struct head *h)
+{
+    double uv[2 * 64];
+    size_t n = h->nlip_inner, seen = 0;
+
+    REQUIRE(n <= 64, "%zu inner lip vertices (expected 64 at most)", n);
+    for (size_t i = 0; i < n; i++)
+        for (size_t k = 0; k < 2; k++)
+            uv[2 * i + k] = o->uv[2 * h->lip_inner[i] + (int)k] * SCAN_GRID;
+    for (int i = 0; i < s->grid * s->grid; i++) {
+        if (s->label[i] != LABEL_MOUTH && s->label[i] != LABEL_TEETH)
+            continue;
+        seen++;
+        *worst = fmax(*worst, truth_outside(uv, n, i % s->grid + 0.5,
+                                            i / s->grid + 0.5) / SCAN_GRID);
+    }
+    return seen;
+}
+
+static void check_mouth(struct scan_worker *w, const struct scan_assets *a,
+                        const struct head *h)
+{
+    double worst = 0;
+    size_t seen = 0;
+
+    for (uint64_t who = 0; who < 24; who++) {
+        struct shot o;
+
+        truth_shoot(&o, w, a, h, 21, who, 1.7 * (double)who);
+        seen += truth_mouth_frame(&worst, &w->stage, &o, h);
+        truth_release(&o);
+    }
+    printf("mouths: %zu samples seen\n", seen);
+    check_that("mouths are looked into", seen > 2000);
+    check("the mouth's inside beyond the inner lips, pixels", worst, 2);
+}
+
+/* ---- runs --------------------------------------------------------------- */
 
 /* FNV of everything that frames say. */
 static uint64_t truth_run(const struct head *h, int threads)
@@ -180,10 +240,10 @@ static uint64_t truth_run(const struct head *h, int threads)
 
     while ((rc = s ? synth_next(s, &f, &err) : -1) > 0) {
         const void *part[] = {f.rgb, f.mask, f.label, f.verts, f.motion,
-                              f.lmk, f.beta};
+                              f.lmk, f.beta, f.alone};
         size_t size[] = {64 * 64 * 3, 64 * 64, 64 * 64, 12 * h->V,
-                         sizeof *f.motion, 68 * 8, 4 * f.nbeta};
-        for (int k = 0; k < 7; k++)
+                         sizeof *f.motion, 68 * 8, 4 * f.nbeta, 64 * 64 * 3};
+        for (int k = 0; k < 8; k++)
             for (size_t i = 0; i < size[k]; i++)
                 hash = (hash ^ ((const uint8_t *)part[k])[i])
                        * 0x100000001b3u;
@@ -193,87 +253,37 @@ static uint64_t truth_run(const struct head *h, int threads)
     return hash;
 }
 
-#ifdef SPID_X86
-shade_skin_fn shade_skin_baseline, shade_skin_avx2, shade_skin_avx512;
-shade_eye_fn shade_eye_baseline, shade_eye_avx2, shade_eye_avx512;
-shade_cloth_fn shade_cloth_baseline, shade_cloth_avx2, shade_cloth_avx512;
-shade_strand_fn shade_strand_baseline, shade_strand_avx2, shade_strand_avx512;
-
-static void random_block(struct shade_block *b, struct random *r)
+/* A head without ARKit's expressions is none of a figure's. */
+static void check_other_head(const struct head *h)
 {
-    float *x = (float *)b;
+    struct head other = *h;
+    struct error err = {0};
 
-    for (size_t i = 0; i < sizeof *b / sizeof *x; i++)
-        x[i] = (float)random_range(r, 0, 1);
-    for (int i = 0; i < SHADE_N; i++)
-        for (int k = 0; k < 3; k++) {
-            b->p[k][i] = (float)random_range(r, -1, 1) + (k == 2 ? 12 : 0);
-            b->n[k][i] = (float)random_range(r, -1, 1);
-            b->c[k][i] = (float)random_range(r, -1, 1);
-        }
+    other.nexp = 10;
+    check_that("a head without the scans' expressions is refused",
+               !scan_plain_open(&other, &err)
+               && strstr(err.text, "the scans' shapes"));
 }
-
-/* Every shader of every set on the same blocks: equal bits. */
-static void check_shaders(void)
-{
-    static float map[64 * 64];
-    struct persona p;
-    struct shade_block in, out[3];
-    struct random r;
-    struct shade_strand strand = {.base = {.2f, .1f, .05f}, .spread = .3f,
-                                  .gloss = 1, .tint = 1, .soft = .1f};
-    struct shade_kernels set[3] = {
-        {shade_skin_baseline, shade_eye_baseline, shade_cloth_baseline,
-         shade_strand_baseline},
-        {shade_skin_avx2, shade_eye_avx2, shade_cloth_avx2,
-         shade_strand_avx2},
-        {shade_skin_avx512, shade_eye_avx512, shade_cloth_avx512,
-         shade_strand_avx512}};
-    int same = 1;
-
-    persona_sample(&p, 1, 1, 300, 1);
-    random_init(&r, 4, "blocks");
-    for (int i = 0; i < 64 * 64; i++)
-        map[i] = (float)random_range(&r, 1, 1e4);
-    p.env.shadow = (struct shade_shadow){.map = map, .n = 64, .sharp = 20,
-        .sun = {.u = {1, 0, 0}, .v = {0, 1, 0}, .w = {0, 0, -1},
-                .centre = {0, 0, 12}, .scale = 20, .half = 32}};
-    for (int n = 0; n < 40; n++) {
-        random_block(&in, &r);
-        for (int k = 0; k <= (int)cpu_level(); k++) {
-            out[k] = in;
-            switch (n % 4) {
-            case 0: set[k].skin(&out[k], &p.env, &p.skin); break;
-            case 1: set[k].eye(&out[k], &p.env, &p.eye); break;
-            case 2: set[k].cloth(&out[k], &p.env, &p.cloth); break;
-            default: set[k].strand(&out[k], &p.env, &strand);
-            }
-            same &= !memcmp(out[k].rgb, out[0].rgb, sizeof in.rgb);
-        }
-        for (int i = 0; i < SHADE_N; i++)
-            same &= isfinite(out[0].rgb[0][i]) != 0;
-    }
-    printf("shaders: 40 blocks on %s\n", cpu_level_name(cpu_level()));
-    check_that("every instruction set gives the same bits", same);
-}
-#endif
 
 int main(void)
 {
+    struct error err = {0};
     struct head h;
+    struct scan_worker w;
 
-    if (open_head(&h))
-        return 1;
-    noise_lattice();
-    lens_init();
+    REQUIRE(!head_load(&h, "examples/model/head.safetensors", &err), "%s",
+            err.text);
+    struct scan_assets *a = scan_plain_open(&h, &err);
+    REQUIRE(a && !scan_worker_init(&w, &h, S, &err), "%s", err.text);
     for (int i = 0; i < 4; i++)
-        check_mask(&h, i);
+        check_mask(&w, a, &h, i);
+    check_mouth(&w, a, &h);
+    scan_worker_release(&w);
+    scan_close(a);
     uint64_t one = truth_run(&h, 1);
     check_that("two runs, the same bytes", one == truth_run(&h, 1));
     check_that("three threads, the same bytes", one == truth_run(&h, 3));
-#ifdef SPID_X86
-    check_shaders();
-#endif
+    check_other_head(&h);
     head_release(&h);
     return check_status();
 }

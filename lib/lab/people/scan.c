@@ -11,7 +11,7 @@
 #include <sysexits.h>
 
 #include "lib/base/parallel.h"
-#include "lib/lab/people/actor.h"
+#include "lib/lab/people/label.h"
 #include "lib/lab/people/vec.h"
 
 #define PATH 4096
@@ -199,6 +199,16 @@ static int scan_make_torso(struct scan_assets *a, struct error *err)
     return rc;
 }
 
+uint8_t scan_label_of(int32_t region)
+{
+    static const uint8_t label[REGION_COUNT] = {
+        LABEL_SKIN, LABEL_SKIN, LABEL_LIP, LABEL_SKIN, LABEL_SKIN,
+        LABEL_EAR, LABEL_NECK, LABEL_NOSE, LABEL_SKIN, LABEL_LIP
+    };
+
+    return region >= 0 && region < REGION_COUNT ? label[region] : LABEL_SKIN;
+}
+
 /* What the vertices are, after the nearest of the head's. */
 static int scan_find_labels(struct scan_assets *a, const struct head *h,
                             struct error *err)
@@ -215,16 +225,10 @@ static int scan_find_labels(struct scan_assets *a, const struct head *h,
     if (near_init(&g, h->v_template, h->V, 0.05f, err))
         return -1;
     for (size_t i = 0; i < FACE_NECK_END; i++) {
-        static const uint8_t label[REGION_COUNT] = {
-            LABEL_SKIN, LABEL_SKIN, LABEL_LIP, LABEL_SKIN, LABEL_SKIN,
-            LABEL_EAR, LABEL_NECK, LABEL_NOSE, LABEL_SKIN, LABEL_LIP
-        };
         int32_t at = 0;
         near_find(&at, NULL, &g, a->face.neutral + 3 * i, NULL, 1, 10);
-        int r = h->region[at];
         a->hairy[i] = h->hair ? h->hair[at] : 0;
-        if (r >= 0 && r < REGION_COUNT)
-            a->label[i] = label[r];
+        a->label[i] = scan_label_of(h->region[at]);
     }
     near_release(&g);
     return 0;
@@ -320,6 +324,7 @@ void scan_close(struct scan_assets *a)
 {
     if (!a)
         return;
+    scan_plain_release(a->plain);
     scan_face_release(&a->face);
     follow_map_release(&a->follow);
     body_release(&a->body);

@@ -23,7 +23,10 @@ struct scan_rack {              /* pieces of one kind */
     struct piece piece[SCAN_PIECES];
 };
 
+struct scan_plain;              /* scan_plain.c */
+
 struct scan_assets {
+    struct scan_plain *plain;   /* of a plain figure, or NULL */
     struct scan_face face;
     struct follow_map follow;
     struct body body;
@@ -49,7 +52,22 @@ struct scan_assets {
  * of another shape or holds numbers that are none. */
 struct scan_assets *scan_open(const char *dir, const struct head *head,
                               struct error *err);
+/* The same from the head (borrowed) alone: one plain figure, of all identities
+ * and skins, in made rooms.  NULL and *err when the head is not the built-in
+ * one's kind. */
+struct scan_assets *scan_plain_open(const struct head *h, struct error *err);
 void scan_close(struct scan_assets *a);         /* NULL is allowed */
+
+/* ---- parts of them -------------------------------------------------------- */
+
+/* enum synth_label of a vertex of the head in a region. */
+uint8_t scan_label_of(int32_t region);
+/* A plain figure's x (FACE_VERTICES,3) from the head's posed verts (V,3); rest
+ * (FACE_VERTICES,3): the person's at rest. */
+void scan_plain_pose(float *x, const struct scan_plain *p, const float *rest,
+                     const float *verts);
+/* Free it. */
+void scan_plain_release(struct scan_plain *p);
 
 /* ---- directions of the sky, for visibility ------------------------------ */
 

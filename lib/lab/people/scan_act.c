@@ -113,6 +113,9 @@ static void act_add_kind(float *w, const struct act_model *m, struct random *r,
     float u = (float)random_uniform(r);
     int c = 0;
 
+    if (!m->kinds)              /* no photographs at hand */
+        return;
+
     while (c < m->kinds - 1 && u > m->share[c])
         c++;
     for (int k = 0; k < ARKIT_COUNT; k++) {

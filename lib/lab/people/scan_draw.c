@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "lib/base/sort.h"
-#include "lib/lab/people/actor.h"
+#include "lib/lab/people/label.h"
 #include "lib/lab/people/scan_stage.h"
 #include "lib/lab/people/tri.h"
 #include "lib/lab/people/vec.h"

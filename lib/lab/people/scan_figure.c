@@ -7,7 +7,7 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "lib/lab/people/actor.h"
+#include "lib/lab/people/label.h"
 #include "lib/lab/people/vec.h"
 
 static int figure_memory(struct error *err)

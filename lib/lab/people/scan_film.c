@@ -7,7 +7,7 @@
 #include <sysexits.h>
 
 #include "lib/base/random.h"
-#include "lib/lab/people/actor.h"
+#include "lib/lab/people/label.h"
 #include "lib/lab/people/lens.h"
 #include "lib/lab/people/noise.h"
 #include "lib/lab/people/scan_codec.h"
@@ -250,11 +250,11 @@ static void film_optics(float *p, float *tmp, int n,
     float blur = (0.40f + c->blur) * (float)n / 256;
 
     if (fabsf(move[0]) + fabsf(move[1]) > 0.7f)
-        lens_smear(p, tmp, n, 1, 11, move[0], move[1]);
+        lens_smear(p, tmp, n, move[0], move[1]);
     if (blur > 0.3f)
-        lens_soften(p, tmp, n, 1, LENS_BLUR_MOST, blur);
+        lens_soften(p, tmp, n, blur);
     if (c->low < 0.95f)
-        lens_coarsen(p, tmp, n, 1, c->low);
+        lens_coarsen(p, tmp, n, c->low);
 }
 
 /* p += amount (p - its blur): what cameras do to their pictures. */
@@ -263,7 +263,7 @@ static void film_sharpen(float *p, float *tmp, float *tmp2, int n, float amount)
     size_t m = (size_t)n * (size_t)n;
 
     memcpy(tmp, p, m * sizeof *p);
-    lens_soften(tmp, tmp2, n, 1, LENS_BLUR_MOST, 1.0f * (float)n / 256);
+    lens_soften(tmp, tmp2, n, (float)n / 256);
     for (size_t i = 0; i < m; i++)
         p[i] += amount * (p[i] - tmp[i]);
 }

@@ -7,7 +7,7 @@
 #include <sysexits.h>
 
 #include "lib/base/random.h"
-#include "lib/lab/people/actor.h"
+#include "lib/lab/people/label.h"
 #include "lib/lab/people/scan_figure.h"
 #include "lib/lab/people/vec.h"
 
@@ -233,7 +233,10 @@ int figure_add_front(struct figure *f, struct error *err)
     random_init(&r, f->look.key, "front");
     switch (f->look.front) {
     case FRONT_NONE: return 0;
-    case FRONT_HAND: return front_add_hand(f, &r, err);
+    case FRONT_HAND:
+        if (f->assets->hand.nc)
+            return front_add_hand(f, &r, err);
+        /* fall through */
     default: return front_add_thing(f, &r, err);
     }
 }

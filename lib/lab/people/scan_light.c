@@ -159,15 +159,15 @@ static void light_blur_level(float *out, int w, int h, const float *in, int iw,
 }
 
 /* Ever smaller and blurrier panoramas, and one without its lamps. */
-static int light_make_levels(struct light_map *m, const struct panorama *p)
+static int light_make_levels(struct light_map *m, const float *rgb, int w,
+                             int h)
 {
     int sw = level_width[1], sh = sw / 2;
     float *small = malloc(3 * (size_t)(sw * sh) * sizeof *small);
 
     m->calm = malloc(3 * (size_t)(sw * sh) * sizeof *m->calm);
     for (int k = 0; k < LIGHT_LEVELS; k++) {
-        m->w[k] = level_width[k] < (int)p->width ? level_width[k]
-                                                 : (int)p->width;
+        m->w[k] = level_width[k] < w ? level_width[k] : w;
         m->h[k] = m->w[k] / 2;
         m->level[k] = malloc(3 * (size_t)(m->w[k] * m->h[k])
                              * sizeof *m->level[k]);
@@ -178,8 +178,7 @@ static int light_make_levels(struct light_map *m, const struct panorama *p)
         free(small);
         return -1;
     }
-    light_shrink(m->level[0], m->w[0], m->h[0], p->rgb, (int)p->width,
-                 (int)p->height);
+    light_shrink(m->level[0], m->w[0], m->h[0], rgb, w, h);
     light_shrink(small, sw, sh, m->level[0], m->w[0], m->h[0]);
     double mean = light_mean(small, sw, sh);
     for (int i = 0; i < 3 * m->w[0] * m->h[0]; i++)
@@ -196,21 +195,27 @@ static int light_make_levels(struct light_map *m, const struct panorama *p)
     return 0;
 }
 
+int light_map_make(struct light_map *m, const char *name, const float *rgb,
+                   int w, int h, struct error *err)
+{
+    *m = (struct light_map){0};
+    strncpy(m->name, name, sizeof m->name - 1);
+    if (!light_make_levels(m, rgb, w, h))
+        return 0;
+    light_map_release(m);
+    return error_set(err, EX_OSERR, "%s: out of memory", name);
+}
+
 int light_map_load(struct light_map *m, const char *path, struct error *err)
 {
     struct panorama p;
     const char *base = strrchr(path, '/');
-    int rc;
 
     *m = (struct light_map){0};
-    strncpy(m->name, base ? base + 1 : path, sizeof m->name - 1);
     if (panorama_read(&p, path, err))
         return -1;
-    rc = light_make_levels(m, &p);
-    if (rc) {
-        light_map_release(m);
-        error_set(err, EX_OSERR, "%s: out of memory", path);
-    }
+    int rc = light_map_make(m, base ? base + 1 : path, p.rgb, (int)p.width,
+                            (int)p.height, err);
     panorama_release(&p);
     return rc;
 }

@@ -44,7 +44,10 @@ struct light {
     struct lamp lamp[LIGHT_LAMPS];
 };
 
-/* Read and prepare a panorama: see panorama_read for what is refused. */
+/* Prepare a panorama rgb (h,w,3), linear, first row the zenith; w = 2 h. */
+int light_map_make(struct light_map *m, const char *name, const float *rgb,
+                   int w, int h, struct error *err);
+/* Read and prepare one: see panorama_read for what is refused. */
 int light_map_load(struct light_map *m, const char *path, struct error *err);
 /* Free what it holds; zeroed then. */
 void light_map_release(struct light_map *m);

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "lib/lab/people/actor.h"
+#include "lib/lab/people/label.h"
 #include "lib/lab/people/scan_figure.h"
 #include "lib/lab/people/vec.h"
 

@@ -259,7 +259,8 @@ static void person_draw_picture(struct scan_camera *c, struct random *r,
 
 /* Where the camera is, what its pictures are like, and what is behind and
  * before the person. */
-static void person_draw_camera(struct scan_person *p, float effects)
+static void person_draw_camera(struct scan_person *p, bool far_only,
+                               float effects)
 {
     struct random r;
     struct scan_camera *c = &p->camera;
@@ -268,7 +269,9 @@ static void person_draw_camera(struct scan_person *p, float effects)
     float far = random_float(&r, 0, 1);
     p->rest[2] = 12 * expf(0.28f * person_normal(&r, 2) + 0.04f);
     c->distance = p->rest[2];
-    if (far < 0.45f)            /* an arm's length, or a desk's */
+    if (far_only)
+        ;
+    else if (far < 0.45f)            /* an arm's length, or a desk's */
         c->distance = minf(c->distance, 5 * random_float(&r, 0.32, 1.6));
     else if (far < 0.5f)        /* a telephone at 15 to 32 cm from the face */
         c->distance = 5 * random_float(&r, 0.24, 0.36);
@@ -397,5 +400,5 @@ void scan_person_draw(struct scan_person *p, const struct scan_assets *a,
     person_draw_features(p, a);
     person_draw_light(p, a);
     person_draw_act(p);
-    person_draw_camera(p, effects);
+    person_draw_camera(p, a->plain, effects);
 }

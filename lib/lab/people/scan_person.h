@@ -5,9 +5,10 @@
 
 #include <stdbool.h>
 
-#include "lib/lab/people/persona.h"
 #include "lib/lab/people/scan.h"
 
+enum glasses { GLASSES_NONE, GLASSES_ROUND, GLASSES_SQUARE, GLASSES_THIN,
+               GLASSES_SUN };
 enum scan_backdrop { BACKDROP_ROOM, BACKDROP_WALL, BACKDROPS };
 enum scan_front { FRONT_NONE, FRONT_HAND, FRONT_MICROPHONE, FRONT_CUP };
 

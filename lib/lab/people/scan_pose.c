@@ -249,10 +249,14 @@ void scan_pose(struct scan_stage *s)
     float *normal = s->normal;
 
     memcpy(s->face, f->rest, 3 * FACE_VERTICES * sizeof *s->face);
-    scan_face_express(s->face, &f->assets->face, f->rest, s->act->weight);
-    follow_bend(s->face, s->bend, s->follow, &f->assets->face, f->rest,
-                s->verts, s->act->weight);
-    pose_turn_eyes(s);
+    if (f->assets->plain) {
+        scan_plain_pose(s->face, f->assets->plain, f->rest, s->verts);
+    } else {
+        scan_face_express(s->face, &f->assets->face, f->rest, s->act->weight);
+        follow_bend(s->face, s->bend, s->follow, &f->assets->face, f->rest,
+                    s->verts, s->act->weight);
+        pose_turn_eyes(s);
+    }
     scan_face_normals(s->face_normal, s->face, &f->assets->face);
     pose_find_folds(s);
     pose_place_corners(s);

@@ -15,8 +15,9 @@ int scan_worker_init(struct scan_worker *c, const struct head *h, int size,
                    struct error *err)
 {
     *c = (struct scan_worker){.verts = malloc(3 * h->V * sizeof *c->verts),
-                            .bend = malloc(3 * h->V * sizeof *c->bend)};
-    if (!c->verts || !c->bend)
+                            .bend = malloc(3 * h->V * sizeof *c->bend),
+                            .exact = malloc(3 * h->V * sizeof *c->exact)};
+    if (!c->verts || !c->bend || !c->exact)
         return error_set(err, EX_OSERR, "out of memory");
     return scan_stage_init(&c->stage, size, err)
            || scan_film_init(&c->film, size, err) ? -1 : 0;
@@ -28,6 +29,7 @@ void scan_worker_release(struct scan_worker *c)
     scan_film_release(&c->film);
     free(c->verts);
     free(c->bend);
+    free(c->exact);
     *c = (struct scan_worker){0};
 }
 
@@ -41,6 +43,11 @@ int scan_scene_init(struct scan_scene *c, const struct scan_assets *a,
     int rc = -1;
 
     *c = (struct scan_scene){.size = size};
+    if (h->nshape > SCENE_SHAPES) {
+        error_set(err, EX_DATAERR, "head of %zu shapes (expected at most %d)",
+                  h->nshape, SCENE_SHAPES);
+        goto out;
+    }
     c->wall = malloc(n * sizeof *c->wall);
     if (!c->wall || !tmp) {
         error_set(err, EX_OSERR, "out of memory");
@@ -51,7 +58,7 @@ int scan_scene_init(struct scan_scene *c, const struct scan_assets *a,
                                                 : SCAN_IDENTITIES;
     memcpy(c->beta, p.beta, shapes * sizeof *c->beta);
     if (head_fold(&c->id, h, c->beta, shapes, err)
-        || follow_init(&c->follow, &a->follow, &c->id, err)
+        || (!a->plain && follow_init(&c->follow, &a->follow, &c->id, err))
         || figure_init(&c->figure, a, &p, err))
         goto out;
     scan_backdrop(c->wall, tmp, &c->figure, size);
@@ -74,6 +81,22 @@ void scan_scene_release(struct scan_scene *c)
 
 /* ---- where the head is -------------------------------------------------- */
 
+/* rot (3,3) of a face's camera, radians: diag(1,-1,-1) for a face to the
+ * camera; yaw turns it to its left. */
+static void scene_face_rotation(float rot[9], float yaw, float pitch,
+                                float roll)
+{
+    static const float front[9] = { 1, 0, 0, 0, -1, 0, 0, 0, -1 };
+    float a[9], b[9], c[9], t[9];
+
+    axis33(a, 1, yaw);
+    axis33(b, 0, pitch);
+    axis33(c, 2, roll);
+    mul33(t, a, b);
+    mul33(b, c, t);
+    mul33(rot, front, b);
+}
+
 /* Camera of head and shoulders: the head turns about the top of the neck. */
 static void scene_place_body(struct scan_view *v, const struct figure *f,
                              const struct act *act)
@@ -81,8 +104,8 @@ static void scene_place_body(struct scan_view *v, const struct figure *f,
     const struct scan_person *p = &f->look;
     float at[3], pivot[3];
 
-    synth_face_rotation(v->rot, act->yaw, act->pitch, act->roll);
-    synth_face_rotation(v->body, 0.35f * p->act.yaw + 0.2f * act->yaw,
+    scene_face_rotation(v->rot, act->yaw, act->pitch, act->roll);
+    scene_face_rotation(v->body, 0.35f * p->act.yaw + 0.2f * act->yaw,
                         0.06f * act->pitch, 0.1f * act->roll);
     for (int k = 0; k < 3; k++)
         at[k] = p->rest[k]
@@ -174,8 +197,6 @@ static void scene_find_camera(struct synth_motion *m, const float *verts,
 
     memcpy(m->rot, v->rot, sizeof m->rot);
     copy3(m->trans, v->trans);
-    memcpy(m->body, v->body, sizeof m->body);
-    copy3(m->body_trans, v->body_trans);
     if (f->look.camera.distance == f->look.rest[2])
         return;
     m->trans[2] /= nearer;
@@ -208,6 +229,31 @@ static void scene_project(float xy[2], const float p[3],
         xy[j] = (float)size * (0.5f + v->focal * p[j] / p[2]);
 }
 
+/* worker->verts by the reference in double, which is the same on every
+ * processor. */
+static void scene_pose_head(struct scan_worker *worker,
+                            const struct scan_scene *c,
+                            const struct synth_motion *m)
+{
+    const struct head *h = c->id.head;
+    double beta[SCENE_SHAPES], exp[MOTION_EXP_MAX];
+    struct head_motion_d d = {.beta = beta, .exp = exp};
+
+    for (size_t k = 0; k < h->nshape; k++)
+        beta[k] = (double)c->beta[k];
+    for (size_t k = 0; k < h->nexp; k++)
+        exp[k] = (double)m->exp[k];
+    for (int k = 0; k < 3; k++)
+        d.pose[3 * JOINT_JAW + k] = (double)m->jaw[k];
+    for (int k = 0; k < 6; k++)
+        d.pose[3 * JOINT_EYE_LEFT + k] = (double)m->eye[k];
+    for (int k = 0; k < 2; k++)
+        d.lid[k] = (double)m->lid[k];
+    head_pose_d(worker->exact, NULL, h, &d);
+    for (size_t i = 0; i < 3 * h->V; i++)
+        worker->verts[i] = (float)worker->exact[i];
+}
+
 int scan_scene_render(const struct scan_print *out, struct synth_motion *m,
                float lmk[68][2], float (*points)[2],
                struct scan_worker *worker,
@@ -218,21 +264,14 @@ int scan_scene_render(const struct scan_print *out, struct synth_motion *m,
     const struct head *h = c->id.head;
     struct scan_view v;
     struct act act;
-    struct head_motion hm = {.exp = m->exp};
     float at[68 * 3], move[2];
 
     memset(m, 0, sizeof *m);
     act_at(&act, &f->assets->act, &f->look.act, time, turn);
     arkit_to_motion(m->exp, (int)h->nexp, m->jaw, m->lid, m->eye, act.weight);
-    memcpy(hm.jaw, m->jaw, sizeof hm.jaw);
-    memcpy(hm.eye, m->eye, sizeof hm.eye);
-    memcpy(hm.lid, m->lid, sizeof hm.lid);
-    head_pose(worker->verts, &c->id, &hm);
+    scene_pose_head(worker, c, m);
     scene_place_body(&v, f, &act);
     scene_find_camera(m, worker->verts, h, f, &v);
-    m->yaw = act.yaw;
-    m->pitch = act.pitch;
-    m->roll = act.roll;
     worker->stage.follow = &c->follow;
     worker->stage.verts = worker->verts;
     worker->stage.bend = worker->bend;
@@ -247,7 +286,7 @@ int scan_scene_render(const struct scan_print *out, struct synth_motion *m,
         mad3(p, p, v.trans, 1);
         scene_project(lmk[k], p, &v, c->size);
     }
-    for (int k = 0; k < REGISTER_POINTS; k++)
+    for (int k = 0; !f->assets->plain && k < REGISTER_POINTS; k++)
         scene_project(points[k], worker->stage.place
                       + 3 * f->assets->point[k], &v, c->size);
     return 0;

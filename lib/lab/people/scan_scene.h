@@ -6,12 +6,14 @@
 #include "lib/lab/people/motion.h"
 #include "lib/lab/people/scan_film.h"
 
+#define SCENE_SHAPES 512        /* of any head; those past the scans are 0 */
+
 /* A person ready to be rendered, with the background behind them. */
 struct scan_scene {
     struct figure figure;
     struct identity id;
     struct follow follow;
-    float beta[PERSONA_SHAPE_MAX];
+    float beta[SCENE_SHAPES];
     float *wall;                /* (3,size,size) */
     int size;
 };
@@ -20,6 +22,7 @@ struct scan_worker {              /* one worker's */
     struct scan_stage stage;
     struct scan_film film;
     float *verts, *bend;        /* (V,3) */
+    double *exact;              /* (V,3) verts in double */
 };
 
 /* One thread's memory for people of head h (borrowed) at size x size. */

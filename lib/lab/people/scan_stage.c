@@ -5,7 +5,7 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "lib/lab/people/actor.h"
+#include "lib/lab/people/label.h"
 #include "lib/lab/people/vec.h"
 
 static int stage_memory(struct error *err)

@@ -3,7 +3,6 @@
 #ifndef SPID_LAB_PEOPLE_SCAN_STAGE_H
 #define SPID_LAB_PEOPLE_SCAN_STAGE_H
 
-#include "lib/lab/people/raster.h"
 #include "lib/lab/people/scan_figure.h"
 #include "lib/lab/people/sun.h"
 

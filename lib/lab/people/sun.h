@@ -3,7 +3,7 @@
 #ifndef SPID_LAB_PEOPLE_SUN_H
 #define SPID_LAB_PEOPLE_SUN_H
 
-#include "lib/lab/people/raster.h"
+#include "lib/lab/people/tri.h"
 #include "lib/lab/people/vec.h"
 
 #define SUN_FAR 8       /* added to heights: positive for the z-buffer */

@@ -8,17 +8,13 @@
 
 #include "lib/base/crop.h"
 #include "lib/base/parallel.h"
-#include "lib/lab/people/lens.h"
 #include "lib/lab/people/noise.h"
 #include "lib/lab/people/scan_scene.h"
-#include "lib/lab/people/stage.h"
 
 /* A batch of frames is made in parallel, one frame a worker, and handed out
  * in order.  `slots` people are ready at a time. */
 struct synth_scene {            /* a person and the background behind them */
-    struct actor actor;
-    float *wall;
-    struct scan_scene scan;      /* in their place, with assets */
+    struct scan_scene scan;
     uint64_t index;             /* of the person; UINT64_MAX: none */
 };
 
@@ -34,14 +30,14 @@ struct synth_picture {          /* a finished frame */
 
 struct synth {
     struct synth_options opt;
+    struct scan_assets *plain;  /* of our own, when none are given */
     const struct head *head;
     size_t slots, batch, made, given;
     uint64_t next, total;
     struct synth_scene *scene;          /* (slots) */
     struct synth_picture *picture;          /* (batch) */
     size_t threads;
-    struct stage *stage;        /* (threads) */
-    struct scan_worker *worker;     /* (threads), with assets */
+    struct scan_worker *worker;     /* (threads) */
 };
 
 /* Room for a frame and what is to be known of it. */
@@ -52,21 +48,25 @@ static int synth_picture_init(struct synth_picture *t, const struct synth *s)
     t->rgb = malloc(3 * n);
     t->mask = malloc(n);
     t->label = malloc(n);
-    t->alone = s->opt.assets ? malloc(3 * n) : NULL;
+    t->alone = malloc(3 * n);
     t->verts = s->opt.mesh ? malloc(3 * s->head->V * sizeof(float)) : NULL;
-    return t->rgb && t->mask && t->label && (t->verts || !s->opt.mesh)
-           && (t->alone || !s->opt.assets) ? 0 : -1;
+    return t->rgb && t->mask && t->label && t->alone
+           && (t->verts || !s->opt.mesh) ? 0 : -1;
 }
 
 struct synth *synth_open(const struct head *head,
                          const struct synth_options *opt, struct error *err)
 {
     struct synth *s = calloc(1, sizeof *s);
-    size_t n = (size_t)opt->size * (size_t)opt->size;
 
     if (!s)
         goto memory;
     s->opt = *opt;
+    if (!opt->assets) {
+        s->opt.assets = s->plain = scan_plain_open(head, err);
+        if (!s->plain)
+            goto out;
+    }
     s->head = head;
     s->threads = (size_t)parallel_width();
     s->slots = s->threads * 2;
@@ -74,26 +74,18 @@ struct synth *synth_open(const struct head *head,
     s->total = opt->people * opt->frames;
     s->scene = calloc(s->slots, sizeof *s->scene);
     s->picture = calloc(s->batch, sizeof *s->picture);
-    s->stage = calloc(s->threads, sizeof *s->stage);
     s->worker = calloc(s->threads, sizeof *s->worker);
-    if (!s->scene || !s->picture || !s->stage || !s->worker)
+    if (!s->scene || !s->picture || !s->worker)
         goto memory;
     for (size_t i = 0; i < s->slots; i++)
         s->scene[i].index = UINT64_MAX;
-    for (size_t i = 0; !opt->assets && i < s->slots; i++) {
-        s->scene[i].wall = malloc(3 * n * sizeof(float));
-        if (!s->scene[i].wall)
-            goto memory;
-    }
     for (size_t i = 0; i < s->batch; i++)
         if (synth_picture_init(&s->picture[i], s))
             goto memory;
     for (size_t i = 0; i < s->threads; i++)
-        if (opt->assets ? scan_worker_init(&s->worker[i], head, opt->size, err)
-                        : stage_init(&s->stage[i], opt->size, err))
+        if (scan_worker_init(&s->worker[i], head, opt->size, err))
             goto out;
     noise_lattice();
-    lens_init();
     return s;
 memory:
     error_set(err, EX_OSERR, "out of memory for pictures of %d pixels",
@@ -107,11 +99,8 @@ void synth_close(struct synth *s)
 {
     if (!s)
         return;
-    for (size_t i = 0; s->scene && i < s->slots; i++) {
-        actor_release(&s->scene[i].actor);
+    for (size_t i = 0; s->scene && i < s->slots; i++)
         scan_scene_release(&s->scene[i].scan);
-        free(s->scene[i].wall);
-    }
     for (size_t i = 0; s->picture && i < s->batch; i++) {
         free(s->picture[i].rgb);
         free(s->picture[i].mask);
@@ -119,14 +108,12 @@ void synth_close(struct synth *s)
         free(s->picture[i].alone);
         free(s->picture[i].verts);
     }
-    for (size_t i = 0; s->stage && i < s->threads; i++)
-        stage_release(&s->stage[i]);
     for (size_t i = 0; s->worker && i < s->threads; i++)
         scan_worker_release(&s->worker[i]);
+    scan_close(s->plain);
     free(s->worker);
     free(s->scene);
     free(s->picture);
-    free(s->stage);
     free(s);
 }
 
@@ -135,28 +122,15 @@ static int synth_scene_prepare(struct synth *s, uint64_t index,
                                struct error *err)
 {
     struct synth_scene *c = &s->scene[index % s->slots];
-    struct persona p;
 
     if (c->index == index)
         return 0;
-    if (c->index != UINT64_MAX) {
-        actor_release(&c->actor);
-        scan_scene_release(&c->scan);
-    }
+    scan_scene_release(&c->scan);
     c->index = UINT64_MAX;
-    if (s->opt.assets) {
-        if (scan_scene_init(&c->scan, s->opt.assets, s->head, s->opt.seed,
-                           s->opt.first + index, s->opt.effects, s->opt.size,
-                           err))
-            return -1;
-        c->index = index;
-        return 0;
-    }
-    persona_sample(&p, s->opt.seed, s->opt.first + index, s->head->nshape,
-                   s->opt.effects);
-    if (actor_init(&c->actor, s->head, &p, err))
+    if (scan_scene_init(&c->scan, s->opt.assets, s->head, s->opt.seed,
+                        s->opt.first + index, s->opt.effects, s->opt.size,
+                        err))
         return -1;
-    backdrop_paint(c->wall, &p, s->opt.size);
     c->index = index;
     return 0;
 }
@@ -177,10 +151,9 @@ static const struct synth_turn *synth_turn(const struct synth *s,
     return s->opt.turns ? &s->opt.turn[frame % s->opt.turns] : NULL;
 }
 
-/* The same with assets. */
-static int synth_picture_render_scan(struct synth *s, struct synth_picture *t,
-                                     struct scan_worker *worker,
-                                     struct error *err)
+/* One frame, by a thread's worker. */
+static int synth_picture_render(struct synth *s, struct synth_picture *t,
+                                struct scan_worker *worker, struct error *err)
 {
     uint64_t frame = t->number % s->opt.frames;
     struct scan_print out = { t->rgb, t->alone, t->mask, t->label };
@@ -197,51 +170,6 @@ static int synth_picture_render_scan(struct synth *s, struct synth_picture *t,
     return 0;
 }
 
-/* One frame of a sculpted person. */
-static int synth_picture_render(struct synth *s, struct synth_picture *t,
-                                struct stage *stage, struct error *err)
-{
-    uint64_t person = t->number / s->opt.frames;
-    uint64_t frame = t->number % s->opt.frames;
-    struct synth_scene *c = &s->scene[person % s->slots];
-    const struct persona *p = &c->actor.look;
-    struct synth_motion before;
-    size_t n = (size_t)s->opt.size * (size_t)s->opt.size;
-    double time = (double)frame / s->opt.fps;
-    float f = 6 * (float)s->opt.size / 12;
-
-    const struct synth_turn *turn = synth_turn(s, frame);
-
-    synth_motion(&t->motion, p, time, s->head->nexp, turn);
-    if (stage_render(stage, &c->actor, &t->motion, err))
-        return -1;
-    synth_motion(&before, p, time - (double)p->lens.shutter, s->head->nexp,
-                 turn);
-    float dx = t->motion.trans[0] - before.trans[0]
-               + 0.45f * (t->motion.yaw - before.yaw);
-    float dy = t->motion.trans[1] - before.trans[1]
-               + 0.45f * (t->motion.pitch - before.pitch);
-    lens_expose(stage, p, c->wall, frame, time, dx * f, dy * f);
-    memcpy(t->lmk, stage->lmk, sizeof t->lmk);
-    synth_picture_crop(t);
-    t->scene = c;
-    memcpy(t->rgb, stage->rgb, 3 * n);
-    memcpy(t->mask, stage->mask, n);
-    memcpy(t->label, stage->label, n);
-    if (t->verts)
-        memcpy(t->verts, stage->verts, 3 * s->head->V * sizeof(float));
-    return 0;
-}
-
-/* One frame, with assets or of a sculpted person, by thread `me`. */
-static int synth_picture_make(struct synth *s, struct synth_picture *t, int me,
-                              struct error *err)
-{
-    return s->opt.assets
-               ? synth_picture_render_scan(s, t, &s->worker[me], err)
-               : synth_picture_render(s, t, &s->stage[me], err);
-}
-
 /* One of the batch's people. */
 static int synth_make_scene(void *ctx, size_t i, struct error *err)
 {
@@ -256,7 +184,8 @@ static int synth_make_picture(void *ctx, size_t i, struct error *err)
     struct synth *s = ctx;
 
     s->picture[i].number = s->next + i;
-    return synth_picture_make(s, &s->picture[i], (int)parallel_slot(), err);
+    return synth_picture_render(s, &s->picture[i],
+                                &s->worker[parallel_slot()], err);
 }
 
 /* Make the next batch: first its people, then its frames. */
@@ -291,12 +220,10 @@ int synth_next(struct synth *s, struct synth_frame *frame, struct error *err)
     *frame = (struct synth_frame){
         .person = s->opt.first + t->number / s->opt.frames,
         .frame = t->number % s->opt.frames,
-        .beta = s->opt.assets ? t->scene->scan.beta : t->scene->actor.look.beta,
-        .nbeta = s->opt.assets ? s->head->nshape
-                               : t->scene->actor.look.nbeta,
+        .beta = t->scene->scan.beta, .nbeta = s->head->nshape,
         .alone = t->alone,
         .motion = &t->motion, .lmk = &t->lmk[0][0], .verts = t->verts,
-        .points = s->opt.assets ? &t->points[0][0] : NULL,
+        .points = s->opt.assets->plain ? NULL : &t->points[0][0],
         .rgb = t->rgb, .mask = t->mask, .label = t->label
     };
     memcpy(frame->crop, t->crop, sizeof t->crop);

@@ -27,8 +27,8 @@ struct synth_options {
                                          * frame k, turn[k % turns]; borrowed */
     size_t turns;               /* 0: as the person moves */
     bool mesh;                  /* also the driven vertices */
-    const struct scan_assets *assets;   /* people of the scans; NULL: drawn
-                                         * by procedures.  Borrowed */
+    const struct scan_assets *assets;   /* people of the scans, borrowed; NULL:
+                                         * plain figures (scan_plain.c) */
 };
 
 /* One finished frame; everything belongs to the synth and stays until the
@@ -42,12 +42,11 @@ struct synth_frame {
     const float *lmk;           /* (68,2) pixels of the picture */
     const float *points;        /* (SYNTH_POINTS,2) where the labels'
                                  * landmarks lie on the scans' skin, pixels;
-                                 * NULL without assets */
+                                 * NULL without scans */
     const float *verts;         /* (V,3) driven, head frame; NULL: no mesh */
     const uint8_t *rgb;         /* (size,size,3) sRGB */
     const uint8_t *alone;       /* (size,size,3) the person over black, before
-                                 * noise and compression; NULL without
-                                 * assets */
+                                 * noise and compression */
     const uint8_t *mask;        /* (size,size) coverage by the person */
     const uint8_t *label;       /* (size,size) enum synth_label */
 };

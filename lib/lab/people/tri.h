@@ -5,8 +5,15 @@
 
 #include <stdbool.h>
 
-#include "lib/lab/people/raster.h"
 #include "lib/lab/people/vec.h"
+
+/* A vertex on the sample grid: x, y in samples (the centre of sample i is
+ * i + 0.5), q = 1/z with z the camera depth; q <= 0 is behind the camera. */
+struct raster_vertex {
+    float x, y, q;
+};
+
+#define RASTER_NONE 0xffffffffu /* a sample of no face */
 
 struct tri {
     int y0, y1;

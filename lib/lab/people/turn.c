@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <sysexits.h>
 
-#define TURN_MOST 90.0          /* degrees */
+#define TURN_MAX 90.0          /* degrees */
 
 /* One angle into radians; *at moves past it. */
 static int turn_parse_angle(float *angle, const char **at, struct error *err)
@@ -13,9 +13,9 @@ static int turn_parse_angle(float *angle, const char **at, struct error *err)
     char *end;
     const double degrees = strtod(*at, &end);
 
-    if (end == *at || !(fabs(degrees) <= TURN_MOST))
+    if (end == *at || !(fabs(degrees) <= TURN_MAX))
         return error_set(err, EX_USAGE, "'%s' is no angle (expected -%g to %g "
-                         "degrees)", *at, TURN_MOST, TURN_MOST);
+                         "degrees)", *at, TURN_MAX, TURN_MAX);
     *angle = (float)(degrees * acos(-1) / 180);
     *at = end;
     return 0;

@@ -1,6 +1,6 @@
 /* Where heads shall turn to, as the command line says it. */
-#ifndef SPID_PEOPLE_TURN_H
-#define SPID_PEOPLE_TURN_H
+#ifndef SPID_LAB_PEOPLE_TURN_H
+#define SPID_LAB_PEOPLE_TURN_H
 
 #include <stddef.h>
 
