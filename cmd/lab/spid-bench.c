@@ -41,7 +41,6 @@ static const struct stage {
     int (*run)(struct bench *b, struct error *err);
 } stages[] = {
     { "splat", bench_splat },
-    { "stream", bench_stream },
     { "motion", bench_motion },
     { "shape", bench_shape },
     { "refine", bench_refine },
@@ -49,10 +48,6 @@ static const struct stage {
     { "branches", bench_branches },
     { "train", bench_train },
     { "pipeline", bench_pipeline },
-    { "start", bench_start },
-    { "growth", bench_growth },
-    { "gagavatar", bench_gagavatar },
-    { "hard", bench_hard },
 };
 
 /* By its name, or the program ends. */

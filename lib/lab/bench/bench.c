@@ -154,26 +154,6 @@ void bench_number(struct bench *b, const char *object, const char *key,
     p->value = value;
 }
 
-struct bench_line bench_fit(const double *x, const double *y, size_t n)
-{
-    double mx = 0, my = 0, xx = 0, xy = 0, yy = 0;
-    struct bench_line l = {0};
-
-    for (size_t i = 0; i < n; i++) {
-        mx += x[i] / (double)n;
-        my += y[i] / (double)n;
-    }
-    for (size_t i = 0; i < n; i++) {
-        xx += (x[i] - mx) * (x[i] - mx);
-        xy += (x[i] - mx) * (y[i] - my);
-        yy += (y[i] - my) * (y[i] - my);
-    }
-    l.slope = xx > 0 ? xy / xx : 0;
-    l.at_zero = my - l.slope * mx;
-    l.r2 = xx > 0 && yy > 0 ? xy * xy / (xx * yy) : 1;
-    return l;
-}
-
 void bench_compare(double *max_abs, double *psnr_db, const float *x,
                    const double *truth, size_t n)
 {

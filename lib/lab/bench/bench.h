@@ -19,7 +19,6 @@ struct bench_row {
     double ms_min, ms_median, ms_p95;
     double max_abs, psnr_db;  /* against the truth; NaN: nothing to compare */
     bool pareto;
-    bool hard;                /* a hard case: listed and drawn apart */
 };
 
 struct bench_pair {           /* "fps": {"spid_star": 190.2} */
@@ -84,14 +83,6 @@ void bench_note(struct bench *b, const char *format, ...)
 void bench_number(struct bench *b, const char *object, const char *key,
                   double value);
 
-/* Straight line y = at_zero + slope x by least squares; r2 is the share of the
- * variance explained. */
-struct bench_line {
-    double at_zero, slope, r2;
-};
-/* Of n points, n > 1. */
-struct bench_line bench_fit(const double *x, const double *y, size_t n);
-
 /* Greatest difference, and PSNR with a peak of 1, of n values. */
 void bench_compare(double *max_abs, double *psnr_db, const float *x,
                    const double *truth, size_t n);
@@ -107,7 +98,7 @@ char *bench_tsv(const struct bench *b);
 
 /* A gnuplot script, as text the caller frees, that draws the rows with an
  * error into `file` (.png, .svg or .pdf): time across, error upwards, both
- * logarithmic, the Pareto fronts as lines, hard cases in a panel of their own.
+ * logarithmic, the Pareto fronts as lines.
  * EX_DATAERR when no row has an error. */
 char *bench_plot(const struct bench *b, const char *file, struct error *err);
 
@@ -115,8 +106,6 @@ char *bench_plot(const struct bench *b, const char *file, struct error *err);
 
 /* The rasteriser on a scene, with every knob beside the error it costs. */
 int bench_splat(struct bench *b, struct error *err);
-/* Records of Gaussians and of motions, written and read. */
-int bench_stream(struct bench *b, struct error *err);
 /* The crop, E_m in its precisions, and its heads. */
 int bench_motion(struct bench *b, struct error *err);
 /* E_beta in its precisions, and the rest of Phase A. */
@@ -129,17 +118,7 @@ int bench_flame(struct bench *b, struct error *err);
 int bench_branches(struct bench *b, struct error *err);
 /* The whole of Phase B as spid animate runs it, SpiD and SpiD*. */
 int bench_pipeline(struct bench *b, struct error *err);
-/* A process of spid-animate, up to its first frame. */
-int bench_start(struct bench *b, struct error *err);
 /* Training steps of encoder, refiner and the whole system, in parts. */
 int bench_train(struct bench *b, struct error *err);
-/* The public system that SpiD builds on, at its size. */
-int bench_gagavatar(struct bench *b, struct error *err);
-/* How time and memory grow with Gaussians, pixels, frames, people, bytes and
- * threads, with fitted exponents.  A curve ends where its next point would
- * take longer than b->seconds. */
-int bench_growth(struct bench *b, struct error *err);
-/* What breaks other people's kernels: time and error of each, apart. */
-int bench_hard(struct bench *b, struct error *err);
 
 #endif

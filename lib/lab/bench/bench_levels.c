@@ -61,9 +61,9 @@ static bool levels_row(struct bench *b, const char *level, char *line)
     char knob[64];
     int n = 0;
 
-    for (char *p = line; n < 11 && (cell[n] = strsep(&p, "\t\n")); n++)
+    for (char *p = line; n < 10 && (cell[n] = strsep(&p, "\t\n")); n++)
         ;
-    if (line[0] == '#' || n < 11 || !strcmp(cell[0], "stage"))
+    if (line[0] == '#' || n < 10 || !strcmp(cell[0], "stage"))
         return true;
     t.min = strtod(cell[4], NULL);
     t.median = strtod(cell[5], NULL);
@@ -73,10 +73,8 @@ static bool levels_row(struct bench *b, const char *level, char *line)
         b, cell[0], cell[1], knob, atoi(cell[3]), &t,
         strcmp(cell[7], "NA") ? strtod(cell[7], NULL) : (double)NAN,
         strcmp(cell[8], "NA") ? strtod(cell[8], NULL) : (double)NAN);
-    if (r) {
-        r->hard = atoi(cell[10]) != 0;
+    if (r)
         levels_note_ratio(b, r, cell[2]);
-    }
     return r != NULL;
 }
 

@@ -13,7 +13,4 @@ int bench_splat_time(struct bench_times *t, double seconds, size_t n, int size,
 /* What a frame costs that moves all, some or no Gaussians; where the time
  * goes, on one thread and on all; memory. */
 int bench_splat_moving(struct bench *b, double seconds, struct error *err);
-/* Hard scenes: time as a ratio to an ordinary one, error. */
-int bench_splat_hard(struct bench *b, double seconds, struct error *err);
-
 #endif

@@ -1,5 +1,5 @@
 /* The renderer's stage of spid-bench, further rows: gradients, moving scenes,
- * growth with Gaussians and pixels, hard scenes. */
+ * growth with Gaussians and pixels. */
 #include "lib/lab/bench/bench_splat.h"
 #include "lib/splat/splat.h"
 #include "lib/splat/types.h"
@@ -304,70 +304,4 @@ int bench_splat_time(struct bench_times *t, double seconds, size_t n, int size,
              bench_time(t, seconds, 5, bench_job_draw, &j, err) ? -1 : 0;
     bench_job_close(&j);
     return rc;
-}
-
-/* ---- hard cases ---------------------------------------------------------- */
-
-/* Error against double under the same rules, and whether all is finite. */
-static int bench_hard_error(double *worst, double *psnr, struct job *j,
-                            struct error *err)
-{
-    size_t values = (size_t)j->s.opt.width * (size_t)j->s.opt.height * 3;
-    double *want = malloc(values * sizeof *want);
-    struct reference t = {0};
-    int rc = -1;
-
-    j->turn = 1;
-    if (!want)
-        error_set(err, EX_OSERR, "out of memory");
-    else if (!bench_job_draw(j, err) &&
-             !reference_init(&t, &j->scene.g, &j->cam, j->s.opt.width,
-                             j->s.opt.height, 3, SPLAT_GSPLAT, 0, err) &&
-             !reference_forward(want, NULL, NULL, NULL, &t, err)) {
-        bench_compare(worst, psnr, j->image, want, values);
-        rc = 0;
-    }
-    reference_release(&t);
-    free(want);
-    return rc;
-}
-
-int bench_splat_hard(struct bench *b, double seconds, struct error *err)
-{
-    enum { N = 10000, HARD_SIZE = 256 };
-    struct splat_options opt = splat_defaults(HARD_SIZE, HARD_SIZE, 3);
-    double ordinary = 0;
-
-    opt.threads = b->threads;
-    for (int kind = -1; kind < HARD_COUNT; kind++) {
-        const char *name = kind < 0 ? "ordinary" : testscene_hard_name(
-                                                       (unsigned)kind);
-        struct job j = {0};
-        struct bench_times t;
-        char config[96];
-        double worst, psnr;
-        int rc = testscene_make(&j.scene, N, 2026, err);
-
-        if (!rc && kind >= 0)
-            testscene_harden(&j.scene, (unsigned)kind, 2026);
-        rc = rc || bench_job_open(&j, &opt, err) ||
-             bench_time(&t, seconds, 5, bench_job_draw, &j, err) ||
-             bench_hard_error(&worst, &psnr, &j, err);
-        size_t pairs = j.s.pairs;
-
-        bench_job_close(&j);
-        if (rc)
-            return -1;
-        snprintf(config, sizeof config, "%dx%d N=%d C=3 f32", HARD_SIZE,
-                 HARD_SIZE, N);
-        struct bench_row *row = bench_add(b, "splat", config, name,
-                                          b->threads, &t, worst, psnr);
-        if (row)
-            row->hard = true;
-        if (kind < 0)
-            ordinary = t.min;
-        bench_note(b, "splat hard: %-22s %5.2f times the ordinary scene, %zu "
-                   "tile pairs", name, t.min / ordinary, pairs);
-    }
-    return 0;
 }

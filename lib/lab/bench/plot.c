@@ -11,7 +11,7 @@
 #include "lib/base/cpu.h"
 
 enum { WIDE = 1800, HIGH = 1200, MOST = 200, GLYPH = 7, LINE = 15 };
-enum { PANELS = 5 };            /* a wide one, three below it, the hard cases */
+enum { PANELS = 4 };            /* a wide one, three below it */
 #define FLOOR -9                /* errors below 1e-9 are drawn at the bottom */
 
 struct box {
@@ -29,7 +29,6 @@ struct mark {
 
 struct panel {
     const char *title;          /* a stage's name */
-    bool hard;
     struct box frame;           /* pixels */
     double x0, x1, y0, y1;      /* log10 */
     struct mark mark[MOST];
@@ -58,7 +57,7 @@ static bool plot_comparable(const struct bench_row *r)
 
 /* Of rows timed with several numbers of threads the most stay: one picture of
  * a knob is enough. */
-static bool plot_most_threads(const struct bench *b, const struct bench_row *r)
+static bool plot_max_threads(const struct bench *b, const struct bench_row *r)
 {
     for (size_t i = 0; i < b->rows; i++) {
         const struct bench_row *o = &b->row[i];
@@ -70,19 +69,17 @@ static bool plot_most_threads(const struct bench *b, const struct bench_row *r)
     return true;
 }
 
-/* A stage's rows (NULL: the hard cases) as marks, a group for each curve. */
+/* A stage's rows as marks, a group for each curve. */
 static void plot_gather(struct panel *p, const struct bench *b,
                         const char *stage)
 {
-    p->hard = !stage;
-    p->title = stage ? stage : "hard cases";
+    p->title = stage;
     for (size_t i = 0; i < b->rows && p->marks < MOST; i++) {
         const struct bench_row *r = &b->row[i];
         double y = -r->psnr_db / 20;
         int g = 0;
 
-        if (r->hard != p->hard || (stage && strcmp(stage, r->stage)) ||
-            !plot_comparable(r) || !plot_most_threads(b, r))
+        if (strcmp(stage, r->stage) || !plot_comparable(r) || !plot_max_threads(b, r))
             continue;
         while (g < p->groups && !plot_same_group(p->group[g], r))
             g++;
@@ -101,7 +98,7 @@ static int plot_by_marks(const void *a, const void *b)
     return p->marks > q->marks ? -1 : p->marks < q->marks;
 }
 
-/* The stages with most to compare, and the hard cases behind them. */
+/* The stages with most to compare. */
 static size_t plot_choose(struct panel *p, const struct bench *b)
 {
     size_t n = 0;
@@ -111,7 +108,7 @@ static size_t plot_choose(struct panel *p, const struct bench *b)
 
         while (k < n && strcmp(p[k].title, b->row[i].stage))
             k++;
-        if (k < n || b->row[i].hard)
+        if (k < n)
             continue;
         plot_gather(&p[n], b, b->row[i].stage);
         if (p[n].marks >= 2)
@@ -120,11 +117,7 @@ static size_t plot_choose(struct panel *p, const struct bench *b)
             memset(&p[n], 0, sizeof p[n]);
     }
     qsort(p, n, sizeof *p, plot_by_marks);
-    if (n > PANELS - 1)
-        n = PANELS - 1;
-    memset(&p[n], 0, sizeof p[n]);
-    plot_gather(&p[n], b, NULL);
-    return p[n].marks ? n + 1 : n;
+    return n > PANELS ? PANELS : n;
 }
 
 /* lo and hi such that x lies between them. */
@@ -243,7 +236,6 @@ static void plot_put_label(FILE *f, struct panel *p, const struct mark *m)
     snprintf(text, sizeof text, "%s%s", m->row->knob,
              !m->none                  ? ""
              : m->row->psnr_db < 1000 ? " (under 1e-9)"
-             : m->row->hard           ? " (exact)"
                                       : " (the reference)");
     struct box b = plot_place(p, m, text);
     double cx = (b.x0 + b.x1) / 2, cy = (b.y0 + b.y1) / 2;
@@ -260,8 +252,7 @@ static void plot_put_label(FILE *f, struct panel *p, const struct mark *m)
     plot_put_quoted(f, text);
     fprintf(f, " at screen %.5f,%.5f center noenhanced font \",%d\" tc rgb "
             "\"%s\" front\n", cx / WIDE, cy / HIGH, 10,
-            m->row->pareto || m->row->hard || m->none ? "#202020"
-                                                           : "#808080");
+            m->row->pareto || m->none ? "#202020" : "#808080");
 }
 
 enum kind { BEHIND, FRONT, NONE };  /* the Pareto front */
@@ -410,17 +401,12 @@ static const char *plot_terminal(const char *file)
     return "pngcairo size 1800,1200 font \"Sans,11\"";
 }
 
-/* Where panel i of n lies: the first on top, up to three below it, the hard
- * cases at the right over the whole height. */
-static struct box plot_place_panel(const struct panel *p, size_t i, size_t n)
+/* Where panel i of n lies: the first on top, up to three below it. */
+static struct box plot_place_panel(size_t i, size_t n)
 {
-    bool hard = p[n - 1].hard;
-    size_t plain = hard ? n - 1 : n, below = plain > 1 ? plain - 1 : 0;
-    double right = hard && plain ? 1090 : WIDE - 90;
+    const size_t below = n - 1;
+    const double right = WIDE - 90;
 
-    if (p[i].hard)
-        return (struct box){plain ? right + 160 : 100, 190, WIDE - 90,
-                            HIGH - 90};
     if (i == 0)
         return (struct box){100, below ? 610 : 190, right, HIGH - 90};
     double wide = (right - 100) / (double)below;
@@ -454,7 +440,7 @@ static char *plot_write_script(struct panel *p, size_t n, const char *file,
           "set label\nset ylabel \"RMS error\" offset 1,0\n"
           "set y2label \"PSNR, dB\" offset -1,0\n", f);
     for (size_t i = 0; i < n; i++, name[0]++) {
-        plot_lay_out(&p[i], plot_place_panel(p, i, n));
+        plot_lay_out(&p[i], plot_place_panel(i, n));
         plot_put_panel(f, &p[i], name);
     }
     fputs("unset multiplot\n", f);
@@ -479,7 +465,7 @@ char *bench_plot(const struct bench *b, const char *file, struct error *err)
     n = plot_choose(p, b);
     if (n == 0)
         error_set(err, EX_DATAERR, "%s: no two rows have an error to draw "
-                  "(expected a stage such as splat, motion or hard)", file);
+                  "(expected a stage such as splat, motion or refine)", file);
     else
         text = plot_write_script(p, n, file, b, err);
     free(p);

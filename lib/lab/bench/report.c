@@ -57,23 +57,16 @@ static void report_put_row(FILE *f, const struct widths *w,
     fprintf(f, "  %s\n", r->pareto ? "*" : "");
 }
 
-/* Rows of one kind under their heading. */
-static void report_put_rows(FILE *f, const struct bench *b, bool hard)
+/* The rows under their heading. */
+static void report_put_rows(FILE *f, const struct bench *b)
 {
     struct widths w = report_measure(b);
-    bool any = false;
 
-    for (size_t i = 0; i < b->rows; i++) {
-        if (b->row[i].hard != hard)
-            continue;
-        if (!any)
-            fprintf(f, "%s%-*s  %-*s  %-*s %3s %9s %9s %9s %10s %8s  %s\n",
-                    hard ? "\nHard cases\n" : "", w.stage, "stage", w.config,
-                    "config", w.knob, "knob", "thr", "ms min", "median",
-                    "p95", "max abs", "PSNR dB", hard ? "" : "Pareto");
-        any = true;
+    fprintf(f, "%-*s  %-*s  %-*s %3s %9s %9s %9s %10s %8s  %s\n", w.stage,
+            "stage", w.config, "config", w.knob, "knob", "thr", "ms min",
+            "median", "p95", "max abs", "PSNR dB", "Pareto");
+    for (size_t i = 0; i < b->rows; i++)
         report_put_row(f, &w, &b->row[i]);
-    }
 }
 
 /* A number of the JSON's objects, or NaN. */
@@ -152,8 +145,7 @@ char *bench_table(const struct bench *b)
     fprintf(f, "%s, %s, %d thread%s\n", cpu_name(),
             cpu_level_name(cpu_level()), b->threads,
             b->threads > 1 ? "s" : "");
-    report_put_rows(f, b, false);
-    report_put_rows(f, b, true);
+    report_put_rows(f, b);
     report_put_paper(f, b);
     if (b->notes)
         fprintf(f, "\n%s", b->notes);
@@ -190,7 +182,6 @@ static void report_add_row(cJSON *rows, const struct bench_row *r)
     report_add_number(o, "max_abs", r->max_abs);
     report_add_number(o, "psnr_db", r->psnr_db);
     cJSON_AddBoolToObject(o, "pareto", r->pareto);
-    cJSON_AddBoolToObject(o, "hard", r->hard);
     cJSON_AddItemToArray(rows, o);
 }
 
@@ -242,7 +233,7 @@ char *bench_tsv(const struct bench *b)
         fprintf(f, "# %s.%s\t%.6g\n", b->pair[i].object, b->pair[i].key,
                 b->pair[i].value);
     fputs("stage\tconfig\tknob\tthreads\tms_min\tms_median\tms_p95\tmax_abs"
-          "\tpsnr_db\tpareto\thard\n", f);
+          "\tpsnr_db\tpareto\n", f);
     for (size_t i = 0; i < b->rows; i++) {
         const struct bench_row *r = &b->row[i];
 
@@ -253,7 +244,7 @@ char *bench_tsv(const struct bench *b)
         report_put_cell(f, r->ms_p95);
         report_put_cell(f, r->max_abs);
         report_put_cell(f, r->psnr_db);
-        fprintf(f, "\t%d\t%d\n", r->pareto, r->hard);
+        fprintf(f, "\t%d\n", r->pareto);
     }
     if (fclose(f)) {
         free(text);
