@@ -89,6 +89,11 @@ TMPL_DEBUG := $(shell $(CC) -fno-var-tracking-assignments -E -x c /dev/null \
 OBJS := $(PLAIN_C:%.c=$(BUILD)/obj/%.o) $(LIB_CC:%.cc=$(BUILD)/obj/%.o) \
         $(foreach i,$(ISAS),$(TMPL_C:%.c=$(BUILD)/obj/%.$(i).o))
 LIB  := $(BUILD)/libspid.a
+# The same as a shared library, of which nothing shows but lib/api/spid.h.  An
+# executable's objects serve it, but for those that read a variable of another
+# library's or of a thread's own (PIC): the linker says which.
+SONAME := libspid.so.$(firstword $(subst ., ,$(VERSION)))
+SHLIB  := $(BUILD)/$(SONAME)
 # The modules, and what they share with the programs.
 MODULES  := $(patsubst %,$(BUILD)/lib/spid/%.so,media video filter http)
 module_o = $(patsubst %,$(BUILD)/obj/module/%.o,$(basename $(1)))
@@ -141,7 +146,7 @@ PLAYER   := $(BUILD)/share/spid/player.html
 PLAYER_SOURCES := $(sort $(wildcard lib/export/web/*.*))
 MODULE_SOURCES := $(sort $(wildcard examples/web/*))
 
-all: $(PROGRAMS) $(MODULES) $(HEAD) $(if $(shell command -v npm),$(BUILD)/web/tried)
+all: $(PROGRAMS) $(MODULES) $(SHLIB) $(HEAD) $(if $(shell command -v npm),$(BUILD)/web/tried)
 
 # The head model is data: spid-head(1) --from says how it was made.
 $(HEAD): examples/model/head.safetensors
@@ -235,6 +240,14 @@ endef
 $(foreach i,$(ISAS),$(eval $(call tmpl_rule,$(i))))
 
 $(LIB): $(OBJS)
+PIC := $(call module_o,lib/base/parallel.c lib/base/file.c lib/nn/plan.c \
+          formats/outfile.c \
+          formats/facedetect.cc formats/door_resize.cc)
+$(SHLIB): $(BUILD)/obj/lib/api/spid.o $(PIC) $(LIB) lib/api/spid.map
+	$(SAY) LD $@
+	$(CXX) -shared -Wl,-soname,$(SONAME) -Wl,--version-script=lib/api/spid.map \
+	  -Wl,--fatal-warnings $(BASE) $(LDFLAGS) $(filter %.o,$^) $(LIB) $(LIBS) -o $@
+
 $(CMD): $(SHARED:%.c=$(BUILD)/obj/%.o)
 $(LIB) $(CMD):
 	@rm -f $@
@@ -370,6 +383,8 @@ install: all
 	install -m 644 -D -t "$(DESTDIR)$(PREFIX)/include" lib/api/spid.h
 	install -m 644 -D -t "$(DESTDIR)$(PREFIX)/lib" $(LIB)
 	strip --strip-debug "$(DESTDIR)$(PREFIX)/lib/$(notdir $(LIB))"
+	install -m 644 $(SHLIB) "$(DESTDIR)$(PREFIX)/lib"
+	ln -sf $(SONAME) "$(DESTDIR)$(PREFIX)/lib/libspid.so"
 	install -d "$(DESTDIR)$(PREFIX)/lib/pkgconfig"
 	sed -e 's|@PREFIX@|$(PREFIX)|' -e 's|@VERSION@|$(VERSION)|' \
 	  -e 's|@LIBS@|$(LIBS) -lstdc++ -pthread|' lib/api/spid.pc.in \

@@ -11,9 +11,15 @@ load helper
     # for C++ too, and alone
     echo '#include <spid.h>' | ${CXX:-c++} -x c++ -fsyntax-only $flags - 2>&1
     ${CC:-cc} -Wall -Wextra -Werror "$TOP/examples/embed.c" -o embed $flags -lm
+    export LD_LIBRARY_PATH=$PWD/root/opt/spid/lib
+    [ "$(readelf -d embed | grep -c 'NEEDED.*libspid.so.0')" -eq 1 ]
+    # and without the shared library
+    all=$(pkg-config --static --define-variable=prefix="$PWD/root/opt/spid" --cflags --libs spid)
+    ${CC:-cc} "$TOP/examples/embed.c" -o alone ${all/-lspid/-l:libspid.a} -lm
     spid-synth -q --seed 32 --first 0 --people 1 --frames 1 --effects 0 -o me.png
     export SPID_MODEL=$PWD/root/opt/spid/share/spid/model.safetensors
     ./embed me.png >turn.pam
+    ./alone me.png | cmp - turn.pam
     ffmpeg -nostdin -v error -f pam_pipe -i turn.pam f%02d.png
     [ "$(ls f*.png | wc -l)" -eq 25 ]
     # frame 7 has turned; the head is still there
