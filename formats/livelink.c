@@ -31,6 +31,7 @@ struct livelink_row {
 
 struct livelink {
     FILE *file;
+    bool wide, high;            /* of UTF-16, the high byte first */
     char *name;                 /* for messages */
     double rate;
     char separator;             /* of fields */
@@ -57,6 +58,33 @@ static int livelink_fail(const struct livelink *l, struct error *err,
                      what);
 }
 
+/* UTF-16, as Windows writes text, begins with a mark that no other text has. */
+static void livelink_begin(struct livelink *l)
+{
+    const int c = getc_unlocked(l->file);
+
+    l->number = 0;
+    l->wide = (c == 0xff || c == 0xfe) &&
+              getc_unlocked(l->file) == (c ^ 0xff ^ 0xfe);
+    l->high = c == 0xfe;
+    if (!l->wide)
+        ungetc(c, l->file);
+}
+
+/* The next character; what is beyond ASCII in UTF-16 as a question mark. */
+static int livelink_char(struct livelink *l)
+{
+    const int a = getc_unlocked(l->file);
+
+    if (!l->wide || a == EOF)
+        return a;
+    const int b = getc_unlocked(l->file);
+
+    if (b == EOF)
+        return EOF;
+    return (l->high ? a : b) ? '?' : l->high ? b : a;
+}
+
 /* The next line that is not blank, without its end.  1; 0 at the end; -1. */
 static int livelink_line(struct livelink *l, struct error *err)
 {
@@ -65,7 +93,7 @@ static int livelink_line(struct livelink *l, struct error *err)
 
     do {
         l->number++;
-        for (n = 0; (c = getc_unlocked(l->file)) != EOF && c != '\n';) {
+        for (n = 0; (c = livelink_char(l)) != EOF && c != '\n';) {
             if (c == '\0')
                 return livelink_fail(l, err, "a zero byte (expected text)");
             if (n == LINE_MAX_BYTES - 1)
@@ -303,7 +331,7 @@ static double livelink_find_rate(struct livelink *l)
         largest = fmax(largest, frame);
     }
     rewind(l->file);
-    l->number = 0;
+    livelink_begin(l);
     for (size_t i = 0; several && i < sizeof rates / sizeof *rates; i++)
         if (largest < rates[i])
             return rates[i];
@@ -440,16 +468,18 @@ int livelink_read(struct livelink *l, struct livelink_frame *f,
 
 bool livelink_probe(const char *path)
 {
-    char line[4096] = "";
     struct stat st;
-    FILE *f = stat(path, &st) || !S_ISREG(st.st_mode) ? NULL
-                                                      : fopen(path, "rb");
+    struct livelink *l = stat(path, &st) || !S_ISREG(st.st_mode)
+                       ? NULL : calloc(1, sizeof *l);
     bool found = false;
 
-    for (int i = 0; f && i < 2 && !found && fgets(line, sizeof line, f); i++)
-        found = strcasestr(line, "Timecode") && strcasestr(line, "JawOpen");
-    if (f)
-        fclose(f);
+    if (l && (l->file = fopen(path, "rb"))) {
+        livelink_begin(l);
+        for (int i = 0; i < 2 && !found && livelink_line(l, NULL) > 0; i++)
+            found = strcasestr(l->line, "Timecode") &&
+                    strcasestr(l->line, "JawOpen");
+    }
+    livelink_close(l);
     return found;
 }
 
@@ -471,6 +501,7 @@ struct livelink *livelink_open(const char *path, double rate,
     } else if (S_ISDIR(st.st_mode)) {
         error_set(err, EX_NOINPUT, "%s: is a directory", path);
     } else {
+        livelink_begin(l);
         l->rate = rate > 0 ? rate : S_ISREG(st.st_mode)
                                         ? livelink_find_rate(l)
                                         : DEFAULT_RATE;

@@ -143,7 +143,10 @@ numbers() {
     # thousandths of a second in place of frames
     awk -F, -v OFS=, 'NR > 1 { split($1, t, /[:.]/)
         $1 = sprintf("%s:%s:%s.%06d", t[1], t[2], t[3], (t[4] + t[5] / 1000) / 60 * 1000000 + 0.5) } { print }' take.csv >clock.csv
-    for f in semicolon excel tab letters small sides; do
+    # as Windows writes text, either byte first
+    { printf '\xff\xfe'; iconv -t UTF-16LE excel.csv; } >windows.csv
+    { printf '\xfe\xff'; iconv -t UTF-16BE take.csv; } >other.csv
+    for f in semicolon excel tab letters small sides windows other; do
         spid-pack -q --arkit $f.csv --head "$SCANS" -o got.spid
         cmp want.spid got.spid || { echo $f; false; }
     done
