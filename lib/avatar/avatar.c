@@ -208,7 +208,7 @@ void avatar_bake(struct avatar *a, const struct avatar_source *src)
     /* the dynamic branch first: its decoder may write rows beyond its own,
      * which the others then write over */
     dynamic_branch_forward(&dynamic, a->features, &a->picture, &a->source,
-                           &a->tilted, &a->dynamic);
+                           &a->dynamic);
     static_branch_forward(&plane, a->features, &a->picture, &a->source,
                           &a->plane);
     memset(a->light, 0, sizeof a->light);

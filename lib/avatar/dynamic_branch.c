@@ -28,10 +28,6 @@
 #define CLOSED 0.6f
 #define LEAST 0.4f
 #define SOLID 0.97f     /* opacity of hidden Gaussians */
-/* Cosines by which what the photograph shows is trusted to be the surface's: not
- * at all at the one, as an outline's colours are mixed with what is behind. */
-#define STEEP 0.15f
-#define FACING 0.5f
 #define REACH 2.7f      /* their standard deviations that may be seen: with 2 a
                          * seventh of them stood out before the background */
 #define SEAM_MM 4.5f    /* the photograph is used for lips moved less than this
@@ -290,7 +286,6 @@ struct dynamic_branch_start_part {
     struct dynamic_branch *b;
     float *eye, *rgb;
     const struct source_picture *picture;
-    const struct tilt *tilt;
     const struct source_mesh *mesh;
 };
 
@@ -308,7 +303,6 @@ static void dynamic_branch_start_part(void *ctx, size_t k)
     extra[3] = matte;
     c->b->trust[k] =
         extra[2] * branch_ramp(matte, 0.5f, 0.9f) *
-        branch_ramp(tilt_facing(c->tilt, c->b->place + 2 * k), STEEP, FACING) *
         (1 - c->b->lid[k]) * (1 - c->mesh->weights->lining[k]) *
         (1 - c->b->seam[k]) * (1 - c->b->fold[k]);
     memcpy(c->rgb + 3 * k, pixel, 3 * sizeof *c->rgb);
@@ -334,7 +328,6 @@ static void dynamic_branch_logit_part(void *ctx, size_t i)
  * the extra columns of the decoder's input; colours and shifts. */
 static void dynamic_branch_start(const struct source_picture *picture,
                                  const struct source_mesh *mesh,
-                                 const struct tilt *tilt,
                                  struct dynamic_branch *b)
 {
     const struct eyes_photo photo = {b->pixel, b->trust, b->white};
@@ -350,7 +343,7 @@ static void dynamic_branch_start(const struct source_picture *picture,
 
     parallel_for(b->count, 1, dynamic_branch_start_part,
                  &(struct dynamic_branch_start_part){ b, eye, rgb, picture,
-                                                      tilt, mesh });
+                                                      mesh });
     white_point(b->white, &seen, mesh->head);
     dynamic_branch_uncover_teeth(mesh, b);
     dynamic_branch_set_skin(mesh, b);
@@ -496,7 +489,7 @@ static void dynamic_branch_forward_part(void *ctx, size_t k)
 void dynamic_branch_forward(struct branch_set *out, const float *features,
                             const struct source_picture *picture,
                             const struct source_mesh *mesh,
-                            const struct tilt *tilt, struct dynamic_branch *b)
+                            struct dynamic_branch *b)
 {
     size_t width = b->width, Cf = b->feature;
 
@@ -511,7 +504,7 @@ void dynamic_branch_forward(struct branch_set *out, const float *features,
     parallel_for(b->count, 1, dynamic_branch_forward_part,
                  &(struct dynamic_branch_rows){ b, width, Cf });
     if (b->prior)
-        dynamic_branch_start(picture, mesh, tilt, b);
+        dynamic_branch_start(picture, mesh, b);
     struct gaussian_out raw = branch_decoder_out(out, &b->start, NULL);
     mlp_decoder_forward(&raw, b->in, mesh->normal,
                         b->prior ? b->logit : NULL, &b->decoder);

@@ -15,7 +15,6 @@
 #include "lib/avatar/branch.h"
 #include "lib/avatar/source_mesh.h"
 #include "lib/avatar/source_picture.h"
-#include "lib/avatar/tilt.h"
 #include "lib/base/densify.h"
 #include "lib/net/config.h"
 #include "lib/net/mlp_decoder.h"
@@ -85,7 +84,6 @@ void dynamic_branch_release(struct dynamic_branch *b);
 void dynamic_branch_forward(struct branch_set *out, const float *features,
                             const struct source_picture *picture,
                             const struct source_mesh *mesh,
-                            const struct tilt *tilt,
                             struct dynamic_branch *b);
 /* dfeatures (n,n,Cf) and the weights' gradients are added to; dout's arrays
  * are used up.  The other arguments as in the forward. */

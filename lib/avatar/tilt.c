@@ -76,15 +76,6 @@ void tilt_find(struct tilt *t, const struct source_picture *picture,
     }
 }
 
-float tilt_facing(const struct tilt *t, const float place[2])
-{
-    float slope[2];
-
-    grid_sample(slope, t->slope, place, 1, t->n, t->n, 2, 1, false,
-                RESAMPLE_BORDER);
-    return 1 / sqrtf(1 + slope[0] * slope[0] + slope[1] * slope[1]);
-}
-
 void tilt_sample(float *tilt, const struct tilt *t, const float *uv,
                  const float *neck, size_t N)
 {

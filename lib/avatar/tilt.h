@@ -30,9 +30,6 @@ void tilt_release(struct tilt *t);
 void tilt_find(struct tilt *t, const struct source_picture *picture,
                const struct source_mesh *mesh);
 
-/* Cosine between what is seen at a place in [-1,1] and the way to the camera. */
-float tilt_facing(const struct tilt *t, const float place[2]);
-
 /* tilt (N,2) of Gaussians at places uv (N,2) in the picture.  neck (N): how far
  * each goes with the shoulders, which the camera sees as it did. */
 void tilt_sample(float *tilt, const struct tilt *t, const float *uv,

@@ -45,8 +45,8 @@ struct gaussians {
  * not the photograph's: the same down to the last two. */
 #define GAUSSIAN_DRAWN 0.75f
 #define GAUSSIAN_TORN 0.4f
-#define GAUSSIAN_TURNED 0.6f
-#define GAUSSIAN_GONE 0.2f
+#define GAUSSIAN_TURNED 0.3f
+#define GAUSSIAN_GONE 0.05f
 static inline float gaussian_shown(const float tilt[2], const float toward[2])
 {
     const float more = 1 + tilt[0] * toward[0] + tilt[1] * toward[1];

@@ -22,7 +22,7 @@ flat out vec3 place;
 float shown(vec2 tilt) {
   float more = 1.0 + dot(tilt, toward);
   return clamp(min((1.0 / max(more, 1.0) - 0.4) / (0.75 - 0.4),
-                   (more - 0.2) / (0.6 - 0.2)), 0.0, 1.0);
+                   (more - 0.05) / (0.3 - 0.05)), 0.0, 1.0);
 }
 
 void main() {
