@@ -108,7 +108,7 @@ import numpy as np
 rgb, matte = np.load('SRCI.rgb.npy')[0], np.load('SRCI.matte.npy')[0]
 assert rgb.reshape(-1, 3).sum(1).min() > 0, 'black where the picture ends'
 PY
-    status 0 spid-animate -q -m model -s -b source small.png drive.y4m -o a.y4m
+    status 0 spid-animate -q -m model -s -b source --crop=32,32,28 small.png drive.y4m -o a.y4m
 }
 
 @test "CMYK is refused in one line" {

@@ -16,7 +16,7 @@ prepare() {
     export HEAD=$own
     mkdir clips
     for i in 1 2 3; do
-        spid-synth -q -n 1 --frames 6 -s $i --size 256 --head "$HEAD" -o clips/$i.y4m
+        spid-synth -q -n 1 --frames 6 -s $((i + 1)) --size 256 --head "$HEAD" -o clips/$i.y4m
     done
 }
 
