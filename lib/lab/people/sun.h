@@ -3,6 +3,8 @@
 #ifndef SPID_LAB_PEOPLE_SUN_H
 #define SPID_LAB_PEOPLE_SUN_H
 
+#include <stddef.h>
+
 #include "lib/lab/people/tri.h"
 #include "lib/lab/people/vec.h"
 
