@@ -8,7 +8,7 @@
 #include "lib/nn/engine.h"
 
 /* Beside the products, fitted to the layers of tests/unit/nn_form.c on a Xeon
- * (Sapphire Rapids) and to the table that stood here, of an EPYC: cycles to bring a value of
+ * (Sapphire Rapids) and to times of an EPYC (Zen 4): cycles to bring a value of
  * the input to the type, and of Winograd the share of the direct form's
  * products that it makes and what its transforms cost for each channel. */
 #define TO_BF16 1.0
@@ -23,9 +23,9 @@ void form_prefer(enum form f)
     preferred = f;
 }
 
-/* By the instructions' throughput.  AMD's make products of
- * bfloat16 at twice the rate of float's, Intel's on one of float's two ports at
- * the same rate.  Of the tiles' 512 and 1,024 oneDNN reaches less than half. */
+/* By the instructions' throughput.  AMD's make products of bfloat16 at twice the
+ * rate of float's, Intel's on one of float's two ports at the same rate.  Of the
+ * tiles' 512 and 1,024 oneDNN reaches less than half. */
 struct form_rates form_rates(void)
 {
     const bool tiles = nn_has(dnnl_cpu_isa_avx512_core_amx);

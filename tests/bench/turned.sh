@@ -1,12 +1,13 @@
 #!/usr/bin/env bash
 # Photographs taken from the side, by people of scans whose every side is known.
 #
-#   turned.sh figures [-n PEOPLE] DIR [OPTION OF reenact.sh...]
+#   turned.sh figures [-n PEOPLE] [-t YAW,...] DIR [OPTION OF reenact.sh...]
 #   turned.sh sheet DIR
 #
 # figures: clips that turn from 45 degrees to one side to 45 to the other, each
 #   driven by itself from its first frame by examples/reenact.sh; its table, and
-#   the decibels of the half of the face that the first frame hides.
+#   the decibels of the half of the face that the first frame hides.  -t: the
+#   head's turns instead, the photograph's first.
 # sheet: DIR/sheet.png.  Eight people; for each a block whose first row is the
 #   person from the front and a driver in five poses, then a row for each source
 #   (-45, -25, 0, 25, 45 degrees): it, and it in these poses.
@@ -18,7 +19,7 @@ set -euo pipefail
 top=$(cd "$(dirname "$0")/../.." && pwd)
 shared=${SHARED:-$top/../shared}
 PATH=$top/${BUILD:-build}/bin:$PATH
-people=6
+people=6 turns=
 
 skip() {
     echo "turned.sh: skipped: $*" >&2
@@ -27,10 +28,14 @@ skip() {
 [ $# -ge 2 ] || { sed -n '4,5s/^# *//p' "$0" >&2; exit 64; }
 what=$1
 shift
-if [ "$1" = -n ]; then
-    people=$2
-    shift 2
-fi
+while getopts n:t: option; do
+    case $option in
+    n) people=$OPTARG ;;
+    t) turns=$OPTARG ;;
+    *) exit 64 ;;
+    esac
+done
+shift $((OPTIND - 1))
 out=$1
 shift
 [ -e "$shared/assets/ict" ] || skip "no assets in $shared"
@@ -53,7 +58,9 @@ figures() {
     for ((k = 0; k < people; k++)); do
         side=$((k % 2 ? -1 : 1))
         turn=$(seq -s , $((45 * side)) "$((-7 * side)).5" $((-45 * side)))
-        synth --first "$k" --frames 13 --fps 8 --effects 0.4 --turn "$turn" \
+        turn=${turns:-$turn}
+        synth --first "$k" --frames "$(tr , '\n' <<<"$turn" | wc -l)" \
+            --fps 8 --effects 0.4 --turn "$turn" \
             -o "$out/$k.spid"
         spid-dump -q --npy "$out/npy$k" -o /dev/null "$out/$k.spid"
         rm "$out/$k.spid"

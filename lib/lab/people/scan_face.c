@@ -187,7 +187,7 @@ static int face_load_identities(struct scan_face *f,
     return 0;
 }
 
-static void face_find_eyes(struct scan_face *f)
+void scan_face_find_eyes(struct scan_face *f)
 {
     for (int e = 0; e < 2; e++) {
         double c[3], axis[3];
@@ -238,7 +238,7 @@ static int face_load_shapes(struct scan_face *f, const struct safetensors *st,
         return -1;
     for (size_t i = 0; i < n; i++)
         f->neutral[i] = FACE_UNIT * f->neutral[i] + (float)(5 * shift[i % 3]);
-    face_find_eyes(f);
+    scan_face_find_eyes(f);
     size_t one = 3 * (size_t)FACE_VERTICES;
     return scan_lids_init(&f->lids, f->neutral,
                           f->expression + ARKIT_EYE_BLINK_L * one,

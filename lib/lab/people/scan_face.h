@@ -46,6 +46,9 @@ struct scan_face {
     int32_t landmark[FACE_LANDMARKS];   /* vertices of the 68 points */
 };
 
+/* Its eye and axis, of ICT-FaceKit's mean face. */
+void scan_face_find_eyes(struct scan_face *f);
+
 /* Head units in a unit of the scans. */
 #define FACE_UNIT ((float)(5 * SCAN_SCALE))
 

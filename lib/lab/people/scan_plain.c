@@ -280,16 +280,7 @@ static int plain_make_face(struct scan_face *f, const struct scan_plain *p,
     const size_t nf = p->head->F + 2 * (BOWL_RINGS * p->head->nlip_inner)
                       + 4 * (ARCH - 1);
 
-    for (int e = 0; e < 2; e++) {
-        double c[3], axis[3];
-
-        scan_eye(c, e);
-        scan_eye_axis(axis, e);
-        for (int k = 0; k < 3; k++) {
-            f->eye[e][k] = (float)(5 * c[k]);
-            f->axis[e][k] = (float)axis[k];
-        }
-    }
+    scan_face_find_eyes(f);
     f->raw = malloc(3 * nf * sizeof *f->raw);
     f->faces = malloc(3 * nf * sizeof *f->faces);
     f->part = malloc(nf);
