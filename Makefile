@@ -114,7 +114,8 @@ HEAD := $(BUILD)/share/spid/head.safetensors
 # emcc.  oneDNN's, cJSON's and xxHash's headers are the system's, behind emcc's
 # own; what needs their code, or learns, is not there to be called.
 WASM_C := $(wildcard lib/export/web/wasm/*.c) lib/export/page.c \
-          lib/export/page_pack.c formats/safetensors.c formats/outfile.c \
+          lib/export/page_pack.c $(patsubst %,formats/%.c, \
+            compose compose_tmpl outfile safetensors y4m) \
           $(filter-out lib/nn/conv_onednn.c lib/nn/engine.c,$(wildcard \
             $(patsubst %,lib/%/*.c,base stream head nn net photo track avatar)))
 EMCC   := $(shell command -v emcc)

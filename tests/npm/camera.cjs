@@ -55,7 +55,7 @@ async function driven(page) {
   check(await page.evaluate(() => spid.live.neutral === spid.live.last ||
                                   Boolean(spid.live.neutral)), "a new neutral");
   const costs = await page.textContent("#meter");
-  for (const stage of ["grab", "find", "crop", "network", "head", "pose", "draw"])
+  for (const stage of ["grab", "read", "find", "crop", "network", "head", "pose", "draw"])
     check(costs.includes(` ${stage} `), `the meter says ${stage}`);
   console.log(costs);
 }

@@ -1,19 +1,14 @@
-// node live.cjs PAGE CLIP FRAMES RATE: the page of spid-export --html --live
-// in a browser, driven by the frames of a video file.  Writes motion.json: the
+// node live.cjs PAGE FRAMES RATE CLIP...: the page of spid-export --html --live
+// in a browser, driven by the frames of video files.  Writes CLIP.json: the
 // portrait window that it took and, of every frame, the motion it found before
 // any smoothing, or null.
 const fs = require("fs");
 const { open, check, run } = require("./browser.cjs");
 
-run(async () => {
-  const [file, clip, frames, rate] = process.argv.slice(2);
-  const { page, errors, requests, close } = await open(file);
-  await page.waitForFunction(() => window.spid);
-  await page.evaluate(() => { spid.live.smooth = 0; spid.live.held = true; spid.size(64, 64); });
+async function motions(page, clip, frames, rate) {
+  await page.evaluate(() => spid.live.stop());
   await page.setInputFiles("#picked", clip);
-  await page.waitForFunction(() => spid.live.open || /not|cannot|fails/.test(
-    document.getElementById("said").textContent));
-  console.log(await page.textContent("#said"));
+  await page.waitForFunction(() => spid.live.open);
   const found = [];
   let window = null;
   for (let i = 0; i < frames; i++) {
@@ -21,8 +16,16 @@ run(async () => {
     window = f.window ?? window;
     found.push(f.row ?? null);
   }
+  fs.writeFileSync(`${clip}.json`, JSON.stringify({ window, found }));
+}
+
+run(async () => {
+  const [file, frames, rate, ...clips] = process.argv.slice(2);
+  const { page, errors, requests, close } = await open(file);
+  await page.waitForFunction(() => window.spid);
+  await page.evaluate(() => { spid.live.smooth = 0; spid.live.held = true; spid.size(64, 64); });
+  for (const clip of clips) await motions(page, clip, frames, rate);
   console.log("meter:", await page.textContent("#meter"));
-  fs.writeFileSync("motion.json", JSON.stringify({ window, found }));
   for (const text of errors) check(false, `console: ${text}`);
   for (const url of requests) check(false, `asked for ${url}`);
   await close();

@@ -2,10 +2,10 @@
 // spid-motion, spid-shape and spid-branches in WebAssembly (wasm/, on one
 // thread: no page needs to be isolated for it).  The first guess of where a
 // face is comes from tracking.js's cascade.
-//   in   {setup: {code, model, head, smooth}}, then {frame: ImageBitmap, time,
-//        mirror}, {restart: true} or {photo: ImageBitmap}
+//   in   {setup: {code, model, head, smooth}}, then {frame: VideoFrame or
+//        ImageBitmap, time, mirror}, {restart: true} or {photo: ImageBitmap}
 //   out  {ready: true}; of a frame {row} or {lost, why}, with window, time and
-//        the times spent (ms: detect, crop, network, head); of a photograph
+//        the times spent (ms: read, detect, crop, network, head); of a photograph
 //        {progress, share}, then {avatar: {meta, arrays}, ms} or {refused: why};
 //        {failed: why}
 import glue from "./glue.mjs";
@@ -13,6 +13,8 @@ import "tracking";
 import "tracking/build/data/face.js";
 
 const ROW = 7 * 8;              // bytes before it in motion_found
+const KINDS = { I444: 0, I422: 1, I420: 2, NV12: 2 };   // enum y4m_chroma
+const BT601 = ["smpte170m", "bt470bg"];
 const { tracking } = self;
 const canvas = new OffscreenCanvas(1, 1), small = new OffscreenCanvas(1, 1);
 const [paint, paintSmall] = [canvas, small]
@@ -62,32 +64,57 @@ async function setup({ code, model, head, smooth }) {
   postMessage({ ready: true });
 }
 
-// A picture's pixels to the engine; false where there is no room for them.
-function give(bitmap, mirror) {
-  const { width: W, height: H } = bitmap;
-  const at = engine._engine_room(W, H);
-  if (!at) return false;
+// A picture's pixels as the browser shows them, to the engine.
+function givePixels(picture, W, H, at) {
   canvas.width = W;
   canvas.height = H;
-  paint.setTransform(mirror ? -1 : 1, 0, 0, 1, mirror ? W : 0, 0);
-  paint.drawImage(bitmap, 0, 0);
-  paint.resetTransform();
+  paint.drawImage(picture, 0, 0, W, H);
   engine.HEAPU8.set(paint.getImageData(0, 0, W, H).data, at);
-  return true;
 }
 
-function frame({ frame: bitmap, time, mirror }) {
-  const { width: W, height: H } = bitmap;
-  if (!give(bitmap, mirror)) throw new Error(`frames of ${W} x ${H} pixels are too large`);
-  bitmap.close();
+// Whether a frame is planes that formats/y4m.c turns into the colours which
+// spid-motion sees: browsers' own differ by some levels.
+const plain = (frame, W, H) =>
+  KINDS[frame.format] >= 0 && !frame.rotation && !frame.flip &&
+  frame.visibleRect.width === W && frame.visibleRect.height === H &&
+  [undefined, null, "bt709", ...BT601].includes(frame.colorSpace.matrix);
+
+async function givePlanes(frame, W, H, at) {
+  const { fullRange, matrix } = frame.colorSpace, size = frame.allocationSize();
+  const planes = engine.HEAPU8.subarray(at, at + size);
+  await frame.copyTo(planes);
+  if (frame.format === "NV12") {
+    const pairs = planes.slice(W * H), n = pairs.length / 2;
+    for (let i = 0; i < n; i++) {
+      planes[W * H + i] = pairs[2 * i];
+      planes[W * H + n + i] = pairs[2 * i + 1];
+    }
+  }
+  engine._motion_colours(KINDS[frame.format], fullRange ?? false,
+                         matrix ? BT601.includes(matrix) : W < 1280 && H <= 576);
+}
+
+async function frame({ frame: picture, time, mirror }) {
+  const began = performance.now();
+  const W = picture.displayWidth ?? picture.width, H = picture.displayHeight ?? picture.height;
+  const room = engine._engine_room(W, H);
+  if (!room) throw new Error(`frames of ${W} x ${H} pixels are too large`);
+  if (plain(picture, W, H)) await givePlanes(picture, W, H, room);
+  else {
+    givePixels(picture, W, H, room);
+    engine._motion_colours(-1, false, false);
+  }
+  picture.close();
   finder = 240;
-  const found = engine._motion_step(W, H, time), at = engine._motion_found();
+  const found = engine._motion_step(W, H, time, mirror), at = engine._motion_found();
   if (found < 0) throw new Error(why());
   const [detect, crop, network, head, x, y, size] = engine.HEAPF64.slice(at / 8, at / 8 + 7);
   const row = (at + ROW) / 4;
+  const spent = { read: 0, detect: 1e3 * detect, crop: 1e3 * crop, network: 1e3 * network,
+                  head: 1e3 * head };
+  spent.read = Object.values(spent).reduce((left, ms) => left - ms, performance.now() - began);
   postMessage({
-    time, window: { x, y, size },
-    spent: { detect: 1e3 * detect, crop: 1e3 * crop, network: 1e3 * network, head: 1e3 * head },
+    time, window: { x, y, size }, spent,
     ...found ? { row: engine.HEAPF32.slice(row, row + width) }
              : { lost: true, why: engine.UTF8ToString(engine._motion_why()) } });
 }
@@ -96,9 +123,11 @@ function photo({ photo: bitmap }) {
   const { width: W, height: H } = bitmap, began = performance.now();
   avatar = { meta: {}, arrays: {} };
   finder = 480;
-  const refused = !give(bitmap) ? `${W} x ${H} pixels are too many for a page (at most 4096 a side)`
-    : engine._face_make(W, H) ? why() : null;
+  const room = engine._engine_room(W, H);
+  if (room) givePixels(bitmap, W, H, room);
   bitmap.close();
+  const refused = !room ? `${W} x ${H} pixels are too many for a page (at most 4096 a side)`
+    : engine._face_make(W, H) ? why() : null;
   if (refused) postMessage({ refused });
   else postMessage({ avatar, ms: performance.now() - began },
                    Object.values(avatar.arrays).map(({ bytes }) => bytes.buffer));
@@ -112,6 +141,6 @@ onmessage = ({ data }) => {
     if (data.setup) await setup(data.setup);
     else if (data.restart) engine._motion_restart();
     else if (data.photo) photo(data);
-    else frame(data);
+    else await frame(data);
   }).catch((error) => postMessage({ failed: error.message }));
 };

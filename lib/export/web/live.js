@@ -255,7 +255,8 @@ export class Live {
     this.busy = true;
     const began = performance.now(), { video } = this;
     try {
-      const frame = await createImageBitmap(video);
+      const frame = globalThis.VideoFrame ? new VideoFrame(video)
+                                          : await createImageBitmap(video);
       this.cost("grab", performance.now() - began);
       this.worker.postMessage({ frame, time: this.stream ? began / 1000 : video.currentTime,
                                 mirror: $("mirror").checked }, [frame]);
@@ -310,7 +311,7 @@ export class Live {
     if (!this.open || now - (this.shownAt ?? 0) < 500) return;
     const rate = 1000 * (this.frames ?? 0) / (now - (this.shownAt ?? now - 500));
     Object.assign(this, { shownAt: now, frames: 0 });
-    const names = { grab: "grab", detect: "find", crop: "crop", network: "network",
+    const names = { grab: "grab", read: "read", detect: "find", crop: "crop", network: "network",
                     head: "head", pose: "pose", draw: "draw" };
     $("meter").textContent = `${rate.toFixed(0)} motions a second; ms: ` +
       Object.entries(names).filter(([k]) => spent[k] !== undefined)

@@ -15,8 +15,7 @@
                                  * is found in twice as many */
 
 struct engine engine;
-static uint8_t *pixels;         /* RGBA, then in their place RGB */
-static size_t room;
+static uint8_t *given;          /* the next picture, as the worker writes it */
 
 /* What went wrong, in words. */
 EMSCRIPTEN_KEEPALIVE
@@ -36,36 +35,49 @@ int engine_open(void)
                          &engine.err) ? -1 : 0;
 }
 
-/* Room for the pixels of the next picture: 4 W H bytes, RGBA; NULL: too large
- * for this page. */
+/* The room is free again: its picture is in rgb. */
+static uint8_t *engine_taken(uint8_t *rgb)
+{
+    free(given);
+    given = NULL;
+    return rgb;
+}
+
+/* Room for the next picture, RGBA or planes as decoders give them: 4 W H bytes;
+ * NULL: too large for this page. */
 EMSCRIPTEN_KEEPALIVE
 uint8_t *engine_room(size_t W, size_t H)
 {
-    if (W > LARGEST || H > LARGEST)
-        return NULL;
-    if (4 * W * H > room) {
-        free(pixels);
-        pixels = malloc(4 * W * H);
-        room = pixels ? 4 * W * H : 0;
-    }
-    return pixels;
+    free(given);
+    given = W > LARGEST || H > LARGEST ? NULL : malloc(4 * W * H);
+    return given;
 }
 
 uint8_t *engine_rgb(uint8_t **alpha, size_t W, size_t H)
 {
-    const uint8_t *from = pixels;
-    uint8_t *to = pixels, all = 255;
+    uint8_t *rgb = malloc(3 * W * H), *to = rgb, all = 255;
 
-    if (alpha && !(*alpha = malloc(W * H)))
+    if (alpha && !(*alpha = malloc(W * H))) {
+        free(rgb);
         return NULL;
-    for (size_t i = 0; i < W * H; i++, from += 4, to += 3) {
+    }
+    for (size_t i = 0; rgb && i < W * H; i++, to += 3) {
         if (alpha)
-            all &= (*alpha)[i] = from[3];
-        memmove(to, from, 3);
+            all &= (*alpha)[i] = given[4 * i + 3];
+        memcpy(to, given + 4 * i, 3);
     }
     if (alpha && all == 255) {
         free(*alpha);
         *alpha = NULL;
     }
-    return pixels;
+    return engine_taken(rgb);
+}
+
+uint8_t *engine_rgb_of_planes(const struct y4m *y)
+{
+    uint8_t *rgb = malloc(3 * y->width * y->height);
+
+    if (rgb)
+        y4m_to_rgb(rgb, given, y);
+    return engine_taken(rgb);
 }

@@ -3,6 +3,7 @@
 #ifndef SPID_EXPORT_WEB_ENGINE_H
 #define SPID_EXPORT_WEB_ENGINE_H
 
+#include "formats/y4m.h"
 #include "lib/head/head.h"
 #include "lib/net/model.h"
 #include "lib/track/encoders.h"
@@ -16,11 +17,13 @@ struct engine {
 
 extern struct engine engine;
 
-/* The colours of the W H pixels that the worker last wrote: 3 W H bytes, the
- * engine's until the next picture; where alpha is not NULL, their alpha there
- * (W H bytes; freed by the caller; NULL where all are opaque).  NULL: no
- * memory. */
+/* Colours [H,W,3] of the RGBA pixels that the worker last wrote, and where
+ * alpha is not NULL, their alpha there (W H bytes; NULL where all are opaque);
+ * both are freed by the caller.  NULL: no memory. */
 uint8_t *engine_rgb(uint8_t **alpha, size_t W, size_t H);
+
+/* The same of planes. */
+uint8_t *engine_rgb_of_planes(const struct y4m *y);
 
 /* A line about the archive that the worker is given: Module.note(key, value). */
 void archive_note(const char *key, const char *value);

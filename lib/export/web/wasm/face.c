@@ -59,18 +59,6 @@ void image_release(struct image *im)
     memset(im, 0, sizeof *im);
 }
 
-/* The picture in the engine's room as one of its own. */
-static int face_picture(struct image *im, size_t W, size_t H)
-{
-    *im = (struct image){.width = W, .height = H, .rgb = malloc(3 * W * H)};
-    const uint8_t *rgb = engine_rgb(&im->alpha, W, H);
-
-    if (!rgb || !im->rgb)
-        return error_set(&engine.err, EX_OSERR, "no memory for the picture");
-    memcpy(im->rgb, rgb, 3 * W * H);
-    return 0;
-}
-
 /* Where the portrait's window is, for who makes the same avatar elsewhere. */
 static void face_note_window(struct square window)
 {
@@ -88,11 +76,13 @@ int face_make(size_t W, size_t H)
 {
     const struct track_options opt = {.size = (double)engine.model.config.size};
     struct source s = {0};
-    struct image im;
+    struct image im = {.width = W, .height = H};
     int rc = -1;
 
     face_tell("Looking for the face", 0);
-    if (face_picture(&im, W, H) == 0 && face_open() == 0 &&
+    if (!(im.rgb = engine_rgb(&im.alpha, W, H)))
+        error_set(&engine.err, EX_OSERR, "no memory for the picture");
+    else if (face_open() == 0 &&
         source_find(&s, &im, NULL, &engine.head, &engine.nets, &opt,
                     &engine.err) == 0) {
         face_note_window(s.window);
