@@ -22,7 +22,6 @@
 #define SURE_FOUND 0.82        /* and than this has found none: of the faces in
                                 * tests/bench/README.md 95 % are above 0.84 at
                                 * every turn, panoramas without one below 0.81 */
-#define SEARCH_QUICK 4         /* levels of search.h in a frame of a clip */
 #define FLAT_DEVIATION 0.01    /* a crop with less contrast shows nothing */
 #define JUMP 0.5               /* of the crop's side: heads move less a frame */
 #define GROWTH 1.6             /* factor of its side, likewise */
@@ -46,7 +45,7 @@ int track_init(struct track *t, const struct identity *id,
     t->head = id->head;
     oneeuro_init(&t->filter, opt->smooth);
     t->opt.no_align |= opt->still;
-    t->opt.quick |= !opt->still;
+    t->levels = opt->still ? SEARCH_LEVELS : TRACK_QUICK;
     if (landmarks_init(&t->landmarks, id, err) != 0)
         return -1;
     if (!t->opt.no_align && align_init(&t->align, id, err) != 0) {
@@ -388,16 +387,15 @@ static int track_look(struct track *t, struct track_result *r,
                       const uint8_t *rgb, size_t W, size_t H,
                       struct error *err)
 {
-    const size_t levels = t->opt.quick ? SEARCH_QUICK : SEARCH_LEVELS;
     const double begun = cpu_seconds();
     struct square best;
     int found = 0;
 
-    if (!t->tta.net->sure.ps)
+    if (!t->tta.net->sure.ps || !t->levels)
         return 0;
     if (search_take(&t->search, rgb, W, H, err))
         return -1;
-    for (size_t k = 0; k < levels && !found; k++)
+    for (size_t k = 0; k < t->levels && !found; k++)
         found = track_try_level(t, r, &best, rgb, W, H, k, err);
     r->detect_s += cpu_seconds() - begun;
     return found == 1 ? track_try(t, r, rgb, W, H, best, err) : found;
@@ -464,7 +462,7 @@ int track_start(struct track *t, struct track_result *r, const uint8_t *rgb,
     if (W == 0 || H == 0)
         return 0;
     /* what the search for a lost face holds is there from the start */
-    if (t->opt.quick && t->search.net && search_take(&t->search, rgb, W, H, err))
+    if (!t->opt.still && t->search.net && search_take(&t->search, rgb, W, H, err))
         return -1;
     if (!t->opt.has_crop) {
         const int found = track_find(t, r, rgb, W, H, err);

@@ -35,9 +35,6 @@ struct track_options {
                                  * image, too */
     bool no_align;              /* motions as E_m says them, not aligned with
                                  * keyframes (align.h) */
-    bool quick;                 /* where no detector sees a face, look for
-                                 * large ones alone; all but a photograph's
-                                 * tracker does */
     bool still;                 /* a photograph: E_m keeps its precision
                                  * (tta.h), and there is nothing to align it
                                  * with */
@@ -62,6 +59,9 @@ struct track_result {
     double crop_s, network_s, heads_s, detect_s;    /* seconds spent */
 };
 
+#define TRACK_QUICK 4           /* levels in a clip: large faces alone, but for a
+                                 * photograph's tracker */
+
 /* The faces of a first frame that E_m is sure of, the largest first, as crops in
  * picture pixels.  One that was looked for in other ways is alone. */
 #define TRACK_FACES 8
@@ -83,6 +83,8 @@ struct track {
     struct square crop;                 /* next one, window pixels */
     struct track_faces faces;
     size_t most_faces;                  /* of the pictures that were tried */
+    size_t levels;                      /* of search.h's, where no detector
+                                         * sees a face; 0: none */
     bool started, lost, has_thumb;
     int regained;                       /* looks until a face that was found
                                          * again is taken for the same one's */

@@ -42,52 +42,59 @@ int turned_copy(struct image *out, const struct image *im, int quarters,
                      "%zu pixels", W, H);
 }
 
-/* track_start in the picture turned by quarters. */
-static int turned_look(struct track *t, struct track_result *r,
-                       const struct image *im, int quarters, double time,
+/* The quarter turns, 1 to 3, in which a face that track_start finds is surest; 0
+ * where none shows one; -1. */
+static int turned_best(struct track *t, const struct image *im, double time,
                        struct error *err)
 {
-    struct image turned;
+    float sure = 0;
+    int best = 0;
 
-    if (turned_copy(&turned, im, quarters, err))
-        return -1;
-    const int found = track_start(t, r, turned.rgb, turned.width,
-                                  turned.height, time, err);
-    image_release(&turned);
-    return found;
+    for (int k = 1; k < 4; k++) {
+        struct track_result r;
+        struct image turned;
+
+        if (turned_copy(&turned, im, k, err))
+            return -1;
+        const int found = track_start(t, &r, turned.rgb, turned.width,
+                                      turned.height, time, err);
+
+        image_release(&turned);
+        if (found < 0)
+            return -1;
+        if (found && r.sure > sure) {
+            sure = r.sure;
+            best = k;
+        }
+    }
+    return best;
 }
 
-/* Two witnesses: the detector knows faces that stand upright and look ahead, E_m
- * those from any side, but hardly which way is up.  So a picture is turned to
- * where the detector sees a face if it sees none as the picture is, and else
- * where E_m is surest if it sees none either as the picture is. */
+/* Two witnesses: the detector, which is fast, knows faces that stand upright and
+ * look ahead; E_m those from any side, but hardly which way is up.  So the
+ * picture is turned to where the detector sees a face if it sees none as the
+ * picture is, and else where E_m is surest if it sees none either as the picture
+ * is. */
 int turned_start(struct track *t, struct track_result *r, int *quarters,
                  const struct image *im, double time, struct error *err)
 {
-    const bool quick = t->opt.quick;
-    int found = track_start(t, r, im->rgb, im->width, im->height, time, err);
-    double best = 0;
+    const size_t levels = t->levels;
+    const bool once = !t->tta.net->sure.ps || t->opt.has_crop;
+    int found;
 
     *quarters = 0;
-    if (found < 0 || (found && r->detected) || !t->tta.net->sure.ps ||
-        t->opt.has_crop)
-        return found;
-    t->opt.quick = true;        /* of lying faces, large ones alone */
-    for (int k = 1; k < 4; k++) {
-        struct track_result turned;
-        const int seen = turned_look(t, &turned, im, k, time, err);
-
-        if (seen < 0)
-            return -1;
-        const double much = !seen ? 0 : turned.detected + (double)turned.sure;
-
-        if (much > best && (turned.detected || !found)) {
-            best = much;
-            *quarters = k;
-        }
+    t->levels = once ? levels : 0;
+    found = track_start(t, r, im->rgb, im->width, im->height, time, err);
+    if (found == 0 && !once)
+        *quarters = turned_best(t, im, time, err);
+    t->levels = levels;
+    if (found || once || *quarters)
+        return found ? found : *quarters < 0 ? -1 : 0;
+    found = track_start(t, r, im->rgb, im->width, im->height, time, err);
+    if (found == 0) {
+        t->levels = TRACK_QUICK;        /* of lying faces, large ones alone */
+        *quarters = turned_best(t, im, time, err);
+        t->levels = levels;
     }
-    t->opt.quick = quick;
-    return found == 0 || *quarters
-               ? 0 : track_start(t, r, im->rgb, im->width, im->height, time,
-                                 err);
+    return *quarters < 0 ? -1 : found;
 }
