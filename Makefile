@@ -296,7 +296,7 @@ check: tests
 
 # What takes minutes and gigabytes: the paper's run at its full size.
 check-long: tests
-	BUILD=$(BUILD) SPID_LONG=1 LIMIT=7200 tests/run train-paper
+	BUILD=$(BUILD) SPID_LONG=1 LIMIT=7200 tests/run train-paper export-live
 
 # Live driving for half an hour, every program of the pipe killed a hundred
 # times, two hundred clips of which ten are killed.

@@ -55,14 +55,15 @@ need_browser() {
     need_browser
     ffmpeg -nostdin -v error -i "$TOP/examples/photo.jpg" -vf scale=480:-1 photo.png
     echo "no picture" >text.jpg
-    ffmpeg -nostdin -v error -f lavfi -i color=gray:320x240 -frames:v 1 wall.png
+    # small, so that few squares of it are looked at
+    ffmpeg -nostdin -v error -f lavfi -i color=gray:32x24 -frames:v 1 wall.png
     timeout 800 node "$TOP/tests/npm/face.cjs" page.html photo.png text.jpg wall.png >out 2>&1 || { cat out; false; }
     cat out
 }
 
 @test "a camera drives it, is recorded with its mark, and may be refused" {
     need_browser
-    timeout 800 node "$TOP/tests/npm/camera.cjs" page.html camera.y4m >out 2>&1 || { cat out; false; }
+    MINUTES=${SPID_LONG:+10} timeout 1600 node "$TOP/tests/npm/camera.cjs" page.html camera.y4m >out 2>&1 || { cat out; false; }
     cat out
     run ffprobe -v error -show_entries format_tags -of default recorded.webm
     has "COMMENT=Synthetic: made by SpiD"

@@ -1,9 +1,9 @@
-// node face.cjs PAGE PHOTO NOT-A-PICTURE NO-FACE: a photograph given to the page
+// node face.cjs PAGE PHOTO NOT-A-PICTURE NO-FACE: a photograph dropped on the page
 // of spid-export --html --live becomes its avatar, which is drawn as the one
 // that spid-shape and spid-branches make of it in the same window; files that
 // show no face are refused in a sentence.
 const { execFileSync } = require("child_process");
-const { open, check, run } = require("./browser.cjs");
+const { open, check, drop, run } = require("./browser.cjs");
 
 const SIDE = 384, LEAST = 40;
 const POSES = [{ yaw: 0, pitch: 0, jaw: 0 }, { yaw: 20, pitch: 0, jaw: 0.4 },
@@ -66,7 +66,7 @@ run(async () => {
     new MutationObserver(() => seen.push(document.getElementById("making").value))
       .observe(document.getElementById("making"), { attributes: true });
   });
-  await page.setInputFiles("#photo-picked", photo);
+  await drop(page, photo, "image/png");
   const outcome = await said(page, "A new face|No avatar|do not start|failed");
   console.log(outcome);
   if (!outcome.startsWith("A new face")) throw new Error("no new face");

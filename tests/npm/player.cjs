@@ -59,6 +59,19 @@ async function controls(page) {
         `${names.length} sliders, each once (expected 65)`);
 }
 
+// It plays when it is opened, but not for those who asked for less motion.
+async function still(page) {
+  const address = (await page.evaluate(() => location.href)).split("#")[0];
+  for (const reducedMotion of ["no-preference", "reduce"]) {
+    await page.emulateMedia({ reducedMotion });
+    await page.goto("about:blank");
+    await page.goto(address);
+    await page.waitForFunction(() => window.spid);
+    const plays = await page.evaluate(() => document.getElementById("play").classList.contains("on"));
+    check(plays === (reducedMotion !== "reduce"), `reduced motion ${reducedMotion}: plays ${plays}`);
+  }
+}
+
 // Frames a second while it plays, in software.
 async function pace(page) {
   const rate = await page.evaluate(async () => {
@@ -79,6 +92,7 @@ run(async () => {
   await pictures(page, Number(size));
   const rate = await pace(page);
   await controls(page);
+  await still(page);
   await manners(page, errors, requests);
   console.log(`${rate.toFixed(1)} frames a second at ${size} x ${size}, in software`);
   await close();
