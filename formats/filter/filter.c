@@ -79,6 +79,11 @@ static struct filter *filter_open(const char *graph, const AVFrame *like,
 
 static int filter_send(struct filter *f, AVFrame *frame)
 {
+    const AVFilterLink *is = f->in->outputs[0];
+
+    if (frame && (frame->width != is->w || frame->height != is->h ||
+                  frame->format != is->format))
+        return AVERROR_INPUT_CHANGED;
     return av_buffersrc_add_frame(f->in, frame);
 }
 

@@ -33,6 +33,8 @@ struct reader {
     struct SwsContext *convert;
     AVPacket *packet;
     AVFrame *frame;
+    AVFrame *next;              /* the first of another size, while the filter
+                                 * gives the last of the one before */
     AVStream *stream;
     struct video_crop crop;     /* the container's */
     struct filter *weave;       /* fields to frames, once any are met */
@@ -200,6 +202,7 @@ static void reader_close(struct video_reader *v)
     free(r->upright.rgb);
     sws_freeContext(r->convert);
     av_frame_free(&r->frame);
+    av_frame_free(&r->next);
     av_packet_free(&r->packet);
     avcodec_free_context(&r->codec);
     avformat_close_input(&r->file);
@@ -259,41 +262,66 @@ static void reader_start_weaving(struct reader *r)
                            r->frame, step.num, step.den);
 }
 
-/* The next whole frame: 1, or 0 at the end. */
-static int reader_next(struct reader *r)
+/* The frame into the filter, or with rc 0 the end; so, too, where frames of
+ * another size begin, the first of which waits.  0, or a libav error number. */
+static int reader_weave(struct reader *r, const struct filter_module *m, int rc)
 {
-    const struct filter_module *m;
-    int rc;
+    if (rc == 0)
+        return m->send(r->weave, NULL);
+    r->frame->pts = r->frame->best_effort_timestamp;
+    rc = m->send(r->weave, r->frame);
+    if (rc != AVERROR_INPUT_CHANGED)
+        return rc;
+    av_frame_move_ref(r->next, r->frame);
+    return m->send(r->weave, NULL);
+}
 
-    if (!r->weave) {
-        rc = reader_decode(r);
-        if (rc == 1 && r->frame->interlaced_frame && !r->woven)
-            reader_start_weaving(r);
-        if (!r->weave)
-            return rc;
-    } else {
-        rc = 2;                 /* ask it first */
-    }
-    m = module_filter(NULL);
+/* The next frame out of the filter, as reader_next. */
+static int reader_woven(struct reader *r)
+{
+    const struct filter_module *m = module_filter(NULL);
+
     for (;;) {
-        if (rc == 1) {
-            r->frame->pts = r->frame->best_effort_timestamp;
-            if (m->send(r->weave, r->frame) < 0)
-                return 0;
-        } else if (rc == 0) {
-            m->send(r->weave, NULL);
-        }
-        av_frame_unref(r->frame);
         const int got = m->receive(r->weave, r->frame);
+        int rc;
 
         if (got >= 0) {
             r->frame->best_effort_timestamp = r->frame->pts;
             return 1;
         }
-        if (got != AVERROR(EAGAIN))
+        if (got == AVERROR(EAGAIN)) {
+            rc = reader_decode(r);
+        } else if (r->next->buf[0]) {
+            m->close(r->weave);
+            av_frame_move_ref(r->frame, r->next);
+            reader_start_weaving(r);
+            if (!r->weave)
+                return 1;
+            rc = 1;
+        } else {
             return 0;
-        rc = reader_decode(r);
+        }
+        if (reader_weave(r, m, rc) < 0)
+            return 0;
+        av_frame_unref(r->frame);
     }
+}
+
+/* The next whole frame: 1, or 0 at the end. */
+static int reader_next(struct reader *r)
+{
+    if (r->weave)
+        return reader_woven(r);
+    const int rc = reader_decode(r);
+
+    if (rc == 1 && r->frame->interlaced_frame && !r->woven)
+        reader_start_weaving(r);
+    if (!r->weave)
+        return rc;
+    if (reader_weave(r, module_filter(NULL), rc) < 0)
+        return 0;
+    av_frame_unref(r->frame);
+    return reader_woven(r);
 }
 
 /* swscale's table of the matrix that the frame says, or that players take. */
@@ -537,10 +565,11 @@ struct video_reader *reader_open(const char *path, bool bt601,
         r->path = strdup(path);
         r->packet = av_packet_alloc();
         r->frame = av_frame_alloc();
+        r->next = av_frame_alloc();
         r->bt601 = bt601;
         r->live = live;
     }
-    if (!r || !r->path || !r->packet || !r->frame) {
+    if (!r || !r->path || !r->packet || !r->frame || !r->next) {
         error_set(err, EX_OSERR, "%s: out of memory", path);
     } else if ((rc = reader_open_codec(r)) < 0 && live) {
         char why[AV_ERROR_MAX_STRING_SIZE];

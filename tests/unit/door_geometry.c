@@ -197,6 +197,24 @@ static void test_fields(void)
     image_release(&last);
 }
 
+/* A broadcast of fields whose size changes: each part is woven for itself, and
+ * none of its frames is lost at the change. */
+static void test_fields_change(void)
+{
+    check_that("fields of two sizes",
+               media_run("for s in 64x48 128x96; do ffmpeg -v error -y -f lavfi "
+                         "-i testsrc2=s=$s:r=50:d=0.4 -vf interlace=lowpass=0 "
+                         "-c:v mpeg2video -flags +ildct+ilme -q 2 -f mpeg2video "
+                         "$s.m2v || exit; done; cat 64x48.m2v 128x96.m2v "
+                         ">change.m2v"));
+    media_check("before the change", media_frame("change.m2v", 7),
+                media_frame("64x48.m2v", 7), 0);
+    media_check("after it", media_frame("change.m2v", 10),
+                media_frame("128x96.m2v", 1), 0);
+    media_check("at the end", media_frame("change.m2v", 18),
+                media_frame("128x96.m2v", 9), 0);
+}
+
 int main(void)
 {
     folder_make();
@@ -224,5 +242,6 @@ int main(void)
     test_crop();
     test_container_crop();
     test_fields();
+    test_fields_change();
     return folder_remove() || check_status();
 }
