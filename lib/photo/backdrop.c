@@ -276,14 +276,9 @@ struct backdrop_fill_part { struct matting *m; struct backdrop *b; size_t n; };
 static void backdrop_fill_part(void *ctx, size_t i)
 {
     const struct backdrop_fill_part *o = ctx;
-    const unsigned a = o->m->alpha[i];
 
-    if (!backdrop_hidden(o->m, i))
-        return;
-    backdrop_pixel(o->m->back + 3 * i, o->m, o->b, i % o->n, i / o->n);
-    for (size_t c = 3 * i; c < 3 * i + 3 && !o->m->inside[i]; c++)
-        o->m->rgb[c] =
-            (uint8_t)((a * o->m->rgb[c] + (255 - a) * o->m->back[c]) / 255);
+    if (backdrop_hidden(o->m, i))
+        backdrop_pixel(o->m->back + 3 * i, o->m, o->b, i % o->n, i / o->n);
 }
 
 int backdrop_fill(struct matting *m, struct error *err)

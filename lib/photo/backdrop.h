@@ -6,8 +6,8 @@
 #include "lib/head/person.h"
 #include "lib/photo/matting.h"
 
-/* m->back where m->alpha is 255 and beyond the picture, from where it is known;
- * then m->rgb beyond the picture, where it has held the person's colours. */
+/* m->back where m->alpha is 255 and beyond the picture, from where it is
+ * known. */
 int backdrop_fill(struct matting *m, struct error *err);
 
 /* --background source: bg is p's picture without the person: p->back, or where

@@ -10,6 +10,7 @@
 #include "lib/base/parallel.h"
 #include "lib/nn/math.h"
 #include "lib/photo/backdrop.h"
+#include "lib/photo/margin.h"
 #include "lib/photo/pyramid.h"
 
 /* tests/bench/matte.sh measures what these give on scans: halving or doubling
@@ -512,5 +513,5 @@ int matting_solve(struct matting *m, const float *prior, size_t w, bool known,
         matting_pixels(m, &k);
     }
     matting_release(&k);
-    return rc ? rc : backdrop_fill(m, err);
+    return rc || backdrop_fill(m, err) || margin_fill(m, err) ? -1 : 0;
 }

@@ -9,6 +9,7 @@
 
 #include "lib/base/parallel.h"
 #include "lib/base/random.h"
+#include "lib/photo/margin.h"
 #include "lib/photo/matte.h"
 #include "tests/check.h"
 
@@ -345,6 +346,49 @@ static void test_beyond(void)
     check_range("of its colour", d.rgb[3 * (240 * N + 127)], 100, 140);
 }
 
+/* How much row y differs from the one above it, levels on average. */
+static double step(const uint8_t *plane, size_t channels, size_t y)
+{
+    const size_t n = N * channels;
+    double sum = 0;
+
+    for (size_t i = y * n; i < (y + 1) * n; i++)
+        sum += abs(plane[i] - plane[i - n]);
+    return sum / (double)n;
+}
+
+/* Guesses beyond a picture that are 60 levels off, with stripes: afterwards no
+ * layer takes a larger step at the picture's edge than between its own rows,
+ * but for a level, and the stripes are as deep as they were. */
+static void test_no_seam(void)
+{
+    enum { TOP = 70, DEEP = 12 };
+    struct matting m = found();
+    struct error err = {0};
+
+    for (size_t i = 0; i < P; i++) {
+        const size_t x = i % N, y = i / N;
+        const bool in = y >= TOP;
+        const int off = in ? 0 : 60 - 90 * (int)x / N + DEEP * (int)(x / 8 % 2);
+
+        d.inside[i] = in ? 255 : 0;
+        d.alpha[i] = (uint8_t)(128 - off + 60 * (int)x / N);
+        for (size_t c = 3 * i; c < 3 * i + 3; c++) {
+            d.back[c] = (uint8_t)(90 + off + (int)y / 4);
+            d.rgb[c] = (uint8_t)(140 - off + (int)x / 4);
+        }
+    }
+    REQUIRE(margin_fill(&m, &err) == 0, "%s", err.text);
+    check("a picture's edge: step of alpha, levels", step(d.alpha, 1, TOP) -
+          step(d.alpha, 1, TOP + 1), 1);
+    check("of the background", step(d.back, 3, TOP) - step(d.back, 3, TOP + 1),
+          1);
+    check("of both layers together", step(d.rgb, 3, TOP) -
+          step(d.rgb, 3, TOP + 1), 1);
+    check("a guess's slopes stay, levels",
+          fabs(d.back[3 * 127] - d.back[3 * 129] - (double)DEEP), 3);
+}
+
 /* A known matte is kept, and the layers are made. */
 static void test_known(void)
 {
@@ -415,6 +459,7 @@ int main(void)
     test_texture();
     test_small();
     test_beyond();
+    test_no_seam();
     test_known();
     test_threads();
     test_connect();

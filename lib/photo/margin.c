@@ -1,0 +1,161 @@
+/* Guesses beyond the photograph, joined to it (Perez et al. 2003, "Poisson
+ * image editing"): what a layer is off by at the picture's edge is spread over
+ * the margin, from coarser cells the farther it is (Farbman et al. 2011,
+ * "Convolution pyramids"). */
+#include "lib/photo/margin.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "lib/base/parallel.h"
+#include "lib/photo/pyramid.h"
+
+#define LARGEST 512             /* cells across at most: the networks' pixels */
+#define REST 0.01f              /* of a cell: what coarser cells count for it */
+#define REACH 64                /* cells from the edge to where guesses hold: a
+                                 * cell of the pyramid that is as wide has as
+                                 * much of its own guess as it gets from REST */
+
+enum layer { LAYER_ALPHA, LAYER_BACK, LAYER_PERSON, LAYERS };
+enum { OFF = 4 };               /* floats of a cell: how much is seen, and the
+                                 * sums of what three channels are off by */
+
+struct margin {
+    struct matting *m;
+    size_t side;                /* cells across, a power of two */
+    float *cell;                /* (side,side,OFF), and coarser ones */
+};
+
+static size_t margin_cell(const struct margin *g, size_t x, size_t y)
+{
+    const size_t n = g->m->n, side = g->side;
+
+    return y * side / n * side + x * side / n;
+}
+
+/* Channels of pixel i: of the person's, without the background. */
+static void margin_value(float to[3], const struct matting *m,
+                         enum layer layer, size_t i)
+{
+    const float a = m->alpha[i] / 255.f;
+
+    for (size_t c = 0; c < 3; c++) {
+        const float rgb = m->rgb[3 * i + c], back = m->back[3 * i + c];
+
+        to[c] = layer == LAYER_ALPHA ? m->alpha[i] : layer == LAYER_BACK ? back
+                : !m->inside[i] || a == 0 ? rgb
+                : fminf(255, fmaxf(0, (rgb - (1 - a) * back) / a));
+    }
+}
+
+/* Pixel i of the picture, and the one beyond it, j: how far that is off. */
+static void margin_meet(struct margin *g, enum layer layer, size_t i, size_t j)
+{
+    const struct matting *m = g->m;
+    const float a = m->alpha[i] / 255.f;
+    const float w = layer == LAYER_ALPHA ? 1 : layer == LAYER_BACK ? 1 - a : a;
+    float *to = g->cell + OFF * margin_cell(g, i % m->n, i / m->n);
+    float seen[3], guess[3];
+
+    margin_value(seen, m, layer, i);
+    margin_value(guess, m, layer, j);
+    to[0] += w;
+    for (int c = 0; c < 3; c++)
+        to[1 + c] += w * (seen[c] - guess[c]);
+}
+
+/* What every cell is off by: as the picture's rim says, and in the margin as
+ * the cells about it. */
+static void margin_spread(struct margin *g, enum layer layer)
+{
+    static const float none[OFF] = {1, 0, 0, 0};
+    const struct matting *m = g->m;
+    const size_t n = m->n;
+
+    memset(g->cell, 0, g->side * g->side * OFF * sizeof *g->cell);
+    for (size_t y = 0; y < n; y++)
+        for (size_t x = 0; x < n; x++) {
+            const size_t i = y * n + x;
+
+            if (!m->inside[i]) {
+                g->cell[OFF * margin_cell(g, x, y)] += REST / (REACH * REACH);
+                continue;
+            }
+            if (x > 0 && !m->inside[i - 1])
+                margin_meet(g, layer, i, i - 1);
+            if (x + 1 < n && !m->inside[i + 1])
+                margin_meet(g, layer, i, i + 1);
+            if (y > 0 && !m->inside[i - n])
+                margin_meet(g, layer, i, i - n);
+            if (y + 1 < n && !m->inside[i + n])
+                margin_meet(g, layer, i, i + n);
+        }
+    pyramid_pool(g->cell, g->side, OFF, REST, none);
+    for (size_t i = 0; i < g->side * g->side; i++)
+        for (int c = 1; c < OFF; c++)
+            g->cell[OFF * i + (size_t)c] /= g->cell[OFF * i];
+}
+
+struct margin_add_part { struct margin *g; enum layer layer; };
+
+/* One row. */
+static void margin_add_part(void *ctx, size_t y)
+{
+    const struct margin_add_part *o = ctx;
+    struct matting *m = o->g->m;
+    const size_t n = m->n, s = o->g->side;
+    uint8_t *to = o->layer == LAYER_ALPHA ? m->alpha
+                  : o->layer == LAYER_BACK ? m->back : m->rgb;
+    const size_t channels = o->layer == LAYER_ALPHA ? 1 : 3;
+    float tx, ty;
+    const size_t v = pyramid_between(&ty, y, n, s);
+
+    for (size_t x = 0; x < n; x++) {
+        const size_t u = pyramid_between(&tx, x, n, s);
+        const float *a = o->g->cell + OFF * (v * s + u) + 1, *b = a + OFF * s;
+
+        for (size_t c = 0; c < channels && !m->inside[y * n + x]; c++) {
+            uint8_t *at = to + channels * (y * n + x) + c;
+            const float up = a[c] + tx * (a[c + OFF] - a[c]);
+            const float low = b[c] + tx * (b[c + OFF] - b[c]);
+            const float value = *at + up + ty * (low - up) + 0.5f;
+
+            *at = (uint8_t)(value < 0 ? 0 : value > 255 ? 255 : value);
+        }
+    }
+}
+
+/* rgb beyond the picture: both layers. */
+static void margin_compose(struct matting *m)
+{
+    for (size_t i = 0; i < m->n * m->n; i++) {
+        const unsigned a = m->alpha[i];
+
+        for (size_t c = 3 * i; c < 3 * i + 3 && !m->inside[i]; c++)
+            m->rgb[c] = (uint8_t)((a * m->rgb[c] + (255 - a) * m->back[c]) /
+                                  255);
+    }
+}
+
+int margin_fill(struct matting *m, struct error *err)
+{
+    struct margin g = {.m = m, .side = 2};
+
+    if (!memchr(m->inside, 0, m->n * m->n))
+        return 0;
+    while (2 * g.side <= m->n && g.side < LARGEST)
+        g.side *= 2;
+    g.cell = malloc(pyramid_floats(g.side, OFF) * sizeof *g.cell);
+    if (!g.cell)
+        return error_set(err, EX_OSERR, "no memory beyond the photograph");
+    for (int layer = 0; layer < LAYERS; layer++) {
+        margin_spread(&g, layer);
+        parallel_for(m->n, 1, margin_add_part,
+                     &(struct margin_add_part){ &g, layer });
+    }
+    margin_compose(m);
+    free(g.cell);
+    return 0;
+}
