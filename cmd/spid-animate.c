@@ -70,13 +70,16 @@ static const struct cli_usage usage = {
 };
 
 /* Operands and options that exclude each other. */
-static void animate_check_usage(int operands)
+static void animate_check_usage(char **operand, int operands)
 {
     const struct framing_options *f = &opt.framing;
 
     if (operands != (list_path ? 0 : 2))
         die(EX_USAGE, "%d operands (expected %s)", operands,
             list_path ? "none with --list" : "SOURCE and DRIVER");
+    if (operands == 2 && !strcmp(operand[0], "-") && !strcmp(operand[1], "-"))
+        die(EX_USAGE, "-: SOURCE and DRIVER (expected standard input for one "
+            "of them)");
     if (absolute && (opt.neutral.given || f->into_source))
         die(EX_USAGE, "--absolute: the driver's own pose (expected no %s)",
             opt.neutral.given ? "--neutral" : "--into-source");
@@ -189,7 +192,7 @@ int main(int argc, char **argv)
 
     cli_run_networks();
     first = cli_parse(&usage, argc, argv);
-    animate_check_usage(argc - first);
+    animate_check_usage(argv + first, argc - first);
     models.once = !list_path;
     if (!list_path)
         models.soon[0] = argv[first];

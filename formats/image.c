@@ -14,6 +14,7 @@
 #include "formats/module.h"
 #include "formats/panorama.h"
 #include "formats/png.h"
+#include "lib/base/kept.h"
 
 /* PNG is read as from pipes. */
 static int image_read_png(struct image *im, FILE *fp, const char *path,
@@ -23,13 +24,14 @@ static int image_read_png(struct image *im, FILE *fp, const char *path,
                ? error_prefix(err, "%s", path) : 0;
 }
 
-int image_read(struct image *im, const char *path, struct error *err)
+/* From what can be read again. */
+static int image_read_file(struct image *im, const char *path,
+                           struct error *err)
 {
     FILE *fp = fopen(path, "rb");
     const struct media_module *m;
     int first, second, rc;
 
-    memset(im, 0, sizeof *im);
     if (!fp)
         return error_set(err, EX_NOINPUT, "%s: cannot open: %s", path,
                          strerror(errno));
@@ -45,6 +47,15 @@ int image_read(struct image *im, const char *path, struct error *err)
     fclose(fp);
     m = module_media(err);
     return m ? m->image_read(im, path, err) : error_prefix(err, "%s", path);
+}
+
+int image_read(struct image *im, const char *path, struct error *err)
+{
+    struct kept k;
+    const char *file = kept_open(&k, path, IMAGE_MAX_BYTES, err);
+
+    memset(im, 0, sizeof *im);
+    return file ? kept_close(&k, image_read_file(im, file, err), err) : -1;
 }
 
 void image_release(struct image *im)

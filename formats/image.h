@@ -12,6 +12,8 @@
 /* Largest picture that is read, in pixels, and the longest side. */
 #define IMAGE_MAX_PIXELS ((size_t)200 << 20)
 #define IMAGE_MAX_SIDE 32768
+/* Largest file of one that is read from a pipe: four channels of 16 bits. */
+#define IMAGE_MAX_BYTES (8 * IMAGE_MAX_PIXELS)
 
 struct image {
     size_t width, height;
@@ -21,14 +23,14 @@ struct image {
                              * where the pixels are missing */
 };
 
-/* Read a picture.  Grey is spread over the channels, 16 bits are rounded to
- * 8, floating point (taken as linear unless the file says otherwise) is
- * encoded as sRGB, alpha is kept apart and made straight; what the file says
- * of orientation, shape of pixels and colours is followed.  Refused with
- * EX_DATAERR: CMYK without a profile, more pixels than the limits above
- * (checked before anything is allocated), zero size, damaged files.
- * EX_NOINPUT: cannot be opened.  The caller releases *im; on failure it is
- * zeroed. */
+/* Read a picture from a file, a pipe or standard input ("-").  Grey is spread
+ * over the channels, 16 bits are rounded to 8, floating point (taken as linear
+ * unless the file says otherwise) is encoded as sRGB, alpha is kept apart and
+ * made straight; what the file says of orientation, shape of pixels and colours
+ * is followed.  Refused with EX_DATAERR: CMYK without a profile, more pixels
+ * than the limits above (checked before anything is allocated), zero size,
+ * damaged files.  EX_NOINPUT: cannot be opened.  The caller releases *im; on
+ * failure it is zeroed. */
 int image_read(struct image *im, const char *path, struct error *err);
 
 /* Free what it holds; zeroed then. */

@@ -9,6 +9,7 @@
 #include "formats/image.h"
 #include "formats/module.h"
 #include "lib/base/cpu.h"
+#include "lib/base/kept.h"
 #include "lib/base/parallel.h"
 #include "lib/track/source.h"
 
@@ -260,15 +261,19 @@ int prepare_source(struct prepared *s, struct prepare *p, const char *path,
                    const char *mask, const struct prepare_beside *beside,
                    struct error *err)
 {
-    const bool stream = stream_probe(path);
+    struct kept kept;
+    const char *file = kept_open(&kept, path, IMAGE_MAX_BYTES, err);
     pthread_t thread;
-    const bool two = stream && prepare_start_beside(&thread, beside);
 
     memset(s, 0, sizeof *s);
-    int rc = prepare_all(s, p, stream, path, mask, beside, err);
+    if (!file)
+        return -1;
+    const bool stream = stream_probe(file);
+    const bool two = stream && prepare_start_beside(&thread, beside);
+    int rc = prepare_all(s, p, stream, file, mask, beside, err);
     if (two)
         pthread_join(thread, NULL);
-    return rc;
+    return kept_close(&kept, rc, err);
 }
 
 struct pipeline_avatar prepared_avatar(const struct prepared *s,

@@ -111,6 +111,29 @@ PY
     status 0 spid-animate -q -m model -s -b source --crop=32,32,28 small.png drive.y4m -o a.y4m
 }
 
+@test "a picture through a pipe is the picture" {
+    ffmpeg -v error -i source.png -q:v 1 p.jpg
+    ffmpeg -v error -i source.png p.bmp
+    for f in source.png p.jpg p.bmp; do
+        spid-shape -q -m model $crop $f -o file.spid
+        cat $f | spid-shape -q -m model $crop - -o pipe.spid
+        cmp file.spid pipe.spid
+        spid-shape -q -m model $crop <(cat $f) -o pipe.spid
+        cmp file.spid pipe.spid
+    done
+    spid-animate -q -m model -s file.spid drive.y4m -o a.y4m
+    cat file.spid | spid-animate -q -m model -s - drive.y4m -o b.y4m
+    cmp a.y4m b.y4m
+    status 65 spid-shape -q -m model - -o x.spid < <(head -c 3000 p.bmp)
+    one_line
+    has '<stdin>: '
+    status 64 spid-animate -q -m model -s - - -o x.y4m </dev/null
+    one_line
+    TMPDIR=/nowhere status 74 spid-shape -q -m model - -o x.spid <p.bmp
+    one_line
+    [ ! -e x.spid ]
+}
+
 @test "CMYK is refused in one line" {
     "$PYTHON" - <<'PY'
 import struct
