@@ -1,9 +1,9 @@
 /* Colours of what the photograph does not show of the head: those with the
- * photograph's colours where it is trusted and, elsewhere, with the slopes of
- * the mirror image where that is trusted and with none where nothing is known
- * (Perez et al. 2003, "Poisson image editing", on the mesh).  So a cheek that
- * was never seen has the other one's freckles, brow and hair in its own light,
- * and nothing has a seam. */
+ * photograph's colours where it is trusted, and with the slopes that the
+ * photograph and its mirror image have there, each as far as it is trusted,
+ * or with none where neither is (Perez et al. 2003, "Poisson image editing",
+ * on the mesh).  So a cheek that was never seen has the other one's freckles,
+ * brow and hair in its own light, and nothing has a seam. */
 #ifndef SPID_AVATAR_COMPLETION_H
 #define SPID_AVATAR_COMPLETION_H
 
