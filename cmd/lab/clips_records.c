@@ -1,5 +1,5 @@
 /* Clips' records beside each other in a folder, made once. */
-#include "cmd/clips.h"
+#include "cmd/lab/clips.h"
 
 #include <errno.h>
 #include <fcntl.h>

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "cmd/clips.h"
+#include "cmd/lab/clips.h"
 #include "cmd/options.h"
 
 static const char *head_path;

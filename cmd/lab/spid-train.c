@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "cmd/clips.h"
+#include "cmd/lab/clips.h"
 #include "cmd/options.h"
 #include "cmd/lab/train_report.h"
 #include "formats/image.h"

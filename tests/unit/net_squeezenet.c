@@ -10,7 +10,7 @@
 #include <string.h>
 
 #include "formats/safetensors.h"
-#include "lib/net/squeezenet.h"
+#include "lib/lab/eval/squeezenet.h"
 #include "tests/check.h"
 #include "tests/unit/noise.h"
 

@@ -7,7 +7,7 @@
 #include "lib/net/config.h"
 #include "lib/lab/convert/table.h"
 #include "lib/net/dinov2.h"
-#include "lib/net/fan.h"
+#include "lib/lab/train/fan.h"
 #include "lib/net/motion_encoder.h"
 #include "lib/net/shape_encoder.h"
 

@@ -10,7 +10,7 @@
 
 #include "lib/base/error.h"
 #include "lib/base/random.h"
-#include "lib/base/box.h"
+#include "lib/lab/data/box.h"
 #include "lib/base/crop.h"
 #include "lib/head/lbs.h"
 #include "lib/head/person.h"

@@ -9,7 +9,7 @@
 
 #include "lib/base/error.h"
 #include "lib/head/lbs.h"
-#include "lib/net/iresnet.h"
+#include "lib/lab/eval/iresnet.h"
 #include "lib/track/encoders.h"
 #include "lib/track/track.h"
 

@@ -7,7 +7,7 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "lib/base/jacobi.h"
+#include "lib/lab/people/jacobi.h"
 #include "lib/base/parallel.h"
 #include "lib/lab/people/vec.h"
 

@@ -9,7 +9,7 @@
 #define SPID_LAB_TRAIN_ALIGNMENT_H
 
 #include "lib/base/crop.h"
-#include "lib/net/fan.h"
+#include "lib/lab/train/fan.h"
 
 /* The side of the square that the network was trained with, twice the
  * landmarks' box, over the face crop's. */

@@ -14,7 +14,7 @@
 #include <stdint.h>
 
 #include "lib/base/error.h"
-#include "lib/base/box.h"
+#include "lib/lab/data/box.h"
 #include "lib/nn/conv.h"
 
 #define DISCRIMINATOR_LAYERS 4

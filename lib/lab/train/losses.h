@@ -6,7 +6,7 @@
 
 #include <stddef.h>
 
-#include "lib/base/box.h"
+#include "lib/lab/data/box.h"
 
 /* Mean |b - a| over the box (NULL: everything): L_img's four terms. */
 double loss_l1(float *db, const float *b, const float *a, size_t H, size_t W,

@@ -9,9 +9,9 @@
 #ifndef SPID_LAB_TRAIN_PERCEPTUAL_H
 #define SPID_LAB_TRAIN_PERCEPTUAL_H
 
-#include "lib/base/box.h"
+#include "lib/lab/data/box.h"
 #include "lib/lab/eval/lpips.h"
-#include "lib/net/squeezenet.h"
+#include "lib/lab/eval/squeezenet.h"
 
 #define PERCEPTUAL_LAYERS 7
 

@@ -1,5 +1,5 @@
 /* FAN, forward and back to the picture. */
-#include "lib/net/fan.h"
+#include "lib/lab/train/fan.h"
 
 #include <stdio.h>
 #include <string.h>

@@ -1,8 +1,8 @@
 /* The face recognition network whose embeddings ArcFace similarity compares:
  * the public "iresnet" layout (18 to 200 layers), weights under its names.
  * Every size follows from the file.  Inference only. */
-#ifndef SPID_NET_IRESNET_H
-#define SPID_NET_IRESNET_H
+#ifndef SPID_LAB_EVAL_IRESNET_H
+#define SPID_LAB_EVAL_IRESNET_H
 
 #include <stddef.h>
 

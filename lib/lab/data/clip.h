@@ -1,8 +1,8 @@
 /* A plain talking-head video as training records: faces found and tracked,
  * window cut, person matted, landmarks from the mesh, a first guess of motion
  * and shape by the encoders: estimates of what spid-synth writes as truth. */
-#ifndef SPID_TRACK_CLIP_H
-#define SPID_TRACK_CLIP_H
+#ifndef SPID_LAB_DATA_CLIP_H
+#define SPID_LAB_DATA_CLIP_H
 
 #include <stddef.h>
 

@@ -1,6 +1,6 @@
 /* Jacobi's rotations: each makes one entry off the diagonal zero (Golub and
  * Van Loan, Matrix Computations, 8.5). */
-#include "lib/base/jacobi.h"
+#include "lib/lab/people/jacobi.h"
 
 #include <math.h>
 

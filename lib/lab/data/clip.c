@@ -1,6 +1,6 @@
 /* Frames spread over a clip, each made a source picture of (lib/track/source),
  * then written with one shape for all. */
-#include "lib/track/clip.h"
+#include "lib/lab/data/clip.h"
 
 #include <math.h>
 #include <stdlib.h>

@@ -3,8 +3,8 @@
  * a stack of hourglasses, each of which sees what the one before it found.
  * The backward goes to the picture.  Tensors have the names of the authors'
  * PyTorch package. */
-#ifndef SPID_NET_FAN_H
-#define SPID_NET_FAN_H
+#ifndef SPID_LAB_TRAIN_FAN_H
+#define SPID_LAB_TRAIN_FAN_H
 
 #include "formats/safetensors.h"
 #include "lib/nn/conv.h"

@@ -1,6 +1,6 @@
 /* Eigenvectors of small symmetric matrices. */
-#ifndef SPID_BASE_JACOBI_H
-#define SPID_BASE_JACOBI_H
+#ifndef SPID_LAB_PEOPLE_JACOBI_H
+#define SPID_LAB_PEOPLE_JACOBI_H
 
 #include <stddef.h>
 

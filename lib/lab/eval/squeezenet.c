@@ -1,5 +1,5 @@
 /* SqueezeNet 1.0's features, forward and back to the picture. */
-#include "lib/net/squeezenet.h"
+#include "lib/lab/eval/squeezenet.h"
 
 #include <string.h>
 #include <sysexits.h>

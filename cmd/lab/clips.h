@@ -1,13 +1,13 @@
 /* Plain videos as operands: which clips they name, and their records, made
  * once for each clip in a folder that spid-train reads. */
-#ifndef SPID_CMD_CLIPS_H
-#define SPID_CMD_CLIPS_H
+#ifndef SPID_CMD_LAB_CLIPS_H
+#define SPID_CMD_LAB_CLIPS_H
 
 #include <stddef.h>
 
 #include "cmd/cli.h"
 #include "lib/nn/nn.h"
-#include "lib/track/clip.h"
+#include "lib/lab/data/clip.h"
 
 /* Rows of an option table. */
 #define OPTION_CLIP_FRAMES(n)                                                 \

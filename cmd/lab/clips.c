@@ -1,5 +1,5 @@
 /* Which clips operands name (their records: clips_records.c). */
-#include "cmd/clips.h"
+#include "cmd/lab/clips.h"
 
 #include <dirent.h>
 #include <errno.h>

@@ -1,6 +1,6 @@
 /* ArcFace's IResNet (Deng et al. 2019) for comparing identities in evaluation:
  * inference only, its sizes read from the file. */
-#include "lib/net/iresnet.h"
+#include "lib/lab/eval/iresnet.h"
 
 #include <math.h>
 #include <stdio.h>

@@ -3,8 +3,8 @@
  * convolution to few channels and a 1x1 and a 3x3 from them side by side.  The
  * weights are frozen; the backward goes to the picture.  Tensors have
  * torchvision's names, "<prefix>features.N.*". */
-#ifndef SPID_NET_SQUEEZENET_H
-#define SPID_NET_SQUEEZENET_H
+#ifndef SPID_LAB_EVAL_SQUEEZENET_H
+#define SPID_LAB_EVAL_SQUEEZENET_H
 
 #include "lib/nn/conv.h"
 #include "lib/nn/pool.h"

@@ -1,6 +1,6 @@
 /* A rectangle of whole pixels. */
-#ifndef SPID_BASE_BOX_H
-#define SPID_BASE_BOX_H
+#ifndef SPID_LAB_DATA_BOX_H
+#define SPID_LAB_DATA_BOX_H
 
 #include <stdbool.h>
 #include <stddef.h>
