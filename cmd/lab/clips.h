@@ -14,7 +14,7 @@
     OPTION_INT("frames", 0, n, 1, 1000, "N",                                  \
                "frames kept of a clip, spread over it (default 24)")
 #define CLIPS_FRAMES 24             /* defaults: frames kept of a clip, */
-#define CLIPS_LEAST 8               /* and how many good ones it needs */
+#define CLIPS_MIN_FRAMES 8          /* and how many good ones it needs */
 #define CLIPS_MIN_FACE 64           /* pixels of a face crop's side */
 
 #define CLIPS_LONGEST 3000          /* characters of a name */

@@ -177,8 +177,8 @@ size_t clips_prepare(const struct clips *c, const struct clips_job *job,
     struct clip clip = {.head = &head, .model = &model, .nets = &nets,
                         .opt = job->opt};
     clip.opt.track.size = (double)(job->size ? job->size : model.config.size);
-    if (clip.opt.least > clip.opt.frames)
-        clip.opt.least = clip.opt.frames;
+    if (clip.opt.min_frames > clip.opt.frames)
+        clip.opt.min_frames = clip.opt.frames;
     size_t good = clips_prepare_each(c, job, &clip, all);
     encoders_release(&nets);
     head_release(&head);

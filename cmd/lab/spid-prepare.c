@@ -7,7 +7,7 @@
 #include "cmd/options.h"
 
 static const char *head_path;
-static long frames = CLIPS_FRAMES, least = CLIPS_LEAST, size;
+static long frames = CLIPS_FRAMES, min_frames = CLIPS_MIN_FRAMES, size;
 static long part, parts = 1;
 static double min_face = CLIPS_MIN_FACE;
 static enum nn_type precision = OPTION_PRECISION_DEFAULT;
@@ -30,7 +30,7 @@ static int prepare_parse_part(const char *value, void *dest, struct error *err)
 
 static const struct cli_option options[] = {
     OPTION_CLIP_FRAMES(&frames),
-    OPTION_INT("least", 0, &least, 1, 1000, "N",
+    OPTION_INT("least", 0, &min_frames, 1, 1000, "N",
                "a clip with fewer good frames is bad (default 8)"),
     OPTION_FLOAT("min-face", 0, &min_face, 0, 10000, "PIXELS",
                  "smaller faces are not good (default 64)"),
@@ -65,7 +65,7 @@ int main(int argc, char **argv)
     const struct clips_job job = {
         .folder = cli.output, .head_path = head_path, .precision = precision,
         .part = (size_t)part, .parts = (size_t)parts, .size = (size_t)size,
-        .opt = {.frames = (size_t)frames, .least = (size_t)least,
+        .opt = {.frames = (size_t)frames, .min_frames = (size_t)min_frames,
                 .min_face = min_face}};
     size_t good = clips_prepare(&clips, &job, &all);
     stats_write();

@@ -14,11 +14,11 @@
 #include "lib/lab/train/loop.h"
 #include "lib/lab/train/predicted_shape.h"
 
-#define MOST_PARTS 16
+#define MAX_PARTS 16
 
 static struct {
     const char *config, *head, *validation, *join, *shapes, *records;
-    struct checkpoint_source init[MOST_PARTS];
+    struct checkpoint_source init[MAX_PARTS];
     size_t ninit;
     long steps, frames;
 } opt = {.steps = -1, .frames = CLIPS_FRAMES};
@@ -33,8 +33,8 @@ static void train_on_signal(int number)
 
 static int train_add_source(const char *value, bool grow, struct error *err)
 {
-    if (opt.ninit == MOST_PARTS)
-        return error_set(err, EX_USAGE, "more than %d files", MOST_PARTS);
+    if (opt.ninit == MAX_PARTS)
+        return error_set(err, EX_USAGE, "more than %d files", MAX_PARTS);
     return checkpoint_source_parse(&opt.init[opt.ninit++], value, grow, err);
 }
 
@@ -170,7 +170,7 @@ static size_t train_gather_data(const char **data, char **operand,
         .folder = opt.records ? opt.records : folder, .head_path = opt.head,
         .precision = OPTION_PRECISION_DEFAULT, .size = train_read_model(c).size,
         .part = (size_t)group->rank, .parts = (size_t)group->size,
-        .opt = {.frames = (size_t)opt.frames, .least = CLIPS_LEAST,
+        .opt = {.frames = (size_t)opt.frames, .min_frames = CLIPS_MIN_FRAMES,
                 .min_face = CLIPS_MIN_FACE}};
 
     snprintf(folder, sizeof folder, "%s/records", cli.output);

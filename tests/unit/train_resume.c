@@ -93,7 +93,7 @@ static double largest_mean(const char *sub, const char *other, double *far)
     float *w[2];
     struct error err = {0};
     size_t n, dims[4] = {0};
-    double most = 0;
+    double max = 0;
 
     *far = 0;
     for (int k = 0; k < 2; k++) {
@@ -103,7 +103,7 @@ static double largest_mean(const char *sub, const char *other, double *far)
         struct safetensors *st = st_open(path, &err);
         float *m = st ? st_load_f32(st, mean, 1, dims, &n, &err) : NULL;
         for (size_t i = 0; m && !k && i < n; i++)
-            most = fmax(most, fabs((double)m[i]));
+            max = fmax(max, fabs((double)m[i]));
         free(m);
         w[k] = st ? st_load_f32(st, layer, 4, dims, &n, &err) : NULL;
         st_close(st);
@@ -116,7 +116,7 @@ static double largest_mean(const char *sub, const char *other, double *far)
         *far = fmax(*far, fabs((double)w[0][i] - (double)w[1][i]));
     free(w[0]);
     free(w[1]);
-    return most;
+    return max;
 }
 
 static void check_running_norm(const struct head *h, const char *data)
@@ -191,7 +191,7 @@ static void check_guard(const char *data)
     printf("%s\n%s\n", warned, err.text);
     expect("repeated NaN ends the run", rc, -1, 0);
     expect("the tensor is named", strstr(warned, "second") != NULL, 1, 0);
-    expect("steps skipped", warnings, LOOP_MOST_BAD, 0);
+    expect("steps skipped", warnings, LOOP_MAX_BAD, 0);
     expect("nothing reached the weights", isfinite(param_w(&task.ps, 1)[3]),
            1, 0);
     data_close(loop.reader);

@@ -251,7 +251,7 @@ static double bench_drive_error(struct bench_person *p)
 static int bench_baking(struct bench_person *p, enum nn_type type,
                         double **truth, struct error *err)
 {
-    double most = NAN, psnr = NAN;
+    double max = NAN, psnr = NAN;
     struct bench_times t;
     char config[96], knob[64];
 
@@ -263,7 +263,7 @@ static int bench_baking(struct bench_person *p, enum nn_type type,
         return -1;
     size_t n = p->baked.N * p->baked.C;
     if (*truth) {
-        bench_compare(&most, &psnr, p->baked.color, *truth, n);
+        bench_compare(&max, &psnr, p->baked.color, *truth, n);
     } else {
         *truth = malloc(n * sizeof **truth);
         if (!*truth)
@@ -273,7 +273,7 @@ static int bench_baking(struct bench_person *p, enum nn_type type,
     }
     bench_branches_config(config, sizeof config, p);
     snprintf(knob, sizeof knob, "bake (Phase A), %s", nn_type_name(type));
-    bench_add(p->b, "branches", config, knob, p->b->threads, &t, most, psnr);
+    bench_add(p->b, "branches", config, knob, p->b->threads, &t, max, psnr);
     return 0;
 }
 

@@ -43,7 +43,7 @@ static int bench_crop(struct bench *b, struct error *err)
     struct crop_case c = {malloc(n), malloc(m * sizeof(float)),
                           {250.3, 270.7, 287.4}};
     double *exact = malloc(n * sizeof *exact);
-    double *truth = malloc(m * sizeof *truth), most, psnr;
+    double *truth = malloc(m * sizeof *truth), max, psnr;
     struct bench_times t;
     struct random r;
     int rc = -1;
@@ -58,9 +58,9 @@ static int bench_crop(struct bench *b, struct error *err)
     crop_sample_ref(truth, CROP_NET, exact, SIDE, SIDE, c.q);
     if (bench_time(&t, b->seconds / 20, 50, bench_call_crop, &c, err) != 0)
         goto out;
-    bench_compare(&most, &psnr, c.out, truth, m);
+    bench_compare(&max, &psnr, c.out, truth, m);
     if (!bench_add(b, "crop", "287x287 -> 224x224 u8 -> f32", "default", 1,
-                   &t, most, psnr))
+                   &t, max, psnr))
         goto out;
     bench_number(b, "ms", "crop", t.median);
     rc = 0;
@@ -102,7 +102,7 @@ static int bench_net(struct bench *b, struct net_case *c, double *truth,
 {
     const char *stage = c->shape ? "shape" : "motion";
     char config[96];
-    double most = NAN, psnr = NAN;
+    double max = NAN, psnr = NAN;
     struct bench_times t;
     int rc;
 
@@ -112,18 +112,18 @@ static int bench_net(struct bench *b, struct net_case *c, double *truth,
     rc = motion_encoder_plan(&c->e.motion, 1, c->e.motion.plan.opt, err) ||
          bench_time(&t, b->seconds / 6, 20, bench_call_net, c, err) ? -1 : 0;
     if (type == NN_F32 && threads == 1) {
-        most = 0;               /* the truth itself */
+        max = 0;                /* the truth itself */
         psnr = INFINITY;
         for (size_t i = 0; i < c->count; i++)
             truth[i] = c->out[i];
     } else {
-        bench_compare(&most, &psnr, c->out, truth, c->count);
+        bench_compare(&max, &psnr, c->out, truth, c->count);
     }
     snprintf(config, sizeof config, "%s 224x224 %s",
              c->shape ? c->model.config.shape_net : c->model.config.motion_net,
              b->model ? "model" : "untrained");
     if (rc == 0 && !bench_add(b, stage, config, nn_type_name(type), threads,
-                              &t, most, psnr))
+                              &t, max, psnr))
         rc = -1;
     if (rc == 0 && !c->shape && type == NN_F32 && threads == b->threads)
         bench_number(b, "ms", "motion", t.median);

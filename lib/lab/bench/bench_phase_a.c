@@ -167,7 +167,7 @@ static int phase_a_bench(struct bench *b, struct phase_a *a, double *truth,
                          enum nn_type type, struct error *err)
 {
     const size_t n = a->cells, C = a->config.channels;
-    double most = NAN, psnr = NAN;
+    double max = NAN, psnr = NAN;
     float *rgb = phase_a_floats(3 * n);
     struct bench_times t;
     int rc = -1;
@@ -181,9 +181,9 @@ static int phase_a_bench(struct bench *b, struct phase_a *a, double *truth,
             truth[i] = type == NN_F32 ? (double)rgb[i] : truth[i];
         }
         if (type != NN_F32)
-            bench_compare(&most, &psnr, rgb, truth, 3 * n);
+            bench_compare(&max, &psnr, rgb, truth, 3 * n);
         if (bench_add(b, "shape", "Phase A, ViT-B/14 at 518, n=296",
-                      nn_type_name(type), b->threads, &t, most, psnr))
+                      nn_type_name(type), b->threads, &t, max, psnr))
             rc = 0;
     }
     free(rgb);

@@ -351,7 +351,7 @@ static int pipeline_variant(struct pipe_rows *l, const struct variant *v,
 {
     struct bench *b = l->person.b;
     struct pipe *p = calloc(1, sizeof *p);
-    double most, psnr;
+    double max, psnr;
     struct bench_times t;
     char config[96];
     int rc =
@@ -363,7 +363,7 @@ static int pipeline_variant(struct pipe_rows *l, const struct variant *v,
     if (rc == 0 && v->report)
         pipeline_report(b, p, v, t.median / (double)p->part);
     if (rc == 0)
-        rc = pipeline_compare(p, v, &most, &psnr, err);
+        rc = pipeline_compare(p, v, &max, &psnr, err);
     if (rc == 0) {
         t.min /= (double)p->part;
         t.median /= (double)p->part;
@@ -371,7 +371,7 @@ static int pipeline_variant(struct pipe_rows *l, const struct variant *v,
         snprintf(config, sizeof config, "%s%s 512x512 N=%zu C=%d",
                  v->star ? "SpiD*" : "SpiD", v->video ? " mp4 to mp4" : "",
                  l->all, v->star ? 3 : (int)l->person.baked.C);
-        bench_add(b, "pipeline", config, v->knob, b->threads, &t, most, psnr);
+        bench_add(b, "pipeline", config, v->knob, b->threads, &t, max, psnr);
     }
     if (p)
         pipeline_close(p);

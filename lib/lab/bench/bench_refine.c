@@ -75,18 +75,18 @@ static void refine_case_randomise(struct refine_case *c)
     params_randomise(&c->ps, 1);
     for (size_t t = 0; t < c->ps.count; t++) {
         const struct param *p = &c->ps.tensor[t];
-        float *w = param_w(&c->ps, t), most = 0;
+        float *w = param_w(&c->ps, t), max = 0;
         struct random r;
 
         if (!strcmp(p->name, "refine.rgb.weight"))
-            most = 0.03f;
+            max = 0.03f;
         else if (strstr(p->name, "to_rgb") && strstr(p->name, "conv.weight"))
-            most = 0.1f;
+            max = 0.1f;
         else if (strstr(p->name, "condition_") && strstr(p->name, ".2.weight"))
-            most = 0.005f;
+            max = 0.005f;
         random_init(&r, 4, p->name);
-        for (size_t i = 0; i < p->count && most > 0; i++)
-            w[i] = most * (float)random_range(&r, -1, 1);
+        for (size_t i = 0; i < p->count && max > 0; i++)
+            w[i] = max * (float)random_range(&r, -1, 1);
     }
 }
 
@@ -105,7 +105,7 @@ static int refine_case_bench(struct refine_case *c, enum nn_type type,
 {
     const struct nn_options opt = {NN_INFER, type};
     const bool narrow = c->refiner.type == REFINER_NARROW;
-    double most = NAN, psnr = NAN;
+    double max = NAN, psnr = NAN;
     double *exact = malloc(PIXELS * 3 * sizeof *exact);
     struct bench_times t;
     char key[24];
@@ -131,9 +131,9 @@ static int refine_case_bench(struct refine_case *c, enum nn_type type,
     for (size_t i = 0; i < PIXELS * 3; i++)
         exact[i] = c->truth[i];
     if (!truth)
-        bench_compare(&most, &psnr, c->rgb, exact, PIXELS * 3);
+        bench_compare(&max, &psnr, c->rgb, exact, PIXELS * 3);
     if (bench_add(c->b, "refine", c->config, nn_type_name(type), threads, &t,
-                  most, psnr))
+                  max, psnr))
         rc = 0;
     snprintf(key, sizeof key, "refine%s%s", type == NN_F32 ? "" : "_",
              type == NN_F32 ? "" : nn_type_name(type));

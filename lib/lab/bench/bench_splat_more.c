@@ -224,7 +224,7 @@ static int bench_job_draw_moved(void *context, struct error *err)
 static int bench_phase_note(struct bench *b, struct job *j, int threads,
                             struct error *err)
 {
-    double least[SPLAT_PHASES] = {1e9, 1e9, 1e9, 1e9};
+    double min[SPLAT_PHASES] = {1e9, 1e9, 1e9, 1e9};
 
     if (bench_job_draw(j, err))          /* the camera may be where it was */
         return -1;
@@ -232,12 +232,12 @@ static int bench_phase_note(struct bench *b, struct job *j, int threads,
         if (bench_job_draw(j, err))
             return -1;
         for (int k = 0; k < SPLAT_PHASES; k++)
-            least[k] = fmin(least[k], j->s.ms[k]);
+            min[k] = fmin(min[k], j->s.ms[k]);
     }
     bench_note(b, "splat %d thread%s: project %.2f, sort %.2f, tile lists "
                "%.2f, draw %.2f ms (least of 40 frames)", threads,
-               threads > 1 ? "s" : "", least[SPLAT_PROJECT],
-               least[SPLAT_SORT], least[SPLAT_BIN], least[SPLAT_DRAW]);
+               threads > 1 ? "s" : "", min[SPLAT_PROJECT],
+               min[SPLAT_SORT], min[SPLAT_BIN], min[SPLAT_DRAW]);
     return 0;
 }
 

@@ -293,10 +293,10 @@ static void facepath_close_vertex(float out[3], const struct face_paths *p,
     facepath_lower_at(to, p, e, facepath_along(e, edge));
     for (int c = 0; c < 3; c++)
         moved[c] = x[c] + w * (to[c] - edge[c]);
-    double least = fmin(facepath_radius(rest, centre),
-                        facepath_radius(to, centre));
+    double min = fmin(facepath_radius(rest, centre),
+                      facepath_radius(to, centre));
     double r = facepath_radius(moved, centre);
-    double grow = r > 0 && r < least ? least / r : 1;
+    double grow = r > 0 && r < min ? min / r : 1;
 
     for (int c = 0; c < 3; c++)
         out[c] = (float)(centre[c] + grow * (moved[c] - centre[c]) - x[c]);

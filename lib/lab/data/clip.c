@@ -181,7 +181,7 @@ static int clip_read(struct clip_state *s, struct clip_report *r,
     }
     if (r->kept > want)
         clip_thin(s, r, want);
-    if (rc < 0 && r->kept >= c->opt.least)
+    if (rc < 0 && r->kept >= c->opt.min_frames)
         rc = 0;                 /* a video cut short: its frames suffice */
     return rc;
 }
@@ -253,10 +253,10 @@ static int clip_score(struct clip_report *r, const struct clip_state *s,
                       const struct clip *c, const char *path,
                       struct error *err)
 {
-    if (r->kept < c->opt.least || r->kept == 0) {
+    if (r->kept < c->opt.min_frames || r->kept == 0) {
         error_set(err, EX_DATAERR, "%s: a good face in %zu of %zu frames "
                   "looked at (expected %zu, of at least %.0f pixels)", path,
-                  r->kept, r->tried, c->opt.least, c->opt.min_face);
+                  r->kept, r->tried, c->opt.min_frames, c->opt.min_face);
         return 1;
     }
     r->face = s->face / (double)s->good;

@@ -15,7 +15,7 @@
 
 struct clip_options {
     size_t frames;              /* to keep, spread over the clip */
-    size_t least;               /* a clip with fewer good ones is bad */
+    size_t min_frames;          /* a clip with fewer good ones is bad */
     double min_face;            /* pixels of the video: smaller is not good */
     struct track_options track; /* size of the window */
 };

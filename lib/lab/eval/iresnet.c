@@ -100,7 +100,7 @@ static size_t iresnet_larger(size_t a, size_t b)
 static int iresnet_plan(struct iresnet *n, struct error *err)
 {
     const struct nn_options opt = {NN_INFER, NN_F32};
-    size_t most = (size_t)IRESNET_SIDE * IRESNET_SIDE * n->stem.out;
+    size_t max = (size_t)IRESNET_SIDE * IRESNET_SIDE * n->stem.out;
 
     nn_plan_init(&n->plan, opt);
     conv_plan(&n->stem, &n->plan, 1, IRESNET_SIDE, IRESNET_SIDE);
@@ -112,15 +112,15 @@ static int iresnet_plan(struct iresnet *n, struct error *err)
         conv_plan(&b->conv2, &n->plan, 1, b->side, b->side);
         if (b->has_down)
             conv_plan(&b->down, &n->plan, 1, b->side, b->side);
-        most = iresnet_larger(most,
-                              b->side * b->side * iresnet_larger(b->conv1.in,
-                                  b->conv1.out));
-        most = iresnet_larger(most, side * side * b->conv2.out);
+        max = iresnet_larger(max,
+                             b->side * b->side * iresnet_larger(b->conv1.in,
+                                 b->conv1.out));
+        max = iresnet_larger(max, side * side * b->conv2.out);
     }
     linear_plan(&n->fc, &n->plan, 1);
-    n->x = nn_plan_floats(&n->plan, most);
-    n->y = nn_plan_floats(&n->plan, most);
-    n->t = nn_plan_floats(&n->plan, most);
+    n->x = nn_plan_floats(&n->plan, max);
+    n->y = nn_plan_floats(&n->plan, max);
+    n->t = nn_plan_floats(&n->plan, max);
     n->code = nn_plan_floats(&n->plan, n->fc.out);
     if (nn_plan_finish(&n->plan, err))
         return -1;

@@ -114,7 +114,7 @@ static void lpips_plan_stage(struct lpips *l, int i, size_t h, size_t w)
 static int lpips_plan(struct lpips *l, size_t H, size_t W, struct error *err)
 {
     struct nn_options opt = {l->learns ? NN_FROZEN : NN_INFER, NN_F32};
-    size_t h = H, w = W, patches = 0, in = 3 * H * W, most = in;
+    size_t h = H, w = W, patches = 0, in = 3 * H * W, max = in;
 
     lpips_drop_plan(l);
     nn_plan_init(&l->plan, opt);
@@ -129,8 +129,8 @@ static int lpips_plan(struct lpips *l, size_t H, size_t W, struct error *err)
             in = h * w * stage[i].in;
         l->h[i] = h = lpips_conv_size(i, h);
         l->w[i] = w = lpips_conv_size(i, w);
-        if (h * w * stage[i].out > most)
-            most = h * w * stage[i].out;
+        if (h * w * stage[i].out > max)
+            max = h * w * stage[i].out;
         if (h * w * k2 * stage[i].in > patches)
             patches = h * w * k2 * stage[i].in;
         lpips_plan_stage(l, i, h, w);
@@ -139,7 +139,7 @@ static int lpips_plan(struct lpips *l, size_t H, size_t W, struct error *err)
     l->in = nn_plan_floats(&l->plan, in);
     l->dpatches = nn_plan_floats(&l->plan, l->learns ? patches : 1);
     l->din = nn_plan_floats(&l->plan, l->learns ? in : 1);
-    l->dout = nn_plan_floats(&l->plan, l->learns ? most : 1);
+    l->dout = nn_plan_floats(&l->plan, l->learns ? max : 1);
     l->H = H;
     l->W = W;
     if (nn_plan_finish(&l->plan, err)) {

@@ -184,9 +184,9 @@ static int people_drive(struct people *e, struct driven *st,
 static size_t people_frames(const struct people *e,
                             const struct data_person *p)
 {
-    size_t most = e->opt->frames ? e->opt->frames : p->count;
+    size_t max = e->opt->frames ? e->opt->frames : p->count;
 
-    return p->count < most ? p->count : most;
+    return p->count < max ? p->count : max;
 }
 
 /* Source p, with parts left out, driven by d: every frame is tracked, every

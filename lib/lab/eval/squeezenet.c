@@ -89,27 +89,27 @@ int squeezenet_plan(struct squeezenet *s, size_t batch, size_t height,
 {
     struct nn_plan *p = &s->plan;
 
-    if (height < SQUEEZENET_LEAST || width < SQUEEZENET_LEAST)
+    if (height < SQUEEZENET_MIN || width < SQUEEZENET_MIN)
         return error_set(err, EX_DATAERR, "SqueezeNet on %zux%zu pixels "
                          "(expected %d or more)", width, height,
-                         SQUEEZENET_LEAST);
+                         SQUEEZENET_MIN);
     nn_plan_release(p);
     nn_plan_init(p, opt);
     s->batch = batch;
     s->height = height;
     s->width = width;
     conv_plan(&s->first, p, batch, height, width);
-    size_t h = s->first.oh, w = s->first.ow, most = batch * h * w * FIRST;
-    s->relu1 = nn_plan_floats(p, most);
+    size_t h = s->first.oh, w = s->first.ow, max = batch * h * w * FIRST;
+    s->relu1 = nn_plan_floats(p, max);
     for (size_t i = 0; i < SQUEEZENET_FIRES; i++) {
         struct squeezenet_fire *f = &s->fire[i];
 
         squeezenet_fire_plan(f, p, batch, &h, &w);
         size_t n = batch * h * w * 2 * f->expand1.out;
-        most = n > most ? n : most;
+        max = n > max ? n : max;
     }
     for (size_t i = 0; i < 4 && nn_plan_backward(p); i++)
-        s->g[i] = nn_plan_floats(p, most);
+        s->g[i] = nn_plan_floats(p, max);
     if (nn_plan_finish(p, err))
         return -1;
     squeezenet_update(s);

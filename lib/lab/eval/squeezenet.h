@@ -10,7 +10,7 @@
 #include "lib/nn/pool.h"
 
 #define SQUEEZENET_FIRES 8
-#define SQUEEZENET_LEAST 15   /* pixels of a side, for the last pool */
+#define SQUEEZENET_MIN 15     /* pixels of a side, for the last pool */
 
 /* What the network can be asked for: the first convolution after its ReLU, and
  * the fire modules before their pools. */

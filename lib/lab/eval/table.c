@@ -88,17 +88,17 @@ int table_format_parse(enum table_format *f, const char *word)
 
 /* Most measured in any cell of a row: its frames; or most failures: frames
  * that could not be judged. */
-static size_t table_row_most(const struct table *t, size_t row, bool failed)
+static size_t table_row_max(const struct table *t, size_t row, bool failed)
 {
-    size_t most = 0;
+    size_t max = 0;
 
     for (size_t c = 0; c < t->columns; c++) {
         const struct table_cell *cell = &t->row[row].cell[c];
         size_t n = failed ? cell->failed : cell->count;
 
-        most = n > most ? n : most;
+        max = n > max ? n : max;
     }
-    return most;
+    return max;
 }
 
 /* A number as LaTeX shows it. */
@@ -136,7 +136,7 @@ static void table_write_text(FILE *f, const struct table *t, bool tsv)
             fprintf(f, tsv ? "\t%s" : " %11s", cell);
         }
         fprintf(f, tsv ? "\t%zu\t%zu\n" : " %7zu %7zu\n",
-                table_row_most(t, r, false), table_row_most(t, r, true));
+                table_row_max(t, r, false), table_row_max(t, r, true));
     }
 }
 
@@ -172,7 +172,7 @@ static void table_write_json(FILE *f, const struct table *t)
                 fprintf(f, ": %.9g, ", x);
         }
         fprintf(f, "\"frames\": %zu, \"failed\": %zu}",
-                table_row_most(t, r, false), table_row_most(t, r, true));
+                table_row_max(t, r, false), table_row_max(t, r, true));
     }
     fputs("\n}\n", f);
 }

@@ -6,7 +6,7 @@
 #include <string.h>
 #include <sysexits.h>
 
-#define AGREEMENT_LEAST 8       /* frames that say something */
+#define AGREEMENT_MIN 8         /* frames that say something */
 
 enum { MEASURES = 10, MEASURE_GAZE = 6 };
 
@@ -88,7 +88,7 @@ static void agreement_print(FILE *out, const struct agreement_sums *s)
     double xx = s->xx - s->x * s->x / n, yy = s->yy - s->y * s->y / n;
     double xy = s->xy - s->x * s->y / n;
 
-    if (s->n < AGREEMENT_LEAST || xx <= 0 || yy <= 0)
+    if (s->n < AGREEMENT_MIN || xx <= 0 || yy <= 0)
         fprintf(out, "\t\t");
     else
         fprintf(out, "\t%.3f\t%.2f", xy / sqrt(xx * yy), xy / xx);
@@ -129,7 +129,7 @@ int agreement_write(FILE *out, const struct face_fit *f, struct error *err)
         for (n = 1; i + n < f->count && f->frame[i + n].label->clip == l->clip;
              n++)
             ;
-        if (n >= AGREEMENT_LEAST)
+        if (n >= AGREEMENT_MIN)
             agreement_line(out, f, i, n, l->file);
     }
     agreement_line(out, f, 0, f->count, "all");

@@ -71,15 +71,15 @@ static double fit_expression_sum(const struct label *l)
  * the blendshapes' changes mean.  scratch (count). */
 static void fit_find_calm(struct fit_frame *frame, size_t n, double *scratch)
 {
-    double base[ARKIT_COUNT] = {0}, most;
+    double base[ARKIT_COUNT] = {0}, max;
     size_t calm = 0;
 
     for (size_t i = 0; i < n; i++)
         scratch[i] = fit_expression_sum(frame[i].label);
     sort_doubles(scratch, n);
-    most = scratch[n > FIT_CALM ? n / FIT_CALM - 1 : 0];
+    max = scratch[n > FIT_CALM ? n / FIT_CALM - 1 : 0];
     for (size_t i = 0; i < n; i++) {
-        frame[i].calm = fit_expression_sum(frame[i].label) <= most;
+        frame[i].calm = fit_expression_sum(frame[i].label) <= max;
         calm += frame[i].calm;
         for (int k = 0; frame[i].calm && k < ARKIT_COUNT; k++)
             base[k] += frame[i].label->blend[k];

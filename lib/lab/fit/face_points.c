@@ -100,7 +100,7 @@ static struct face_place face_find(const struct head *h,
                                    size_t v)
 {
     struct face_place best = {.corner = NULL};
-    double least = INFINITY, to[1 + FACE_MOTIONS][3];
+    double min = INFINITY, to[1 + FACE_MOTIONS][3];
 
     for (size_t c = 0; c < 3; c++) {
         to[0][c] = (double)(scan->neutral[3 * v + c] * h->scale);
@@ -118,11 +118,11 @@ static struct face_place face_find(const struct head *h,
             x[k] = h->v_template + 3 * at.corner[k];
         face_nearest(at.bary, x, to[0]);
         double square = face_square(&at, h->v_template, to[0]);
-        for (size_t k = 0; square < least && k < FACE_MOTIONS; k++)
+        for (size_t k = 0; square < min && k < FACE_MOTIONS; k++)
             square += FACE_MOTION_SHARE *
                       face_square(&at, move + 3 * h->V * k, to[1 + k]);
-        if (square < least) {
-            least = square;
+        if (square < min) {
+            min = square;
             best = at;
         }
     }
@@ -221,7 +221,7 @@ static size_t face_find_pupil(const struct head *h, int side)
 {
     const float *joint = h->joint_template + 3 * (JOINT_EYE_LEFT + side);
     size_t best = 0;
-    double most = -INFINITY, axis[3];
+    double max = -INFINITY, axis[3];
 
     scan_eye_axis(axis, side);
     for (size_t v = 0; v < h->V; v++) {
@@ -231,8 +231,8 @@ static size_t face_find_pupil(const struct head *h, int side)
             continue;
         for (size_t c = 0; c < 3; c++)
             ahead += axis[c] * (double)(h->v_template[3 * v + c] - joint[c]);
-        if (ahead > most) {
-            most = ahead;
+        if (ahead > max) {
+            max = ahead;
             best = v;
         }
     }

@@ -11,7 +11,7 @@
 #define FIT_SIGMA 2.0           /* pixels of a point */
 #define FIT_LIPS 0.6            /* of a gap or a width of the lips */
 #define FIT_BROWS 0.2           /* of the brows' height */
-#define FIT_MOST 1.2            /* largest weight */
+#define FIT_MAX 1.2             /* largest weight */
 
 /* Component of unknown i: those before the lids and after the gaze. */
 static int fit_component(size_t i)
@@ -122,7 +122,7 @@ int fit_expression(const struct face_fit *f, const struct fit_person *p,
                      frame->prior[fit_component(k)]);
         x[k] = frame->w[fit_component(k)];
     }
-    normal_solve_bounded(x, &e, 0, FIT_MOST, 1e-4);
+    normal_solve_bounded(x, &e, 0, FIT_MAX, 1e-4);
     for (size_t k = 0; k < FIT_FREE; k++)
         frame->w[fit_component(k)] = x[k];
     normal_release(&e);

@@ -12,18 +12,18 @@
 
 /* How far the avatar is taken from its photograph: what it shows beyond is
  * less and less a picture of a person. */
-#define REENACT_TURN_LEAST 0.2      /* shares of the turn of who acts, */
-#define REENACT_TURN_MOST 0.5
-#define REENACT_OWN_LEAST 0.3       /* and at least so much of one's own */
+#define REENACT_TURN_MIN 0.2        /* shares of the turn of who acts, */
+#define REENACT_TURN_MAX 0.5
+#define REENACT_OWN_MIN 0.3         /* and at least so much of one's own */
 #define REENACT_ROLL 0.15           /* spread, radians */
 #define REENACT_SHIFT 0.06          /* spread, head units */
 #define REENACT_DISTANCE 0.06       /* spread of its logarithm */
 #define REENACT_WHOLE 0.7           /* share of faces taken as they are */
 #define REENACT_UNEVEN 0.6          /* share of faces with another's side, */
-#define REENACT_UNEVEN_LEAST 0.4    /* and how much of it, at least */
+#define REENACT_UNEVEN_MIN 0.4      /* and how much of it, at least */
 #define REENACT_WINK 0.4            /* share of those that take its lid, too */
 #define REENACT_ASIDE 0.3           /* share of mouths drawn to a side, */
-#define REENACT_ASIDE_LEAST 0.15    /* and how far, at least */
+#define REENACT_ASIDE_MIN 0.15      /* and how far, at least */
 
 static const float reenact_front[9] = {1, 0, 0, 0, -1, 0, 0, 0, -1};
 
@@ -103,10 +103,10 @@ static int reenact_picture(struct reenact *r, const struct portrait *portrait,
         .size = portrait->size, .rgb = portrait->rgb,
         .matte = portrait->mask, .back = portrait->back
     };
-    size_t least = r->models.model.config.size;
+    size_t min = r->models.model.config.size;
 
     return person_resize(&r->person.person, &own,
-                         own.size < least ? least : own.size, err);
+                         own.size < min ? min : own.size, err);
 }
 
 int reenact_person(struct reenact *r, const struct portrait *portrait,
@@ -166,9 +166,9 @@ static void reenact_camera(struct motion *m, const struct motion *own,
 
     mat3_mul(mine, own->R, reenact_front);      /* the front is symmetric */
     mat3_mul(theirs, act->R, reenact_front);
-    reenact_part(theirs, random_range(random, REENACT_TURN_LEAST,
-                                      REENACT_TURN_MOST));
-    reenact_part(mine, random_range(random, REENACT_OWN_LEAST, 1));
+    reenact_part(theirs, random_range(random, REENACT_TURN_MIN,
+                                      REENACT_TURN_MAX));
+    reenact_part(mine, random_range(random, REENACT_OWN_MIN, 1));
     rotation_exp(rolled, roll);
     mat3_mul(both, rolled, theirs);
     mat3_mul(theirs, mine, both);
@@ -188,7 +188,7 @@ static void reenact_uneven(struct motion *m, const struct motion *other,
     const int side = random_chance(random, 0.5);
 
     if (random_chance(random, REENACT_UNEVEN)) {
-        float share = random_float(random, REENACT_UNEVEN_LEAST, 1);
+        float share = random_float(random, REENACT_UNEVEN_MIN, 1);
 
         for (int k = 0; k < ARKIT_COUNT; k++)
             if (arkit_is_left(k))
@@ -199,7 +199,7 @@ static void reenact_uneven(struct motion *m, const struct motion *other,
     }
     if (random_chance(random, REENACT_ASIDE)) {
         bool left = random_chance(random, 0.5);
-        float far = random_float(random, REENACT_ASIDE_LEAST, 1);
+        float far = random_float(random, REENACT_ASIDE_MIN, 1);
 
         m->exp[ARKIT_MOUTH_LEFT] = left ? far : 0;
         m->exp[ARKIT_MOUTH_RIGHT] = left ? 0 : far;

@@ -57,14 +57,14 @@ static void eyes_about(float *about, const float x[3], const struct head *h)
 static void eyes_make_lid(struct head_avatar *a, float side,
                           const struct head *h, const struct densify *d)
 {
-    float sum = 0, most = 0, middle[3] = {0};
+    float sum = 0, max = 0, middle[3] = {0};
 
     for (size_t v = 0; v < d->V; v++)
         if (a->lid[v] > 0 && a->side[v] == side) {
             sum += a->lid[v];
             for (int c = 0; c < 3; c++)
                 middle[c] += a->lid[v] * h->v_template[3 * v + c];
-            most = fmaxf(most, eyes_descent(v, h, d));
+            max = fmaxf(max, eyes_descent(v, h, d));
         }
     if (!(sum > 0))
         return;
@@ -73,7 +73,7 @@ static void eyes_make_lid(struct head_avatar *a, float side,
     eyes_about(a->about_eye + (side > 0 ? 0 : 1), middle, h);
     for (size_t k = 0; k < a->points; k++)
         if (a->lid[k] > 0 && a->side[k] == side)
-            a->lid_skin[k] = LENT * fmaxf(eyes_descent(k, h, d) / most, 0);
+            a->lid_skin[k] = LENT * fmaxf(eyes_descent(k, h, d) / max, 0);
 }
 
 /* ---- eyeballs -------------------------------------------------------------- */
@@ -97,17 +97,17 @@ static void eyes_direction(float out[3], const float x[3],
 /* Where an eye looks: to its foremost vertex. */
 static void eyes_axis(float axis[3], const struct head *h, bool left)
 {
-    const float *most = NULL;
+    const float *front = NULL;
 
     for (size_t v = 0; v < h->V; v++) {
         const float *x = h->v_template + 3 * v;
 
         if (h->region && h->region[v] == REGION_EYEBALL &&
-            (x[0] > 0) == left && (!most || x[2] > most[2]))
-            most = x;
+            (x[0] > 0) == left && (!front || x[2] > front[2]))
+            front = x;
     }
-    if (most)
-        eyes_direction(axis, most, h, left);
+    if (front)
+        eyes_direction(axis, front, h, left);
 }
 
 /* Shares (3) of pupil, iris and white at x (3), a point of an eyeball that looks

@@ -20,7 +20,7 @@
 #define MOVES_MM 2.0f
 /* `lid` is 0 where closing eyes lower skin less than the one, 1 from the other
  * on. */
-#define LID_LEAST_MM 1.0f
+#define LID_MIN_MM 1.0f
 #define LID_MM 2.0f
 /* Reach of lids: this share of the distance by which they close, and so many
  * mm at least, since brows move them too. */
@@ -37,7 +37,7 @@
 #define DROP 0.4f           /* radians of a mouth wide open */
 #define BROWS_PART 0.6f     /* of what brows stretch by: with more of it lids
                              * would cover the eyes' rims */
-#define STRETCH_MOST 2.5f   /* the most that counts of what skin stretches by */
+#define STRETCH_MAX 2.5f    /* the most that counts of what skin stretches by */
 #define MARGIN 0.5f         /* a vertex moves with one above it if it comes down
                              * by this share of its way */
 
@@ -170,7 +170,7 @@ static void points_lids(struct head_avatar *w, const struct head *h,
     densify_spacing(w->stretch, closed, d);
     for (size_t k = 0; k < D; k++) {
         float mm = w->lid[k] / h->scale * 1e3f;
-        float t = (mm - LID_LEAST_MM) / (LID_MM - LID_LEAST_MM);
+        float t = (mm - LID_MIN_MM) / (LID_MM - LID_MIN_MM);
         float wider = w->stretch[k] / fmaxf(open[k], 1e-6f) - 1;
 
         w->lid[k] = fminf(fmaxf(t, 0), 1);
@@ -233,7 +233,7 @@ static void points_add_stretch(struct head_avatar *w,
         const float by = wide[k] / fmaxf(rest[k], 1e-6f);
 
         w->stretch[k] = fmaxf(w->stretch[k],
-                              1 + part * (fminf(by, STRETCH_MOST) - 1));
+                              1 + part * (fminf(by, STRETCH_MAX) - 1));
     }
 }
 

@@ -180,7 +180,7 @@ static double nearest_on_triangle(double bary[3], double x[3][3])
 /* Keep a face that is nearer than the best so far, if its normal agrees. */
 static void nearest_try_face(struct nearest_hit *hit, const struct nearest *t,
                              int32_t face, const double p[3],
-                             const double *normal, double least)
+                             const double *normal, double min)
 {
     double x[3][3], bary[3];
 
@@ -199,7 +199,7 @@ static void nearest_try_face(struct nearest_hit *hit, const struct nearest *t,
         }
         double n[3] = {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2],
                        u[0] * v[1] - u[1] * v[0]};
-        if (nearest_dot(n, normal) < least * sqrt(nearest_dot(n, n)))
+        if (nearest_dot(n, normal) < min * sqrt(nearest_dot(n, n)))
             return;
     }
     hit->face = face;
@@ -226,13 +226,13 @@ static double nearest_box_square(const struct nearest_node *n,
 }
 
 void nearest_find(struct nearest_hit *hit, const struct nearest *t,
-                  const double p[3], const double *normal, double least,
-                  double most)
+                  const double p[3], const double *normal, double min,
+                  double max)
 {
     uint32_t stack[2 * DEPTH];
     int top = 0;
 
-    *hit = (struct nearest_hit){.face = -1, .square = most * most};
+    *hit = (struct nearest_hit){.face = -1, .square = max * max};
     stack[top++] = 0;
     while (top > 0) {
         const struct nearest_node *n = &t->node[stack[--top]];
@@ -242,7 +242,7 @@ void nearest_find(struct nearest_hit *hit, const struct nearest *t,
         if (!n->left || top + 2 > 2 * DEPTH) {
             for (uint32_t i = 0; i < n->count; i++)
                 nearest_try_face(hit, t, t->order[n->first + i], p, normal,
-                                 least);
+                                 min);
             continue;
         }
         uint32_t a = n->left, b = a + 1;

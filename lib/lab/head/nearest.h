@@ -34,11 +34,11 @@ void nearest_release(struct nearest *t);
 /* verts have moved: the boxes are fitted to them again. */
 void nearest_update(struct nearest *t);
 
-/* The nearest point within `most` of p.  With a normal (not NULL) only faces
- * whose own normal agrees to `least` of a cosine count.  hit->face is -1 when
+/* The nearest point within `max` of p.  With a normal (not NULL) only faces
+ * whose own normal agrees to `min` of a cosine count.  hit->face is -1 when
  * there is none. */
 void nearest_find(struct nearest_hit *hit, const struct nearest *t,
-                  const double p[3], const double *normal, double least,
-                  double most);
+                  const double p[3], const double *normal, double min,
+                  double max);
 
 #endif

@@ -90,15 +90,15 @@ static void register_mirror(double *x, const struct registration *r)
     }
 }
 
-/* A left vertex's match to the skin near p, its normal agreeing to `least`.
+/* A left vertex's match to the skin near p, its normal agreeing to `min`.
  * Trusted as far as the scans reach; not at all when nothing is near. */
 static void register_match_near(struct match *m, const struct fit *f,
                                 const double p[3], const double *normal,
-                                double least, double most)
+                                double min, double max)
 {
     struct nearest_hit hit;
 
-    nearest_find(&hit, &f->skin, p, normal, least, most);
+    nearest_find(&hit, &f->skin, p, normal, min, max);
     *m = (struct match){.trust = 0};
     if (hit.face < 0)
         return;
@@ -129,7 +129,7 @@ static void register_mirror_match(struct match *out, const struct match *m,
 }
 
 /* Matches of all vertices at their present places. */
-static void register_match_all(struct fit *f, double least, double most)
+static void register_match_all(struct fit *f, double min, double max)
 {
     struct registration *r = f->r;
 
@@ -138,7 +138,7 @@ static void register_match_all(struct fit *f, double least, double most)
             r->match[v].trust = 0;
         else if (!register_is_rim(r, v))
             register_match_near(&r->match[v], f, r->at + 3 * v,
-                                f->normal + 3 * v, least, most);
+                                f->normal + 3 * v, min, max);
         if ((size_t)r->h->mirror[v] != v)
             register_mirror_match(&r->match[r->h->mirror[v]], &r->match[v],
                                   r->scan);
@@ -423,13 +423,13 @@ static int register_swell(struct fit *f, struct error *err)
  * millimetre: there the loops where they touch are drawn a little apart. */
 static void register_part_lips(struct registration *r)
 {
-    const double least = 0.00025;
+    const double min = 0.00025;
 
     for (int k = LIP_INNER - 1; k <= LIP_INNER; k++)
         for (int j = 1; j < MOUTH_CORNER; j++) {
             double *up = r->at + 3 * r->h->mouth[k][j];
             double *low = r->at + 3 * r->h->mouth[k][MOUTH_N - j];
-            double want = j == MOUTH_CORNER - 1 ? 0.6 * least : least;
+            double want = j == MOUTH_CORNER - 1 ? 0.6 * min : min;
             double push = fmax(0, want - (up[1] - low[1])) / 2;
 
             up[1] += push;

@@ -195,7 +195,7 @@ static int scan_find_mirror(struct scan *s, struct error *err)
     int lost = 0;
     for (int at = 0; at < SCAN_SKIN; at++) {
         const float *p = s->neutral + 3 * order[at].v;
-        float least = 3 * near;
+        float min = 3 * near;
         int32_t best = -1;
 
         for (int way = -1; way <= 1; way += 2)
@@ -205,8 +205,8 @@ static int scan_find_mirror(struct scan *s, struct error *err)
                 float d = fabsf(p[0] + q[0]) + fabsf(p[1] - q[1]) +
                           fabsf(p[2] - q[2]);
 
-                if (d < least) {
-                    least = d;
+                if (d < min) {
+                    min = d;
                     best = order[i].v;
                 }
             }

@@ -27,7 +27,7 @@ const int32_t scan_lid_lower[SCAN_LID_LOWER] = {
 /* The vertex of the right half that mirrors v. */
 static int32_t lid_mirror_of(const float *p, int32_t v)
 {
-    float least = INFINITY;
+    float min = INFINITY;
     int32_t best = v;
 
     for (int32_t u = 0; u < SCAN_FACE; u++) {
@@ -35,8 +35,8 @@ static int32_t lid_mirror_of(const float *p, int32_t v)
                   fabsf(p[3 * u + 1] - p[3 * v + 1]) +
                   fabsf(p[3 * u + 2] - p[3 * v + 2]);
 
-        if (d < least) {
-            least = d;
+        if (d < min) {
+            min = d;
             best = u;
         }
     }

@@ -60,7 +60,7 @@ int tensorfile_add(struct tensorfile *f, const char *name,
                                   .ndim = p->view.ndim,
                                   .count = p->view.count};
     size_t bytes = t.count * st_dtype_size(t.dtype);
-    size_t most = f->source > SIZE_MAX / 2 / TENSORFILE_GROWTH
+    size_t max = f->source > SIZE_MAX / 2 / TENSORFILE_GROWTH
                       ? SIZE_MAX / 2 : f->source * TENSORFILE_GROWTH;
 
     if (!*name || !strcmp(name, "__metadata__"))
@@ -68,7 +68,7 @@ int tensorfile_add(struct tensorfile *f, const char *name,
     if (f->count == TENSORFILE_MAX)
         return error_set(err, EX_DATAERR, "tensor '%s': more than %d tensors",
                          name, TENSORFILE_MAX);
-    if (bytes > most + TENSORFILE_SMALL - f->total)
+    if (bytes > max + TENSORFILE_SMALL - f->total)
         return error_set(err, EX_DATAERR, "tensor '%s': all tensors together "
                          "take more than %d times the file", name,
                          TENSORFILE_GROWTH);

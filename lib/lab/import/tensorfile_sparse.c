@@ -175,7 +175,7 @@ static int sparse_shape(struct sparse *s)
 static double *sparse_matrix(struct tensor_place *p, struct tensorfile *f,
                              const struct sparse *s)
 {
-    const size_t most = TENSORFILE_SMALL / sizeof(double) / 8;
+    const size_t max = TENSORFILE_SMALL / sizeof(double) / 8;
     double *out;
 
     *p = (struct tensor_place){.entry = SIZE_MAX};
@@ -184,7 +184,7 @@ static double *sparse_matrix(struct tensor_place *p, struct tensorfile *f,
     p->view.dim[0] = s->dim[0];
     p->view.dim[1] = s->dim[1];
     if (!array_view_pack(&p->view, false) ||
-        p->view.count > (s->n > most / 64 ? most : 65536 + 64 * s->n)) {
+        p->view.count > (s->n > max / 64 ? max : 65536 + 64 * s->n)) {
         error_set(s->err, EX_DATAERR, "sparse matrix of %zu by %zu with %zu "
                   "entries (expected a smaller or fuller one)", s->dim[0],
                   s->dim[1], s->n);

@@ -86,13 +86,13 @@ static int act_columns(int column[ARKIT_COUNT], const struct safetensors *st,
 /* Room for n more pictures. */
 static int act_grow(struct act_seen *s, size_t n, struct error *err)
 {
-    const size_t most = s->n + n + 1;
-    float (*w)[ARKIT_COUNT] = realloc(s->w, most * sizeof *w);
+    const size_t max = s->n + n + 1;
+    float (*w)[ARKIT_COUNT] = realloc(s->w, max * sizeof *w);
     float *column;
 
     if (w)
         s->w = w;
-    column = w ? realloc(s->column, most * sizeof *column) : NULL;
+    column = w ? realloc(s->column, max * sizeof *column) : NULL;
     if (!column)
         return error_set(err, EX_OSERR, "out of memory (%zu pictures)", n);
     s->column = column;
@@ -158,7 +158,7 @@ static int act_add_labels(struct act_seen *s, const struct safetensors *st,
 /* The kind whose mean is nearest to weights w. */
 static int act_nearest(const struct act_model *m, const float *w)
 {
-    float least = 1e9f;
+    float min = 1e9f;
     int best = 0;
 
     for (int c = 0; c < m->kinds; c++) {
@@ -166,8 +166,8 @@ static int act_nearest(const struct act_model *m, const float *w)
 
         for (int k = 0; k < ARKIT_COUNT; k++)
             d += (w[k] - m->mean[c][k]) * (w[k] - m->mean[c][k]);
-        if (d < least) {
-            least = d;
+        if (d < min) {
+            min = d;
             best = c;
         }
     }

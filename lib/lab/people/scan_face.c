@@ -209,7 +209,7 @@ static void face_lay_lashes(struct scan_face *f)
     for (size_t i = 0; i < f->nc; i++) {
         int32_t v = f->source[i];
         const float *p = f->neutral + 3 * v;
-        float least = 1;
+        float min = 1;
         if (v < FACE_SHADE_END)
             continue;
         for (size_t k = 0; k < FACE_SKIN_END; k++) {
@@ -218,10 +218,10 @@ static void face_lay_lashes(struct scan_face *f)
             if (fabsf(q[0] - p[0]) > reach || fabsf(q[1] - p[1]) > reach)
                 continue;
             sub3(d, q, p);
-            least = minf(least, dot3(d, d));
+            min = minf(min, dot3(d, d));
         }
         f->uv[2 * i] = (p[0] - f->eye[p[0] < 0][0]) / 0.16f + 0.5f;
-        f->uv[2 * i + 1] = sqrtf(least) / 0.045f;
+        f->uv[2 * i + 1] = sqrtf(min) / 0.045f;
     }
 }
 

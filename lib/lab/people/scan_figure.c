@@ -358,13 +358,13 @@ static bool figure_sky_is_visible(const struct figure *f, size_t corner,
 {
     uint64_t mask = figure_visible_directions(f, &f->parts[0], corner);
     int best = 0;
-    float most = -2;
+    float max = -2;
 
     for (int k = 0; k < SKY_DIRECTIONS; k++) {
         float d[3];
         sky_direction(d, k);
-        if (dot3(d, to) > most) {
-            most = dot3(d, to);
+        if (dot3(d, to) > max) {
+            max = dot3(d, to);
             best = k;
         }
     }

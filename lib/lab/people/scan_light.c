@@ -132,7 +132,7 @@ static void light_blur_level(float *out, int w, int h, const float *in, int iw,
                              int ih, int power)
 {
     float *dir = malloc(4 * (size_t)(iw * ih) * sizeof *dir);
-    const float least = powf(1e-4f, 1 / (float)power);
+    const float min = powf(1e-4f, 1 / (float)power);
 
     if (!dir)
         return;
@@ -146,7 +146,7 @@ static void light_blur_level(float *out, int w, int h, const float *in, int iw,
         light_direction(d, i % w, i / w, w, h);
         for (int j = 0; j < iw * ih; j++) {
             float c = dot3(d, dir + 3 * j);
-            if (c < least)
+            if (c < min)
                 continue;
             c = light_power_of(c, power) * area[j / iw];
             mad3(sum, sum, in + 3 * j, c);

@@ -232,7 +232,7 @@ static float made_fur_density(const struct figure *f, size_t c, bool beard)
     return m * lerpf(l->beard, l->moustache, above);
 }
 
-#define FUR_LEAST 0.02f          /* density of a face that has some */
+#define FUR_MIN 0.02f            /* density of a face that has some */
 
 /* d <- the density of fur at the corners of a face; the largest. */
 static float made_fur_corners(float d[3], const struct figure *f,
@@ -269,7 +269,7 @@ static int made_add_fur(struct figure *f, bool beard, float length,
     float d[3];
 
     for (size_t i = 0; i < last; i++)
-        n += made_fur_corners(d, f, f->faces + 3 * i, beard) > FUR_LEAST;
+        n += made_fur_corners(d, f, f->faces + 3 * i, beard) > FUR_MIN;
     struct figure_part *p = figure_grow(f, 3 * n * LAYERS, n * LAYERS,
                                         STUFF_FUR, RIDE_SKIN,
                                         beard ? LABEL_BEARD : LABEL_HAIR,
@@ -280,7 +280,7 @@ static int made_add_fur(struct figure *f, bool beard, float length,
     size_t c = p->c0, at = p->f0;
     for (size_t i = 0; i < last; i++) {
         const int32_t *v = f->faces + 3 * i;
-        if (made_fur_corners(d, f, v, beard) <= FUR_LEAST)
+        if (made_fur_corners(d, f, v, beard) <= FUR_MIN)
             continue;
         for (int l = 0; l < LAYERS; l++, at++)
             for (int k = 0; k < 3; k++, c++) {

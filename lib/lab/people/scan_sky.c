@@ -205,7 +205,7 @@ static void sky_measure_part(void *ctx, size_t k)
 int sky_measure(struct scan_assets *a, struct error *err)
 {
     struct scan_rack *const rack[] = {&a->hair, &a->hat, &a->cloth};
-    size_t most = a->torso.nc;
+    size_t max = a->torso.nc;
     bool failed = false;
 
     for (int k = 0; k < SKY_DIRECTIONS; k++) {
@@ -218,13 +218,13 @@ int sky_measure(struct scan_assets *a, struct error *err)
         for (size_t i = 0; i < rack[r]->n; i++) {
             struct piece *p = &rack[r]->piece[i];
             failed = failed || sky_piece_room(p);
-            most = p->nc > most ? p->nc : most;
+            max = p->nc > max ? p->nc : max;
         }
     const size_t threads = (size_t)parallel_width();
     struct look *look = calloc(threads, sizeof *look);
     failed = failed || !look;
     for (size_t i = 0; look && i < threads; i++)
-        failed = sky_look_init(&look[i], most) || failed;
+        failed = sky_look_init(&look[i], max) || failed;
     if (!failed)
         parallel_for(SKY_DIRECTIONS, 1, sky_measure_part,
                      &(struct sky_all){a, rack, look});

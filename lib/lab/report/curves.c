@@ -207,15 +207,15 @@ static void curves_write_expressions(FILE *f, const struct comparison *c)
     bool done[ARKIT_EXP] = {false};
 
     for (int turn = 0; turn < CURVES_EXPRESSIONS; turn++) {
-        double most = 1e-3;
+        double max = 1e-3;
         int best = -1;
         char title[64];
 
         for (int k = 0; k < ARKIT_EXP; k++) {
             double s = done[k] ? 0 : curves_spread(c->driver, CURVE_EXP + k);
 
-            if (s > most) {
-                most = s;
+            if (s > max) {
+                max = s;
                 best = k;
             }
         }

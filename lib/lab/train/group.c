@@ -59,12 +59,12 @@ void group_release(struct group *g)
 static int group_sum_type(const struct group *g, void *x, size_t n,
                           size_t size, MPI_Datatype type, struct error *err)
 {
-    size_t most = 1 << 24;
+    size_t max = 1 << 24;
 
     if (g->size < 2)
         return 0;
-    for (size_t at = 0; at < n; at += most) {
-        int count = (int)(n - at < most ? n - at : most);
+    for (size_t at = 0; at < n; at += max) {
+        int count = (int)(n - at < max ? n - at : max);
         if (group_check(MPI_Allreduce(MPI_IN_PLACE, (char *)x + at * size,
                                       count, type, MPI_SUM, MPI_COMM_WORLD),
                         "sum", err))

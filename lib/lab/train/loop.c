@@ -305,9 +305,9 @@ static int loop_skip(struct run *r, const char *what, const char *name,
              "step is skipped", l->step, what, name);
     if (l->warn && !l->group->rank)
         l->warn(text);
-    if (++r->skipped_row >= LOOP_MOST_BAD)
+    if (++r->skipped_row >= LOOP_MAX_BAD)
         return error_set(err, EX_SOFTWARE, "%s, the %dth in a row", text,
-                         LOOP_MOST_BAD);
+                         LOOP_MAX_BAD);
     return 0;
 }
 

@@ -12,7 +12,7 @@
 #include "lib/lab/train/group.h"
 #include "lib/lab/train/task.h"
 
-#define LOOP_MOST_BAD 5 /* steps skipped in a row before the run ends */
+#define LOOP_MAX_BAD 5  /* steps skipped in a row before the run ends */
 
 /* What one step gave, for whoever shows it. */
 struct loop_report {

@@ -57,13 +57,13 @@ int task_init(struct task *t, const struct train_config *c,
 int task_read_validation(struct task *t, struct data_reader *r,
                          struct error *err)
 {
-    size_t most = (size_t)t->config->validation_people;
+    size_t max = (size_t)t->config->validation_people;
 
-    t->validation = calloc(most, sizeof *t->validation);
+    t->validation = calloc(max, sizeof *t->validation);
     if (!t->validation)
-        return error_set(err, EX_OSERR, "out of memory (%zu people)", most);
+        return error_set(err, EX_OSERR, "out of memory (%zu people)", max);
     data_once(r);
-    for (; t->nvalidation < most; t->nvalidation++) {
+    for (; t->nvalidation < max; t->nvalidation++) {
         int rc = data_next(r, &t->validation[t->nvalidation], err);
         if (rc)
             return rc < 0 ? -1 : 0;
