@@ -12,9 +12,9 @@
 #include <sysexits.h>
 
 #include "lib/lab/bench/bench_splat.h"
+#include "lib/lab/bench/scalar.h"
 #include "lib/lab/bench/testscene.h"
 #include "lib/splat/reference.h"
-#include "lib/splat/scalar.h"
 
 #define SIZE 512
 

@@ -1,6 +1,6 @@
 /* The renderer that the kernels' speed is compared with. */
-#ifndef SPID_SPLAT_SCALAR_H
-#define SPID_SPLAT_SCALAR_H
+#ifndef SPID_LAB_BENCH_SCALAR_H
+#define SPID_LAB_BENCH_SCALAR_H
 
 #include "lib/splat/types.h"
 

@@ -1,6 +1,6 @@
 /* Eq. C in plain float: projected, sorted, and blended Gaussian by Gaussian, as
  * one would write it first. */
-#include "lib/splat/scalar.h"
+#include "lib/lab/bench/scalar.h"
 
 #include <math.h>
 #include <stdlib.h>
