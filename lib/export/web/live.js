@@ -271,6 +271,8 @@ export class Live {
     this.held = true;
     this.video.pause();
     while (this.busy) await new Promise((r) => setTimeout(r, 5));
+    // what played until now may still be on its way to the screen
+    for (let k = 0; k < 2; k++) await new Promise(requestAnimationFrame);
     await new Promise((resolve) => {
       this.video.requestVideoFrameCallback(resolve);
       this.video.currentTime = t;
