@@ -9,6 +9,7 @@
 
 static double seconds = 20;
 static bool json, tsv;
+static const char *scene;
 
 static const struct cli_option options[] = {
     OPTION_FLAG("json", 0, &json, "machine-readable: one JSON object"),
@@ -16,12 +17,14 @@ static const struct cli_option options[] = {
                 "a row per line, tabs between, # before what is no row"),
     OPTION_FLOAT("seconds", 's', &seconds, 0.1, 3600, "S",
                  "about how long a stage may take (20)"),
+    OPTION_STRING("scene", 0, &scene, "FILE",
+                  "splat: Gaussians of a .safetensors file"),
     { 0 }
 };
 
 static const struct cli_usage usage = {
-    "spid-bench", "[--json | --tsv] [-s S] [-m MODEL] [-j THREADS] "
-    "[-o FILE] STAGE...",
+    "spid-bench", "[--json | --tsv] [-s S] [--scene FILE] [-m MODEL] "
+    "[-j THREADS] [-o FILE] STAGE...",
     "speed against error of every knob", options
 };
 
@@ -125,6 +128,7 @@ int main(int argc, char **argv)
     bench_init(&b);
     b.seconds = seconds;
     b.threads = cli.threads;
+    b.scene = scene;
     bench_find_model(&b);
     for (int i = at; i < argc; i++)
         bench_run_stage(&b, argv[i]);

@@ -32,6 +32,7 @@ struct bench {
     int threads;
     const char *model;        /* model.safetensors, or NULL: none found */
     const char *head;         /* head.safetensors, or NULL */
+    const char *scene;        /* --scene FILE, or NULL */
 
     /* filled by the stages */
     struct bench_row *row;

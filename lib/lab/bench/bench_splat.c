@@ -333,13 +333,14 @@ int bench_splat(struct bench *b, struct error *err)
     struct stage st = {.b = b};
     int rc = -1;
 
-    if (testscene_make(&st.scene, TESTSCENE_N, 2026, err))
+    if (b->scene ? testscene_load(&st.scene, b->scene, err)
+        : testscene_make(&st.scene, TESTSCENE_N, 2026, err))
         return -1;
     st.cam = splat_camera_square(st.scene.cam, SIZE, 12);
     st.part = b->seconds / (4.0 * sizeof knobs / sizeof *knobs);
-    bench_note(b, "splat scene: seed 2026, %zu Gaussians, %zu (pixel, "
-               "Gaussian) pairs with alpha >= 1/255", st.scene.g.n,
-               testscene_pairs(&st.scene, SIZE, err));
+    bench_note(b, "splat scene: %s, %zu Gaussians, %zu (pixel, Gaussian) "
+               "pairs with alpha >= 1/255", b->scene ? b->scene : "seed 2026",
+               st.scene.g.n, testscene_pairs(&st.scene, SIZE, err));
     if (bench_stage_truth(&st.exact, &st, SPLAT_EXACT, err) ||
         bench_stage_truth(&st.ruled, &st, SPLAT_GSPLAT, err) ||
         bench_all_knobs(&st, err) ||

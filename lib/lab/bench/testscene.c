@@ -7,6 +7,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "formats/safetensors.h"
 #include "lib/base/random.h"
 #include "lib/splat/reference.h"
 #include "lib/splat/splat.h"
@@ -167,6 +168,82 @@ int testscene_make(struct testscene *t, size_t n, uint64_t seed,
         ((uint8_t *)t->g.branch)[i] = (uint8_t)branch;
     }
     return 0;
+}
+
+/* Copy a tensor of the file over the scene's array. */
+static int testscene_take(void *out, const struct safetensors *st,
+                          const char *name, size_t n, size_t row,
+                          struct error *err)
+{
+    size_t dims[2] = {n, row}, count;
+    float *x = st_load_f32(st, name, row > 1 ? 2 : 1, dims, &count, err);
+
+    if (!x)
+        return -1;
+    memcpy(out, x, count * sizeof *x);
+    free(x);
+    return 0;
+}
+
+/* All arrays of a file but the branches. */
+static int testscene_take_all(struct testscene *t, const struct safetensors *st,
+                              size_t channels, struct error *err)
+{
+    size_t n = t->g.n, dims[2] = {n, channels}, count, cam[2] = {3, 4};
+    float *x;
+
+    if (testscene_take((void *)t->g.mean, st, "mean", n, 3, err) ||
+        testscene_take((void *)t->g.scale, st, "scale", n, 3, err) ||
+        testscene_take((void *)t->g.quat, st, "quat", n, 4, err) ||
+        testscene_take((void *)t->g.opacity, st, "opacity", n, 1, err) ||
+        !(x = st_load_f32(st, "color", 2, dims, &count, err)))
+        return -1;
+    uint64_t key = random_name("bench.colors") ^ 2026;
+
+    for (size_t i = 0; i < n * CHANNELS; i++) {
+        size_t c = i % CHANNELS;
+        double u = (double)(random_mix(key + i) >> 40) / 16777216.0;
+
+        ((float *)t->g.color)[i] =
+            c < channels ? x[i / CHANNELS * channels + c] : (float)(u - 0.5);
+    }
+    free(x);
+    memset((void *)t->g.branch, 0, n);
+    const struct st_tensor *b = st_find(st, "branch");
+
+    if (b && b->dtype == ST_U8 && b->count == n)
+        memcpy((void *)t->g.branch, b->data, n);
+    if (!(x = st_load_f32(st, "cam", 2, cam, &count, err)))
+        return -1;
+    memcpy(t->cam, x, sizeof t->cam);
+    free(x);
+    return 0;
+}
+
+int testscene_load(struct testscene *t, const char *path, struct error *err)
+{
+    struct safetensors *st = st_open(path, err);
+    int rc = -1;
+
+    memset(t, 0, sizeof *t);
+    if (!st)
+        return -1;
+    const struct st_tensor *c = st_find(st, "color");
+
+    if (!c || c->ndim != 2 || c->dim[1] < 1 || c->dim[1] > CHANNELS) {
+        error_set(err, EX_DATAERR, "%s: no color (N,C) (expected 1 to %d "
+                  "channels)", path, CHANNELS);
+        goto out;
+    }
+    if (testscene_allocate(t, c->dim[0], err) ||
+        testscene_take_all(t, st, c->dim[1], err))
+        goto out;
+    rc = 0;
+out:
+    st_close(st);
+    if (rc)
+        testscene_release(t);
+    return rc;
 }
 
 size_t testscene_pairs(const struct testscene *t, int size, struct error *err)

@@ -1,4 +1,4 @@
-/* Gaussians to measure with: drawn from a seed, with the statistics of a baked
+/* Gaussians to measure with: a file, or a seed with the statistics of a baked
  * head. */
 #ifndef SPID_LAB_BENCH_TESTSCENE_H
 #define SPID_LAB_BENCH_TESTSCENE_H
@@ -18,6 +18,9 @@ struct testscene {
  * growing as 1/sqrt(n) so that the picture stays covered. */
 int testscene_make(struct testscene *t, size_t n, uint64_t seed,
                    struct error *err);
+/* A .safetensors file with mean, scale, quat, opacity, color (N,C), cam;
+ * missing channels up to 32 are filled with uniform numbers in -0.5..0.5. */
+int testscene_load(struct testscene *t, const char *path, struct error *err);
 /* Free what it holds; zeroed then. */
 void testscene_release(struct testscene *t);
 
