@@ -1,6 +1,6 @@
-/* scipy's sparse matrices in full, of the forms that models are kept in: rows,
- * columns and triples.  They become entries (row, column, number), and those a
- * matrix. */
+/* scipy's sparse matrices in full.  Each form says where its numbers stand in
+ * its own way: they become entries (row, column, number), and those a matrix.
+ */
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
@@ -22,6 +22,7 @@ struct sparse {
 struct row {
     double *x;              /* malloc'd; NULL: none */
     size_t n;
+    size_t block[2];        /* what follows the first dimension */
 };
 
 static const struct pickle_value *sparse_get(const struct sparse *s,
@@ -36,17 +37,19 @@ static int sparse_fail(const struct sparse *s, const char *what)
                      s->dim[0], s->dim[1], what);
 }
 
-/* An array of numbers of one dimension. */
+/* An array of numbers, row-major, of ndim dimensions. */
 static int sparse_row(struct row *out, const struct sparse *s,
-                      const struct pickle_value *v)
+                      const struct pickle_value *v, int ndim)
 {
     const struct pickle_array *a = tensorfile_array(v);
     void *packed;
 
-    *out = (struct row){0};
-    if (!a || !a->data || !a->known || a->view.ndim != 1)
+    *out = (struct row){.n = 0, .block = {1, 1}};
+    if (!a || !a->data || !a->known || a->view.ndim != ndim)
         return sparse_fail(s, "has something else for an array of numbers");
     out->n = a->view.count;
+    for (int k = 1; k < ndim; k++)
+        out->block[k - 1] = a->view.dim[k];
     packed = malloc(out->n * st_dtype_size(a->view.dtype) + 1);
     out->x = malloc(out->n * sizeof *out->x + 1);
     if (packed && out->x) {
@@ -74,19 +77,21 @@ static int sparse_add(struct sparse *s, double row, double column,
     return 0;
 }
 
-/* csr and csc (turned): line i holds entries start[i] to start[i+1]. */
-static int sparse_lines(struct sparse *s, bool turned)
+/* csr, csc (turned) and bsr: line i holds entries start[i] to start[i+1], each
+ * a block of numbers. */
+static int sparse_lines(struct sparse *s, bool turned, bool blocks)
 {
     struct row data = {0}, at = {0}, start = {0};
-    const size_t lines = s->dim[turned];
-    size_t from = 0;
+    size_t lines, inside, from = 0;
     int rc = -1;
 
-    if (sparse_row(&data, s, sparse_get(s, "data"))
-        || sparse_row(&at, s, sparse_get(s, "indices"))
-        || sparse_row(&start, s, sparse_get(s, "indptr")))
+    if (sparse_row(&data, s, sparse_get(s, "data"), blocks ? 3 : 1)
+        || sparse_row(&at, s, sparse_get(s, "indices"), 1)
+        || sparse_row(&start, s, sparse_get(s, "indptr"), 1))
         goto out;
-    if (data.n != at.n || start.n == 0 || start.n - 1 != lines ||
+    inside = data.block[0] * data.block[1];
+    lines = s->dim[turned] / (data.block[0] ? data.block[0] : 1);
+    if (data.n != at.n * inside || start.n == 0 || start.n - 1 != lines ||
         (s->dim[1] && data.n / s->dim[1] > s->dim[0])) {
         error_set(s->err, EX_DATAERR, "sparse matrix of %zu by %zu has %zu "
                   "numbers, %zu indices and %zu starts", s->dim[0],
@@ -101,9 +106,16 @@ static int sparse_lines(struct sparse *s, bool turned)
             goto out;
         }
         for (; from < (size_t)end; from++)
-            if (sparse_add(s, turned ? at.x[from] : (double)i,
-                           turned ? (double)i : at.x[from], data.x[from]))
-                goto out;
+            for (size_t k = 0; k < inside; k++) {
+                double line = (double)(i * data.block[0] + k / data.block[1]);
+                double across = at.x[from] * (double)data.block[1]
+                                + (double)(k % data.block[1]);
+
+                if (sparse_add(s, turned ? across : line,
+                               turned ? line : across,
+                               data.x[from * inside + k]))
+                    goto out;
+            }
     }
     rc = 0;
 out:
@@ -124,8 +136,8 @@ static int sparse_triples(struct sparse *s)
 
     if (coords && coords->kind == PICKLE_TUPLE && coords->u.list.n == 2)
         memcpy(side, coords->u.list.item, sizeof side);
-    if (sparse_row(&at[0], s, side[0]) || sparse_row(&at[1], s, side[1])
-        || sparse_row(&data, s, sparse_get(s, "data")))
+    if (sparse_row(&at[0], s, side[0], 1) || sparse_row(&at[1], s, side[1], 1)
+        || sparse_row(&data, s, sparse_get(s, "data"), 1))
         goto out;
     if (at[0].n != data.n || at[1].n != data.n) {
         sparse_fail(s, "has more numbers than places, or fewer");
@@ -141,6 +153,107 @@ out:
     return rc;
 }
 
+/* dia: row k of data is a diagonal, its number j in column j. */
+static int sparse_diagonals(struct sparse *s)
+{
+    struct row data = {0}, offset = {0};
+    int rc = sparse_row(&data, s, sparse_get(s, "data"), 2)
+             || sparse_row(&offset, s, sparse_get(s, "offsets"), 1) ? -1 : 0;
+
+    if (!rc && data.n != offset.n * data.block[0])
+        rc = sparse_fail(s, "has more diagonals than offsets, or fewer");
+    for (size_t i = 0; i < data.n && !rc; i++) {
+        double column = (double)(i % data.block[0]);
+        double row = column - offset.x[i / data.block[0]];
+
+        /* what of a diagonal lies outside is not there */
+        if (row >= 0 && row < (double)s->dim[0]
+            && column < (double)s->dim[1])
+            rc = sparse_add(s, row, column, data.x[i]);
+    }
+    free(data.x);
+    free(offset.x);
+    return rc;
+}
+
+/* A number of Python's or numpy's. */
+static bool sparse_number(double *out, const struct pickle_value *v)
+{
+    const struct pickle_array *a = tensorfile_array(v);
+
+    if (v->kind == PICKLE_INT || v->kind == PICKLE_BOOL)
+        *out = (double)v->u.i;
+    else if (v->kind == PICKLE_FLOAT)
+        *out = v->u.f;
+    else if (a && a->data && a->known && a->view.count == 1)
+        *out = array_view_number(a->view.dtype, a->data, 0);
+    else
+        return false;
+    return !a || !a->view.swap;
+}
+
+/* The list that row i of an array of objects is; NULL: it is none. */
+static const struct pickle_list *sparse_list(const struct pickle_array *a,
+                                             size_t i)
+{
+    const struct pickle_value *v = a && a->objects && i < a->objects->u.list.n
+                                       ? a->objects->u.list.item[i] : NULL;
+
+    return v && v->kind == PICKLE_LIST ? &v->u.list : NULL;
+}
+
+/* lil: for each row the columns, and the numbers, as lists. */
+static int sparse_lists(struct sparse *s)
+{
+    const struct pickle_array *rows = tensorfile_array(sparse_get(s, "rows"));
+    const struct pickle_array *data = tensorfile_array(sparse_get(s, "data"));
+    double at, x;
+
+    if (!rows || !rows->objects || rows->objects->u.list.n != s->dim[0])
+        return sparse_fail(s, "has no list for each row");
+    for (size_t i = 0; i < s->dim[0]; i++) {
+        const struct pickle_list *r = sparse_list(rows, i);
+        const struct pickle_list *d = sparse_list(data, i);
+
+        if (!r || !d || r->n != d->n)
+            return sparse_fail(s, "has no list of numbers for each of places");
+        for (size_t k = 0; k < r->n; k++)
+            if (!sparse_number(&at, r->item[k])
+                || !sparse_number(&x, d->item[k]))
+                return sparse_fail(s, "has something else for a number");
+            else if (sparse_add(s, (double)i, at, x))
+                return -1;
+    }
+    return 0;
+}
+
+/* dok: a dictionary from (row, column) to a number, since scipy 1.12 one of
+ * its attributes. */
+static int sparse_keys(struct sparse *s)
+{
+    const struct pickle_value *dict = sparse_get(s, "_dict");
+    double row, column, x;
+
+    if (!dict)
+        dict = s->of->items;
+    if (!dict)
+        return 0;               /* empty */
+    if (dict->kind != PICKLE_DICT)
+        return sparse_fail(s, "has no dictionary of numbers");
+    for (size_t i = 0; i < dict->u.list.n; i += 2) {
+        const struct pickle_value *key = dict->u.list.item[i];
+
+        if (key->kind != PICKLE_TUPLE || key->u.list.n != 2
+            || !sparse_number(&row, key->u.list.item[0])
+            || !sparse_number(&column, key->u.list.item[1])
+            || !sparse_number(&x, dict->u.list.item[i + 1]))
+            return sparse_fail(s, "has something else for a place");
+        if (sparse_add(s, row, column, x))
+            return -1;
+    }
+    return 0;
+}
+
 /* The form by the class's name: "csr_matrix", "csr_array".  1: of none. */
 static int sparse_entries(struct sparse *s)
 {
@@ -149,9 +262,13 @@ static int sparse_entries(struct sparse *s)
     if (name.n < 4 || name.p[3] != '_')
         return 1;
     name.n = 3;
-    return pickle_text_is(name, "csr") ? sparse_lines(s, false)
-           : pickle_text_is(name, "csc") ? sparse_lines(s, true)
-           : pickle_text_is(name, "coo") ? sparse_triples(s) : 1;
+    return pickle_text_is(name, "csr") ? sparse_lines(s, false, false)
+           : pickle_text_is(name, "csc") ? sparse_lines(s, true, false)
+           : pickle_text_is(name, "bsr") ? sparse_lines(s, false, true)
+           : pickle_text_is(name, "coo") ? sparse_triples(s)
+           : pickle_text_is(name, "dia") ? sparse_diagonals(s)
+           : pickle_text_is(name, "lil") ? sparse_lists(s)
+           : pickle_text_is(name, "dok") ? sparse_keys(s) : 1;
 }
 
 /* Rows and columns; 1: it has not two dimensions. */
