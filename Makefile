@@ -319,8 +319,7 @@ check-arm:
 	tests/check-arm $(T) || [ $$? = 77 ]
 
 bench: all
-	$(BUILD)/bin/spid-bench all
-	for level in avx2 baseline; do SPID_CPU=$$level $(BUILD)/bin/spid-bench all; done
+	$(BUILD)/bin/spid-bench --levels all
 
 # The libraries' flags are read when make starts: deps first, then a new make.
 demo:

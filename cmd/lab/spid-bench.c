@@ -1,30 +1,38 @@
 /* spid-bench: speed against error, stage by stage. */
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/wait.h>
 
 #include "cmd/cli.h"
 #include "formats/outfile.h"
 #include "lib/lab/bench/bench.h"
 
 static double seconds = 20;
-static bool json, tsv;
-static const char *scene;
+static bool json, tsv, levels;
+static const char *scene, *plot;
 
 static const struct cli_option options[] = {
     OPTION_FLAG("json", 0, &json, "machine-readable: one JSON object"),
     OPTION_FLAG("tsv", 0, &tsv,
                 "a row per line, tabs between, # before what is no row"),
+    OPTION_OUTPUT("plot", 0, &plot, "FILE",
+                  "also draw speed against error (.png, .svg, .pdf, or .gp: "
+                  "the script)"),
     OPTION_FLOAT("seconds", 's', &seconds, 0.1, 3600, "S",
                  "about how long a stage may take (20)"),
+    OPTION_FLAG("levels", 0, &levels,
+                "each stage again on every narrower instruction set"),
     OPTION_STRING("scene", 0, &scene, "FILE",
                   "splat: Gaussians of a .safetensors file"),
     { 0 }
 };
 
 static const struct cli_usage usage = {
-    "spid-bench", "[--json | --tsv] [-s S] [--scene FILE] [-m MODEL] "
-    "[-j THREADS] [-o FILE] STAGE...",
+    "spid-bench", "[--json | --tsv] [--plot FILE] [-s S] [--levels] "
+    "[--scene FILE] "
+    "[-m MODEL] [-j THREADS] [-o FILE] STAGE...",
     "speed against error of every knob", options
 };
 
@@ -77,24 +85,80 @@ static void bench_run_stage(struct bench *b, const char *name)
         }
 }
 
-/* In the form asked for, to a file or standard output. */
-static void bench_write_report(const struct bench *b)
+/* To a file or standard output. */
+static void bench_write_text(const char *text, const char *path)
 {
-    char *text = json ? bench_json(b) : tsv ? bench_tsv(b) : bench_table(b);
     struct outfile o;
     struct error err = {0};
 
-    if (!text)
-        die(EX_OSERR, "out of memory");
-    if (!strcmp(cli.output, "-")) {
+    if (!strcmp(path, "-")) {
         if (fputs(text, stdout) < 0 || fflush(stdout))
             die(EX_IOERR, "<stdout>: cannot be written");
+        return;
+    }
+    if (outfile_open(&o, path, &err))
+        die_error(&err);
+    fputs(text, o.file);
+    if (outfile_close(&o, &err))
+        die_error(&err);
+}
+
+/* In the form asked for. */
+static void bench_write_report(const struct bench *b)
+{
+    char *text = json ? bench_json(b) : tsv ? bench_tsv(b) : bench_table(b);
+
+    if (!text)
+        die(EX_OSERR, "out of memory");
+    bench_write_text(text, cli.output);
+    free(text);
+}
+
+/* True when s is longer than end and ends in it. */
+static bool bench_ends_with(const char *s, const char *end)
+{
+    size_t n = strlen(s), m = strlen(end);
+
+    return n > m && !strcmp(s + n - m, end);
+}
+
+/* The picture, by gnuplot; under a .gp name only what would draw it. */
+static void bench_write_plot(const struct bench *b)
+{
+    bool script = bench_ends_with(plot, ".gp");
+    char name[4096], part[4104];
+    struct error err = {0};
+    int rc = 0;
+
+    snprintf(name, sizeof name, "%.*s%s",
+             (int)(strlen(plot) - (script ? 3 : 0)), plot,
+             script ? ".png" : "");
+    /* gnuplot's kind of picture follows the name, so .part goes before it */
+    const char *dot = strrchr(plot, '.');
+    snprintf(part, sizeof part, "%.*s.part%s",
+             (int)(dot ? dot - plot : (long)strlen(plot)), plot,
+             dot ? dot : "");
+    char *text = bench_plot(b, script ? name : part, &err);
+    if (!text)
+        die_error(&err);
+    if (script) {
+        bench_write_text(text, plot);
     } else {
-        if (outfile_open(&o, cli.output, &err))
-            die_error(&err);
-        fputs(text, o.file);
-        if (outfile_close(&o, &err))
-            die_error(&err);
+        signal(SIGPIPE, SIG_IGN);   /* it may end before it has read all */
+        FILE *f = popen("command -v gnuplot >/dev/null || exit 127; "
+                        "exec gnuplot", "w");
+
+        if (f)
+            fputs(text, f);
+        if (!f || (rc = pclose(f)) != 0) {
+            remove(part);
+            if (WIFEXITED(rc) && WEXITSTATUS(rc) == 127)
+                die(EX_UNAVAILABLE, "%s: no gnuplot to draw it (Debian's "
+                    "gnuplot-nox; a name in .gp keeps the script)", plot);
+            die(EX_IOERR, "%s: gnuplot failed", plot);
+        }
+        if (rename(part, plot))
+            die(EX_CANTCREAT, "%s: cannot be written", plot);
     }
     free(text);
 }
@@ -116,6 +180,7 @@ static void bench_find_model(struct bench *b)
 int main(int argc, char **argv)
 {
     struct bench b;
+    struct error err = {0};
     int at = cli_parse(&usage, argc, argv);
 
     if (at == argc)
@@ -132,7 +197,12 @@ int main(int argc, char **argv)
     bench_find_model(&b);
     for (int i = at; i < argc; i++)
         bench_run_stage(&b, argv[i]);
+    for (int i = at; i < argc && levels; i++)
+        if (bench_levels(&b, argv[i], &err))
+            die_error(&err);
     bench_write_report(&b);
+    if (plot)
+        bench_write_plot(&b);
     bench_release(&b);
     stats_write();
     return 0;

@@ -33,10 +33,17 @@ PY
     [ "$(grep -vc '^#' bench.tsv)" -ge 5 ]
 }
 
-@test "gnuplot draws the front of a stage" {
+@test "the picture's script; the picture where there is gnuplot, a clear line where not" {
+    "${BENCH[@]}" --plot cost.gp -o /dev/null
+    grep -q 'set logscale xy' cost.gp
+    grep -q '"bf16' cost.gp
+    bench=$(command -v spid-bench)
+    PATH=/nowhere status 69 "$bench" -j 1 -s 0.2 --plot cost.png -o /dev/null motion
+    one_line
+    has "gnuplot-nox"
+    [ ! -e cost.png ] && [ ! -e cost.part.png ]
     command -v gnuplot >/dev/null || skip "no gnuplot (apt: gnuplot-nox)"
-    "${BENCH[@]}" --tsv -o bench.tsv
-    gnuplot -e "rows='bench.tsv'; stage='motion'" "$TOP/tests/bench/cost.gp" > cost.png
+    "${BENCH[@]}" --plot cost.png -o /dev/null
     [ "$(head -c 4 cost.png | tail -c 3)" = PNG ]
 }
 

@@ -70,7 +70,12 @@ struct bench_row *bench_add(struct bench *b, const char *stage,
  * that no other beats in both ms_min and psnr_db. */
 void bench_pareto(struct bench *b, size_t first);
 
-/* A line after the table. */
+/* The rows of a stage again on every narrower instruction set, their knobs
+ * beginning with its name ("avx2: fast"), by running spid-bench itself. */
+int bench_levels(struct bench *b, const char *stage, struct error *err);
+
+/* A line after the table; a number for the JSON's "fps" or "ms", in place of an
+ * earlier one of the same name. */
 void bench_note(struct bench *b, const char *format, ...)
     __attribute__((format(printf, 2, 3)));
 /* A number for the JSON's "fps" or "ms", in place of an earlier one of the
@@ -90,6 +95,12 @@ char *bench_table(const struct bench *b);
 char *bench_json(const struct bench *b);
 /* A row per line with tabs between. */
 char *bench_tsv(const struct bench *b);
+
+/* A gnuplot script, as text the caller frees, that draws the rows with an
+ * error into `file` (.png, .svg or .pdf): time across, error upwards, both
+ * logarithmic, the Pareto fronts as lines.
+ * EX_DATAERR when no row has an error. */
+char *bench_plot(const struct bench *b, const char *file, struct error *err);
 
 /* ---- the stages ---------------------------------------------------------- */
 
