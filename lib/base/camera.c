@@ -118,3 +118,31 @@ void camera_project_backward(float *dx, float dcam[12], const float *duv,
     for (int i = 0; dcam && i < 12; i++)
         dcam[i] += (float)sum[i];
 }
+
+void camera_project_backward_d(double *dx, double dcam[12], const double *duv,
+                               const double *dz, const double cam[12],
+                               double size, const double *x, size_t N)
+{
+    double f = (double)CAMERA_FOCAL * size * 0.5;
+
+    for (size_t n = 0; n < N; n++) {
+        const double *xn = x + 3 * n;
+        double p[3], dp[3];
+
+        for (int i = 0; i < 3; i++)
+            p[i] = cam[4 * i] * xn[0] + cam[4 * i + 1] * xn[1] +
+                   cam[4 * i + 2] * xn[2] + cam[4 * i + 3];
+        if (!camera_point_backward(dp, duv[2 * n], duv[2 * n + 1],
+                                   dz ? dz[n] : 0, p, f))
+            continue;
+        for (int i = 0; i < 3; i++) {
+            if (dx)
+                dx[3 * n + i] += cam[i] * dp[0] + cam[4 + i] * dp[1] +
+                                 cam[8 + i] * dp[2];
+            if (dcam)
+                dcam[4 * i + 3] += dp[i];
+            for (int j = 0; dcam && j < 3; j++)
+                dcam[4 * i + j] += dp[i] * xn[j];
+        }
+    }
+}

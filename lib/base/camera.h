@@ -42,5 +42,9 @@ void camera_project_backward(float *dx, float dcam[12], const float *duv,
 /* Double-precision references of the two. */
 void camera_project_d(double *uv, double *z, const double cam[12], double size,
                       const double *x, size_t N);
+/* And of the backward. */
+void camera_project_backward_d(double *dx, double dcam[12], const double *duv,
+                               const double *dz, const double cam[12],
+                               double size, const double *x, size_t N);
 
 #endif

@@ -22,6 +22,14 @@ void grid_sample_backward(float *gx, float *ggrid, const float *gout,
                           size_t H, size_t W, size_t C, size_t N, bool align,
                           enum resample_padding pad);
 
+/* grid [B,h,w,2] = theta [B,2,3] applied to the positions of an h x w
+ * picture's pixels. */
+void affine_grid(float *grid, const float *theta, size_t B, size_t h,
+                 size_t w, bool align);
+/* gtheta [B,2,3] += what ggrid gives it. */
+void affine_grid_backward(float *gtheta, const float *ggrid, size_t B,
+                          size_t h, size_t w, bool align);
+
 enum resize_kind {
     RESIZE_BILINEAR,        /* align false: half-pixel centres */
     RESIZE_ALIGNED,         /* bilinear, corners aligned */

@@ -179,6 +179,7 @@ int dino_base_plan(struct dino_base *d, size_t batch, size_t input_h,
                    struct nn_options opt, struct error *err)
 {
     struct nn_plan *p = &d->plan;
+    struct nn_options frozen = { NN_INFER, opt.type };
 
     nn_plan_release(p);
     nn_plan_init(p, opt);
@@ -186,7 +187,7 @@ int dino_base_plan(struct dino_base *d, size_t batch, size_t input_h,
     d->h = h;
     d->w = w;
     d->size = size;
-    if (dinov2_plan(&d->vit, batch, h, w, opt.type, err))
+    if (dinov2_plan(&d->vit, batch, h, w, frozen, err))
         return -1;
     d->resize_in = input_h != h || input_w != w;
     if (d->resize_in)

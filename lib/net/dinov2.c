@@ -1,4 +1,4 @@
-/* DINOv2's vision transformer (Oquab et al. 2023); frozen, so forward only. */
+/* DINOv2's vision transformer (Oquab et al. 2023), forward and backward. */
 #include "lib/net/dinov2.h"
 
 #include <stdlib.h>
@@ -19,7 +19,10 @@ struct dinov2_block {
     struct conv qkv, proj, fc1, fc2;
     size_t norm1[2], norm2[2];   /* weight, bias in ps */
     size_t scale1, scale2;       /* LayerScale */
-    float *n1, *n2, *heads, *att, *f1;   /* activations, (rows, ...) */
+    /* activations, (rows, ...); kept per block when there is a backward */
+    float *x, *mid;              /* the block's input; after attention */
+    float *n1, *n2, *stat1, *stat2;
+    float *heads, *att, *p, *f1, *g, *f2;
 };
 
 struct dinov2_impl {
@@ -31,9 +34,12 @@ struct dinov2_impl {
     struct attention attention;
     struct rescale resize;
     bool native;                 /* no resizing of the positions */
+    const float *rgb;
     float *patches, *position;   /* (B,gh*gw,E), (tokens,E) */
-    float *x;                    /* (B,tokens,E), before and after each block */
-    float **given;               /* normalised, `last` of them */
+    float *out;                  /* after the last block */
+    float **given, **given_stat; /* normalised, `last` of them */
+    /* gradients */
+    float *dx, *ds, *dn, *dwide, *dpos, *sums;
 };
 
 /* A vector of n weights. */
@@ -111,11 +117,17 @@ int dinov2_init(struct dinov2 *d, struct params *ps, const char *prefix,
 static void dinov2_block_plan(struct dinov2_block *b, struct nn_plan *p,
                               size_t rows, size_t E)
 {
-    b->proj.add = b->fc2.add = true;
-    b->proj.gamma = b->scale1;
-    b->fc2.gamma = b->scale2;
-    b->fc1.act = ACT_GELU;
+    bool train = nn_plan_backward(p);
+    struct conv *last[2] = { &b->proj, &b->fc2 };
+    size_t gamma[2] = { b->scale1, b->scale2 };
+
+    for (int i = 0; i < 2; i++) {
+        last[i]->add = !train;
+        last[i]->gamma = train ? NN_NONE : gamma[i];
+    }
+    b->fc1.act = train ? ACT_NONE : ACT_GELU;
     b->n1 = nn_plan_map(p, rows * E);
+    b->stat1 = nn_plan_map(p, 2 * rows);
     b->heads = nn_plan_map(p, rows * 3 * E);
     linear_plan(&b->qkv, p, rows);
     nn_plan_recycle(p, b->n1);
@@ -124,11 +136,18 @@ static void dinov2_block_plan(struct dinov2_block *b, struct nn_plan *p,
     linear_plan(&b->proj, p, rows);
     nn_plan_recycle(p, b->att);
     b->n2 = nn_plan_map(p, rows * E);
+    b->stat2 = nn_plan_map(p, 2 * rows);
     b->f1 = nn_plan_map(p, rows * 4 * E);
     linear_plan(&b->fc1, p, rows);
+    b->g = train ? nn_plan_map(p, rows * 4 * E) : b->f1;
     linear_plan(&b->fc2, p, rows);
     nn_plan_recycle(p, b->n2);
     nn_plan_recycle(p, b->f1);
+    nn_plan_recycle(p, b->stat1);
+    nn_plan_recycle(p, b->stat2);
+    b->mid = train ? nn_plan_map(p, rows * E) : b->x;
+    b->p = train ? nn_plan_map(p, rows * E) : NULL;
+    b->f2 = train ? nn_plan_map(p, rows * E) : NULL;
 }
 
 /* The position embedding, resized as the public code does (with its
@@ -147,8 +166,23 @@ static void dinov2_plan_position(struct dinov2 *d, size_t height, size_t width)
                             ((double)d->grid_w + OFFSET) / (double)G, E);
 }
 
+/* What the backward pass needs besides, for rows tokens of E numbers. */
+static void dinov2_plan_backward(struct dinov2 *d, size_t rows, size_t E)
+{
+    struct dinov2_impl *im = d->impl;
+    struct nn_plan *p = &im->plan;
+    const size_t G = d->config.grid;
+
+    im->dx = nn_plan_floats(p, rows * E);
+    im->ds = nn_plan_floats(p, rows * E);
+    im->dn = nn_plan_floats(p, rows * E);
+    im->dwide = nn_plan_floats(p, 2 * rows * 4 * E);
+    im->dpos = nn_plan_floats(p, (d->tokens + G * G) * E);
+    im->sums = nn_plan_floats(p, NN_SUMS * 2 * E);
+}
+
 int dinov2_plan(struct dinov2 *d, size_t batch, size_t height, size_t width,
-                enum nn_type type, struct error *err)
+                struct nn_options opt, struct error *err)
 {
     struct dinov2_impl *im = d->impl;
     const struct dinov2_config *c = &d->config;
@@ -158,7 +192,7 @@ int dinov2_plan(struct dinov2 *d, size_t batch, size_t height, size_t width,
         return error_set(err, EX_DATAERR, "a picture of %zux%zu for patches of"
                          " %zu (expected multiples)", width, height, c->patch);
     nn_plan_release(p);
-    nn_plan_init(p, (struct nn_options){ NN_INFER, type });
+    nn_plan_init(p, opt);
     d->batch = batch;
     d->grid_h = height / c->patch;
     d->grid_w = width / c->patch;
@@ -169,12 +203,22 @@ int dinov2_plan(struct dinov2 *d, size_t batch, size_t height, size_t width,
     dinov2_plan_position(d, height, width);
     attention_plan(&im->attention, p, batch, d->tokens, c->heads,
                    E / c->heads);
-    im->x = nn_plan_floats(p, rows * E);
-    for (size_t i = 0; i < c->depth; i++)
+    float *x = nn_plan_floats(p, rows * E);
+    for (size_t i = 0; i < c->depth; i++) {
+        im->block[i].x = x;
         dinov2_block_plan(&im->block[i], p, rows, E);
-    im->given = nn_plan_bytes(p, c->last * sizeof *im->given);
-    for (size_t i = 0; i < c->last && im->given; i++)
+        if (nn_plan_backward(p))
+            x = nn_plan_floats(p, rows * E);
+    }
+    im->out = x;
+    im->given = nn_plan_bytes(p, 2 * c->last * sizeof *im->given);
+    im->given_stat = im->given ? im->given + c->last : NULL;
+    for (size_t i = 0; i < c->last && im->given; i++) {
         im->given[i] = nn_plan_floats(p, rows * E);
+        im->given_stat[i] = nn_plan_floats(p, 2 * rows);
+    }
+    if (nn_plan_backward(p))
+        dinov2_plan_backward(d, rows, E);
     if (nn_plan_finish(p, err))
         return -1;
     dinov2_update(d);
@@ -223,26 +267,71 @@ void dinov2_release(struct dinov2 *d)
     memset(d, 0, sizeof *d);
 }
 
-/* y = layer norm of x with weight and bias wb. */
-static void dinov2_norm(float *y, const float *x, const size_t wb[2],
-                        size_t rows, size_t E, const struct params *ps)
+/* ---- one pass -------------------------------------------------------------
+ */
+
+/* y = layer norm of x with weight and bias wb; stat (2,rows) is kept. */
+static void dinov2_norm(float *y, float *stat, const float *x,
+                        const size_t wb[2], size_t rows, size_t E,
+                        const struct params *ps)
 {
-    layer_norm(y, x, param_w(ps, wb[0]), param_w(ps, wb[1]), EPS, rows, E);
+    layer_norm_forward(y, stat, stat + rows, x, param_w(ps, wb[0]),
+                       param_w(ps, wb[1]), EPS, rows, E);
 }
 
-/* x += ls1 attn(norm1 x); x += ls2 mlp(norm2 x) */
-static void dinov2_block_forward(struct dinov2_block *b, struct dinov2 *d)
+struct dinov2_residual_part {
+    const struct nn_kernels *k;
+    float *y;
+    const float *x, *p;
+    const struct params *ps;
+    size_t E, gamma, rows;
+};
+
+/* One chunk. */
+static void dinov2_residual_part(void *ctx, size_t part)
+{
+    const struct dinov2_residual_part *c = ctx;
+    size_t r = part * 16;
+
+    c->k->scale_add(c->y + r * c->E, c->x + r * c->E, c->p + r * c->E,
+                    param_w(c->ps, c->gamma),
+                    c->rows - r < 16 ? c->rows - r : 16, c->E);
+}
+
+/* y = x + gamma p */
+static void dinov2_residual(float *y, const float *x, const float *p,
+                            size_t gamma, size_t rows, size_t E,
+                            const struct params *ps)
+{
+    const struct nn_kernels *k = nn_kernels();
+
+    parallel_for(
+        (rows + 16 - 1) / 16, 1, dinov2_residual_part,
+        &(struct dinov2_residual_part){ k, y, x, p, ps, E, gamma, rows });
+}
+
+/* x += ls1 attn(norm1 x); x += ls2 mlp(norm2 x); to `next` or in place */
+static void dinov2_block_forward(float *next, struct dinov2_block *b,
+                                 struct dinov2 *d)
 {
     struct dinov2_impl *im = d->impl;
+    const struct params *ps = im->ps;
     size_t rows = d->batch * d->tokens, E = d->config.embed;
+    bool train = nn_plan_backward(&im->plan);
 
-    dinov2_norm(b->n1, im->x, b->norm1, rows, E, im->ps);
+    dinov2_norm(b->n1, b->stat1, b->x, b->norm1, rows, E, ps);
     conv_forward(b->heads, b->n1, &b->qkv);
     attention_forward(b->att, b->heads, &im->attention);
-    conv_forward(im->x, b->att, &b->proj);
-    dinov2_norm(b->n2, im->x, b->norm2, rows, E, im->ps);
+    conv_forward(train ? b->p : b->x, b->att, &b->proj);
+    if (train)
+        dinov2_residual(b->mid, b->x, b->p, b->scale1, rows, E, ps);
+    dinov2_norm(b->n2, b->stat2, b->mid, b->norm2, rows, E, ps);
     conv_forward(b->f1, b->n2, &b->fc1);
-    conv_forward(im->x, b->f1, &b->fc2);
+    if (train)
+        act_forward(b->g, b->f1, ACT_GELU, rows * 4 * E);
+    conv_forward(train ? b->f2 : b->x, b->g, &b->fc2);
+    if (train)
+        dinov2_residual(next, b->mid, b->f2, b->scale2, rows, E, ps);
 }
 
 struct dinov2_forward_part {
@@ -269,16 +358,22 @@ void dinov2_forward(const float *rgb, struct dinov2 *d)
     struct dinov2_impl *im = d->impl;
     const struct params *ps = im->ps;
     size_t E = d->config.embed, T = d->tokens, depth = d->config.depth;
+    float *x = im->block[0].x;
 
+    im->rgb = rgb;
     conv_forward(im->patches, rgb, &im->patch);
 
     parallel_for(d->batch * T, 1, dinov2_forward_part,
-                 &(struct dinov2_forward_part){ im, ps, im->x, T, E });
+                 &(struct dinov2_forward_part){ im, ps, x, T, E });
     for (size_t i = 0; i < depth; i++) {
-        dinov2_block_forward(&im->block[i], d);
-        if (i + d->config.last >= depth)
-            dinov2_norm(im->given[i + d->config.last - depth], im->x, im->norm,
-                        d->batch * T, E, ps);
+        float *next = i + 1 < depth ? im->block[i + 1].x : im->out;
+
+        dinov2_block_forward(next, &im->block[i], d);
+        if (i + d->config.last < depth)
+            continue;
+        size_t k = i + d->config.last - depth;
+        dinov2_norm(im->given[k], im->given_stat[k], next, im->norm,
+                    d->batch * T, E, ps);
     }
 }
 
@@ -287,7 +382,111 @@ const float *dinov2_tokens(const struct dinov2 *d, size_t k)
     return d->impl->given[k];
 }
 
+const float *dinov2_raw(const struct dinov2 *d, size_t k)
+{
+    return k < d->config.depth ? d->impl->block[k].x : d->impl->out;
+}
+
 const float *dinov2_position(const struct dinov2 *d)
 {
     return d->impl->position;
+}
+
+/* ---- and back -------------------------------------------------------------
+ */
+
+/* dx = or += the gradient through norm */
+static void dinov2_norm_backward(float *dx, float *tmp, const float *dy,
+                                 const float *x, const float *stat,
+                                 const size_t wb[2], size_t rows, size_t E,
+                                 struct dinov2_impl *im)
+{
+    layer_norm_backward(tmp, param_g(im->ps, wb[0]), param_g(im->ps, wb[1]),
+                        im->sums, dy, x, stat, stat + rows,
+                        param_w(im->ps, wb[0]), rows, E);
+    image_add(dx, tmp, rows * E);
+}
+
+/* In the forward pass: y = x + gamma p.  dp = gamma dy, dgamma += dy p. */
+static void dinov2_residual_backward(float *dp, const float *dy,
+                                     const float *p, size_t gamma, size_t rows,
+                                     size_t E, struct dinov2_impl *im)
+{
+    const float *g = param_w(im->ps, gamma);
+    float *dg = param_g(im->ps, gamma);
+
+    nn_kernels()->channel_dot(im->sums, dy, p, rows, E);
+    for (size_t e = 0; e < E; e++)
+        dg[e] += im->sums[e];
+    nn_kernels()->channel_scale(dp, dy, g, NULL, rows, E);
+}
+
+/* im->dx: gradient after the block; on return, before it. */
+static void dinov2_block_backward(struct dinov2_block *b, struct dinov2 *d)
+{
+    struct dinov2_impl *im = d->impl;
+    size_t rows = d->batch * d->tokens, E = d->config.embed;
+    float *wide = im->dwide, *wide2 = wide + rows * 4 * E;
+
+    dinov2_residual_backward(im->ds, im->dx, b->f2, b->scale2, rows, E, im);
+    conv_backward(wide, im->ds, b->f2, b->g, &b->fc2);
+    act_backward(wide, wide, b->f1, ACT_GELU, rows * 4 * E);
+    conv_backward(im->dn, wide, b->f1, b->n2, &b->fc1);
+    dinov2_norm_backward(im->dx, im->ds, im->dn, b->mid, b->stat2, b->norm2,
+                         rows, E, im);
+    dinov2_residual_backward(im->ds, im->dx, b->p, b->scale1, rows, E, im);
+    conv_backward(im->dn, im->ds, b->p, b->att, &b->proj);
+    attention_backward(wide2, im->dn, b->heads, &im->attention);
+    conv_backward(im->dn, wide2, b->heads, b->n1, &b->qkv);
+    dinov2_norm_backward(im->dx, im->ds, im->dn, b->x, b->stat1, b->norm1,
+                         rows, E, im);
+}
+
+/* The embeddings: dcls, dpos, and the patches' gradient to im->ds. */
+static void dinov2_embedding_backward(struct dinov2 *d)
+{
+    struct dinov2_impl *im = d->impl;
+    size_t E = d->config.embed, T = d->tokens, G = d->config.grid;
+    float *dpos = im->dpos, *dcls = param_g(im->ps, im->cls);
+    float *grid = dpos + T * E, *g = param_g(im->ps, im->pos);
+
+    memset(dpos, 0, T * E * sizeof *dpos);
+    for (size_t n = 0; n < d->batch; n++) {
+        const float *dx = im->dx + n * T * E;
+
+        for (size_t i = 0; i < T * E; i++)
+            dpos[i] += dx[i];
+        for (size_t e = 0; e < E; e++)
+            dcls[e] += dx[e];
+        memcpy(im->ds + n * (T - 1) * E, dx + E, (T - 1) * E * sizeof *dx);
+    }
+    if (im->native) {
+        image_add(g, dpos, T * E);
+        return;
+    }
+    for (size_t e = 0; e < E; e++)
+        g[e] += dpos[e];
+    rescale_backward(grid, dpos + E, &im->resize);
+    image_add(g + E, grid, G * G * E);
+}
+
+void dinov2_backward(float *drgb, const float *const *dtokens,
+                     struct dinov2 *d)
+{
+    struct dinov2_impl *im = d->impl;
+    size_t rows = d->batch * d->tokens, E = d->config.embed;
+    size_t depth = d->config.depth;
+
+    memset(im->dx, 0, rows * E * sizeof *im->dx);
+    for (size_t i = depth; i-- > 0;) {
+        const float *x = dinov2_raw(d, i + 1);
+        size_t k = i + d->config.last - depth;
+
+        if (i + d->config.last >= depth && dtokens[k])
+            dinov2_norm_backward(im->dx, im->ds, dtokens[k], x,
+                                 im->given_stat[k], im->norm, rows, E, im);
+        dinov2_block_backward(&im->block[i], d);
+    }
+    dinov2_embedding_backward(d);
+    conv_backward(drgb, im->ds, im->patches, im->rgb, &im->patch);
 }

@@ -27,7 +27,7 @@ int dinov2_init(struct dinov2 *d, struct params *ps, const char *prefix,
                 struct error *err);
 /* height and width are multiples of the patch. */
 int dinov2_plan(struct dinov2 *d, size_t batch, size_t height, size_t width,
-                enum nn_type type, struct error *err);
+                struct nn_options opt, struct error *err);
 /* The weights in ps changed. */
 void dinov2_update(struct dinov2 *d);
 /* Free what _init and _plan allocated; zeroed then. */
@@ -37,7 +37,14 @@ void dinov2_release(struct dinov2 *d);
 void dinov2_forward(const float *rgb, struct dinov2 *d);
 /* The k-th given-out block after the final norm, (B,tokens,embed). */
 const float *dinov2_tokens(const struct dinov2 *d, size_t k);
+/* Before any block (k = 0) or after block k-1, (B,tokens,embed), not
+ * normalised; plans with a backward only. */
+const float *dinov2_raw(const struct dinov2 *d, size_t k);
 /* The position embedding as resized, (tokens,embed). */
 const float *dinov2_position(const struct dinov2 *d);
+/* drgb (or NULL) and the weights' gradients from dtokens[k], as dinov2_tokens
+ * (NULL: zero).  NN_FROZEN or NN_TRAIN plans only. */
+void dinov2_backward(float *drgb, const float *const *dtokens,
+                     struct dinov2 *d);
 
 #endif

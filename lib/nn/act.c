@@ -1,6 +1,8 @@
 /* Activations over whole maps, in chunks of a fixed size over threads, and
- * their derivatives from the output. */
+ * their derivatives from the input or from the output. */
 #include "lib/nn/act.h"
+
+#include <math.h>
 
 #include "lib/base/parallel.h"
 #include "lib/nn/kernels.h"
@@ -32,6 +34,33 @@ void act_forward(float *y, const float *x, enum nn_act act, size_t n)
 
     parallel_for((n + CHUNK - 1) / CHUNK, 1, act_forward_part,
                  &(struct act_forward_part){ k, y, x, act, n });
+}
+
+struct act_backward_part {
+    const struct nn_kernels *k;
+    float *dx;
+    const float *dy, *x;
+    enum nn_act act;
+    size_t n;
+};
+
+/* One chunk. */
+static void act_backward_part(void *ctx, size_t part)
+{
+    const struct act_backward_part *c = ctx;
+    size_t i = part * CHUNK;
+
+    c->k->act_backward(c->dx + i, c->dy + i, c->x + i, (int)c->act,
+                       c->n - i < CHUNK ? c->n - i : CHUNK);
+}
+
+void act_backward(float *dx, const float *dy, const float *x, enum nn_act act,
+                  size_t n)
+{
+    const struct nn_kernels *k = nn_kernels();
+
+    parallel_for((n + CHUNK - 1) / CHUNK, 1, act_backward_part,
+                 &(struct act_backward_part){ k, dx, dy, x, act, n });
 }
 
 struct act_backward_out_part {
@@ -135,4 +164,53 @@ void act_bias_backward_half(float *db, uint16_t *dout, float *part,
                  &(struct act_bias_backward_half_part){ k, part, dout, out,
                                                         rows, parts, C, act });
     act_add_parts(db, part, parts, C);
+}
+
+double act_value(enum nn_act act, double x)
+{
+    double t = fmin(fmax(x + 3, 0), 6) / 6;
+
+    switch (act) {
+    case ACT_RELU:
+        return x > 0 ? x : 0;
+    case ACT_LRELU:
+        return x > 0 ? x : (double)ACT_SLOPE * x;
+    case ACT_HARDSWISH:
+        return x * t;
+    case ACT_HARDSIGMOID:
+        return t;
+    case ACT_SIGMOID:
+        return 1 / (1 + exp(-x));
+    case ACT_TANH:
+        return tanh(x);
+    case ACT_GELU:
+        return 0.5 * x * (1 + erf(x * sqrt(0.5)));
+    default:
+        return x;
+    }
+}
+
+double act_slope(enum nn_act act, double x)
+{
+    double y = act_value(act, x);
+
+    switch (act) {
+    case ACT_RELU:
+        return x > 0;
+    case ACT_LRELU:
+        return x > 0 ? 1 : (double)ACT_SLOPE;
+    case ACT_HARDSWISH:
+        return x <= -3 ? 0 : x < 3 ? (2 * x + 3) / 6 : 1;
+    case ACT_HARDSIGMOID:
+        return x > -3 && x < 3 ? 1.0 / 6 : 0;
+    case ACT_SIGMOID:
+        return y * (1 - y);
+    case ACT_TANH:
+        return 1 - y * y;
+    case ACT_GELU:
+        return 0.5 * (1 + erf(x * sqrt(0.5))) +
+               x * exp(-0.5 * x * x) * 0.39894228040143268;
+    default:
+        return 1;
+    }
 }

@@ -20,7 +20,10 @@ enum nn_act {
 
 /* y = act(x), n values; y may be x. */
 void act_forward(float *y, const float *x, enum nn_act act, size_t n);
-/* dx = dy act'(.), from the output y: ACT_NONE, ACT_RELU, ACT_LRELU,
+/* dx = dy act'(x); dx may be dy. */
+void act_backward(float *dx, const float *dy, const float *x, enum nn_act act,
+                  size_t n);
+/* The same from the output y instead of x: ACT_NONE, ACT_RELU, ACT_LRELU,
  * ACT_SIGMOID and ACT_TANH only. */
 void act_backward_out(float *dx, const float *dy, const float *y,
                       enum nn_act act, size_t n);
@@ -35,5 +38,10 @@ void act_bias_backward(float *db, float *dout, float *part, const float *out,
 void act_bias_backward_half(float *db, uint16_t *dout, float *part,
                             const uint16_t *out, enum nn_act act, size_t rows,
                             size_t C);
+
+/* One value, in double: the reference of the tests. */
+double act_value(enum nn_act act, double x);
+/* Its derivative. */
+double act_slope(enum nn_act act, double x);
 
 #endif

@@ -3,7 +3,7 @@
 #include "lib/nn/math.h"
 #include "lib/nn/vector.h"
 
-/* math_act, to the bit, of a vector. */
+/* math_act and math_slope, to the bit, of a vector. */
 VF_INLINE vf act_of(vf x, int act)
 {
     vf t;
@@ -26,6 +26,40 @@ VF_INLINE vf act_of(vf x, int act)
     }
 }
 
+/* m ? a : b in each lane. */
+VF_INLINE vf act_choose(vf_i32 m, vf a, vf b)
+{
+    return (vf)((m & (vf_i32)a) | (~m & (vf_i32)b));
+}
+
+/* math_slope, to the bit, of a vector. */
+VF_INLINE vf act_slope_of(vf x, int act)
+{
+    const vf zero = vf_set(0), one = vf_set(1);
+    vf in, y;
+
+    switch (act) {
+    case ACT_RELU:
+        return act_choose(x > 0.0f, one, zero);
+    case ACT_LRELU:
+        return act_choose(x > 0.0f, one, vf_set(ACT_SLOPE));
+    case ACT_HARDSWISH:
+        in = act_choose(x > -3.0f, (2.0f * x + 3.0f) * (1.0f / 6), zero);
+        return act_choose(x < 3.0f, in, one);
+    case ACT_HARDSIGMOID:
+        in = act_choose(x > -3.0f, vf_set(1.0f / 6), zero);
+        return act_choose(x < 3.0f, in, zero);
+    case ACT_SIGMOID:
+        y = vf_sigmoid(x);
+        return y * (1.0f - y);
+    case ACT_TANH:
+        y = vf_tanh(x);
+        return 1.0f - y * y;
+    default:
+        return one;
+    }
+}
+
 /* How many values the vectors above serve: gelu's erf is the C library's. */
 static size_t act_whole(int act, size_t n)
 {
@@ -40,6 +74,20 @@ void ISA(act_forward)(float *y, const float *x, int act, size_t n)
         vf_store(y + i, act_of(vf_load(x + i), A));                          \
     for (size_t i = whole; i < n; i++)                                       \
         y[i] = math_act(x[i], A);
+    MATH_FOR_ACT(act, LOOP)
+#undef LOOP
+}
+
+void ISA(act_backward)(float *dx, const float *dy, const float *x, int act,
+                       size_t n)
+{
+    size_t whole = act_whole(act, n);
+#define LOOP(A)                                                              \
+    for (size_t i = 0; i < whole; i += VF_LANES)                             \
+        vf_store(dx + i,                                                     \
+                 vf_load(dy + i) * act_slope_of(vf_load(x + i), A));         \
+    for (size_t i = whole; i < n; i++)                                       \
+        dx[i] = dy[i] * math_slope(x[i], A);
     MATH_FOR_ACT(act, LOOP)
 #undef LOOP
 }

@@ -1,5 +1,6 @@
 /* Softmax attention (Vaswani et al. 2017), a block of queries against all keys
- * at a time, so that the probabilities stay in the cache. */
+ * at a time, so that the probabilities stay in the cache; the backward makes
+ * them again. */
 #include "lib/nn/attention.h"
 
 #include <math.h>
@@ -10,9 +11,9 @@
 
 #define ROWS 48        /* queries at once */
 
-/* One thread's scratch: packed matrices and a block of probabilities. */
+/* One thread's scratch: packed matrices and two blocks of probabilities. */
 struct attention_work {
-    float *kt, *v, *p;
+    float *kt, *v, *k, *vt, *block, *p, *dp;
     size_t ld;
 };
 
@@ -29,6 +30,8 @@ void attention_plan(struct attention *a, struct nn_plan *p, size_t batch,
                              .heads = heads, .dim = dim, .plan = p };
     size_t T = attention_round_up(tokens, 32), d = attention_round_up(dim, 32);
     a->work = 2 * T * d + ROWS * T;
+    if (nn_plan_backward(p))
+        a->work += 2 * T * d + ROWS * T + ROWS * d;
     nn_plan_scratch(p, a->work * sizeof(float) *
                            (size_t)parallel_width());
 }
@@ -45,6 +48,10 @@ static struct attention_work attention_work(const struct attention *a)
     w.kt = at;
     w.v = w.kt + T * d;
     w.p = w.v + T * d;
+    w.k = w.p + ROWS * T;
+    w.vt = w.k + T * d;
+    w.dp = w.vt + T * d;
+    w.block = w.dp + ROWS * T;
     return w;
 }
 
@@ -90,4 +97,59 @@ void attention_forward(float *out, const float *qkv, struct attention *a)
 
     parallel_for(a->batch * a->heads, 1, attention_forward_part,
                  &(struct attention_forward_part){ out, qkv, a, T, E, d });
+}
+
+/* In the forward pass, for a block of queries: p = softmax(q k^T scale),
+ * out = p v. */
+static void attention_head_backward(float *dq, const float *dout,
+                                    const float *q, const struct attention *a)
+{
+    const struct nn_kernels *k = nn_kernels();
+    struct attention_work w = attention_work(a);
+    size_t T = a->tokens, d = a->dim, E = a->heads * d;
+    float scale = 1.0f / sqrtf((float)d);
+
+    k->gemm_pack(w.kt, q + E, 1, 3 * E, d, T);
+    k->gemm_pack(w.vt, q + 2 * E, 1, 3 * E, d, T);
+    k->gemm_pack(w.k, q + E, 3 * E, 1, T, d);
+    for (size_t m = 0; m < T; m += ROWS) {
+        size_t n = T - m < ROWS ? T - m : ROWS;
+
+        k->gemm(w.p, w.ld, q + m * 3 * E, 3 * E, 1, w.kt, n, T, d, 0);
+        k->softmax(w.p, n, T, w.ld, scale);
+        k->gemm(w.dp, w.ld, dout + m * E, E, 1, w.vt, n, T, d, 0);
+        k->gemm_pack(w.block, dout + m * E, E, 1, n, d);
+        k->gemm(dq + 2 * E, 3 * E, w.p, 1, w.ld, w.block, T, d, n, m > 0);
+        k->softmax_backward(w.dp, w.p, n, T, w.ld, scale);
+        k->gemm(dq + m * 3 * E, 3 * E, w.dp, w.ld, 1, w.k, n, d, T, 0);
+        k->gemm_pack(w.block, q + m * 3 * E, 3 * E, 1, n, d);
+        k->gemm(dq + E, 3 * E, w.dp, 1, w.ld, w.block, T, d, n, m > 0);
+    }
+}
+
+struct attention_backward_part {
+    float *dqkv;
+    const float *dout, *qkv;
+    struct attention *a;
+    size_t T, E, d;
+};
+
+static void attention_backward_part(void *ctx, size_t k)
+{
+    const struct attention_backward_part *c = ctx;
+    size_t b = k / c->a->heads, h = k % c->a->heads;
+
+    attention_head_backward(c->dqkv + b * c->T * 3 * c->E + h * c->d,
+                            c->dout + b * c->T * c->E + h * c->d,
+                            c->qkv + b * c->T * 3 * c->E + h * c->d, c->a);
+}
+
+void attention_backward(float *dqkv, const float *dout, const float *qkv,
+                        struct attention *a)
+{
+    size_t T = a->tokens, d = a->dim, E = a->heads * d;
+
+    parallel_for(
+        a->batch * a->heads, 1, attention_backward_part,
+        &(struct attention_backward_part){ dqkv, dout, qkv, a, T, E, d });
 }

@@ -15,5 +15,8 @@ void attention_plan(struct attention *a, struct nn_plan *p, size_t batch,
                     size_t tokens, size_t heads, size_t dim);
 /* out (B,T,heads*dim) = softmax(q k^T / sqrt(dim)) v, qkv (B,T,3,heads,dim) */
 void attention_forward(float *out, const float *qkv, struct attention *a);
+/* dqkv is written; the probabilities are computed again. */
+void attention_backward(float *dqkv, const float *dout, const float *qkv,
+                        struct attention *a);
 
 #endif

@@ -140,3 +140,23 @@ void ISA(softmax)(float *p, size_t rows, size_t n, size_t ld, float scale)
             row[k] *= unit;
     }
 }
+
+/* dp <- scale p (dp - sum over the row of p dp): from the gradient of the
+ * probabilities to that of the logits. */
+void ISA(softmax_backward)(float *dp, const float *p, size_t rows, size_t n,
+                           size_t ld, float scale)
+{
+    for (size_t r = 0; r < rows; r++) {
+        float *restrict d = dp + r * ld;
+        const float *restrict q = p + r * ld;
+        float lane[16] = { 0 }, sum = 0.0f;
+
+        for (size_t k = 0; k < n; k += 16)
+            for (size_t i = 0; i < 16 && k + i < n; i++)
+                lane[i] += d[k + i] * q[k + i];
+        for (int i = 0; i < 16; i++)
+            sum += lane[i];
+        for (size_t k = 0; k < n; k++)
+            d[k] = scale * q[k] * (d[k] - sum);
+    }
+}

@@ -28,6 +28,8 @@ struct winograd;
 /* Result type, name, arguments. */
 #define NN_KERNELS(X)                                                        \
     X(void, act_forward, (float *y, const float *x, int act, size_t n))      \
+    X(void, act_backward, (float *dx, const float *dy, const float *x,       \
+                           int act, size_t n))                               \
     X(void, act_backward_out, (float *dx, const float *dy, const float *y,   \
                                int act, size_t n))                           \
     X(void, act_sums, (float *sum, float *dout, const float *out, int act,   \
@@ -46,8 +48,14 @@ struct winograd;
     X(void, norm_backward_apply, (float *dx, const float *dz,                \
                                   const float *x, const float *abcm,         \
                                   size_t period, size_t n))                  \
-    X(void, layer_norm, (float *y, const float *x, const float *w,           \
-                         const float *b, float eps, size_t rows, size_t C))  \
+    X(void, layer_norm_forward, (float *y, float *mean, float *rstd,         \
+                                 const float *x, const float *w,             \
+                                 const float *b, float eps, size_t rows,     \
+                                 size_t C))                                  \
+    X(void, layer_norm_backward, (float *dx, float *sum, const float *dy,    \
+                                  const float *x, const float *mean,         \
+                                  const float *rstd, const float *w,         \
+                                  size_t rows, size_t C))                    \
     X(void, depthwise_forward, (float *out, const float *in, float *pad,     \
                                 const struct depthwise *d, size_t image,     \
                                 size_t c0, size_t y0, size_t y1))            \
@@ -89,6 +97,10 @@ struct winograd;
     X(void, pick_rgb, (float *rgb, const float *in, size_t pixels,           \
                        size_t C))                                            \
     X(void, widen, (float *y, const uint16_t *x, size_t n))                  \
+    X(void, softmax_backward, (float *dp, const float *p, size_t rows,       \
+                               size_t n, size_t ld, float scale))            \
+    X(void, scale_add, (float *y, const float *x, const float *p,            \
+                        const float *gamma, size_t rows, size_t C))          \
     X(void, style_finish, (float *y, const float *u, const float *d,         \
                            const float *b, const float *noise, float gain,   \
                            size_t rows, size_t C))                           \

@@ -253,29 +253,70 @@ void batch_norm_backward(float *dx, const float *dy, const float *x,
 
 #define LN_ROWS 32
 
-struct layer_norm_part {
+struct layer_norm_forward_part {
     const struct nn_kernels *k;
-    float *y;
+    float *y, *mean, *rstd;
     const float *x, *weight, *bias;
     size_t rows, C;
     float eps;
 };
 
 /* One chunk. */
-static void layer_norm_part(void *ctx, size_t part)
+static void layer_norm_forward_part(void *ctx, size_t part)
 {
-    const struct layer_norm_part *c = ctx;
+    const struct layer_norm_forward_part *c = ctx;
     size_t r = part * LN_ROWS;
+    size_t m = c->rows - r < LN_ROWS ? c->rows - r : LN_ROWS;
 
-    c->k->layer_norm(c->y + r * c->C, c->x + r * c->C, c->weight, c->bias,
-                     c->eps, c->rows - r < LN_ROWS ? c->rows - r : LN_ROWS,
-                     c->C);
+    c->k->layer_norm_forward(c->y + r * c->C, c->mean ? c->mean + r : NULL,
+                             c->rstd ? c->rstd + r : NULL, c->x + r * c->C,
+                             c->weight, c->bias, c->eps, m, c->C);
 }
 
-void layer_norm(float *y, const float *x, const float *weight,
-                const float *bias, float eps, size_t rows, size_t C)
+void layer_norm_forward(float *y, float *mean, float *rstd, const float *x,
+                        const float *weight, const float *bias, float eps,
+                        size_t rows, size_t C)
 {
-    parallel_for((rows + LN_ROWS - 1) / LN_ROWS, 1, layer_norm_part,
-                 &(struct layer_norm_part){ nn_kernels(), y, x, weight, bias,
-                                            rows, C, eps });
+    const struct nn_kernels *k = nn_kernels();
+
+    parallel_for((rows + LN_ROWS - 1) / LN_ROWS, 1, layer_norm_forward_part,
+                 &(struct layer_norm_forward_part){ k, y, mean, rstd, x, weight,
+                                                    bias, rows, C, eps });
+}
+
+struct layer_norm_backward_part {
+    const struct nn_kernels *k;
+    float *dx, *part;
+    const float *dy, *x, *mean, *rstd, *weight;
+    size_t rows, parts, C;
+};
+
+static void layer_norm_backward_part(void *ctx, size_t i)
+{
+    const struct layer_norm_backward_part *c = ctx;
+    size_t r = i * c->rows / c->parts, m = (i + 1) * c->rows / c->parts - r;
+
+    c->k->layer_norm_backward(c->dx + r * c->C, c->part + i * 2 * c->C,
+                              c->dy + r * c->C, c->x + r * c->C, c->mean + r,
+                              c->rstd + r, c->weight, m, c->C);
+}
+
+void layer_norm_backward(float *dx, float *dweight, float *dbias, float *part,
+                         const float *dy, const float *x, const float *mean,
+                         const float *rstd, const float *weight, size_t rows,
+                         size_t C)
+{
+    const struct nn_kernels *k = nn_kernels();
+    size_t parts = norm_part_count(rows);
+
+    parallel_for(parts, 1, layer_norm_backward_part,
+                 &(struct layer_norm_backward_part){
+                     k, dx, part, dy, x, mean, rstd, weight, rows, parts, C });
+    for (size_t i = 0; i < parts; i++)
+        for (size_t c = 0; c < C; c++) {
+            if (dweight)
+                dweight[c] += part[i * 2 * C + c];
+            if (dbias)
+                dbias[c] += part[i * 2 * C + C + c];
+        }
 }

@@ -38,8 +38,16 @@ void batch_norm_forward(float *y, const float *x, const float *res,
 void batch_norm_backward(float *dx, const float *dy, const float *x,
                          struct batch_norm *n);
 
-/* y (rows,C) = (x - mean) rstd weight + bias over each row. */
-void layer_norm(float *y, const float *x, const float *weight,
-                const float *bias, float eps, size_t rows, size_t C);
+/* y (rows,C) = (x - mean) rstd weight + bias over each row; mean and rstd
+ * (rows) are kept for the backward, NULL where nobody wants them. */
+void layer_norm_forward(float *y, float *mean, float *rstd, const float *x,
+                        const float *weight, const float *bias, float eps,
+                        size_t rows, size_t C);
+/* dx is written; dweight and dbias (C) are added to, NULL skips them; part
+ * is scratch of NN_SUMS * 2 * C floats. */
+void layer_norm_backward(float *dx, float *dweight, float *dbias, float *part,
+                         const float *dy, const float *x, const float *mean,
+                         const float *rstd, const float *weight, size_t rows,
+                         size_t C);
 
 #endif

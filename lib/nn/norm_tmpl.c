@@ -151,9 +151,10 @@ static inline float norm_lane_sum(const float *lane)
     return s;
 }
 
-/* See norm.h. */
-void ISA(layer_norm)(float *y, const float *x, const float *w, const float *b,
-                     float eps, size_t rows, size_t C)
+/* See norm.h; mean and rstd may be NULL. */
+void ISA(layer_norm_forward)(float *y, float *mean, float *rstd,
+                             const float *x, const float *w, const float *b,
+                             float eps, size_t rows, size_t C)
 {
     for (size_t r = 0; r < rows; r++) {
         const float *restrict p = x + r * C;
@@ -173,5 +174,43 @@ void ISA(layer_norm)(float *y, const float *x, const float *w, const float *b,
         float k = 1.0f / sqrtf(norm_lane_sum(v) / (float)C + eps);
         for (size_t c = 0; c < C; c++)
             q[c] = (p[c] - m) * k * w[c] + b[c];
+        if (mean) {
+            mean[r] = m;
+            rstd[r] = k;
+        }
+    }
+}
+
+/* dx written; sum (2,C) += dweight and dbias of these rows. */
+void ISA(layer_norm_backward)(float *dx, float *sum, const float *dy,
+                              const float *x, const float *mean,
+                              const float *rstd, const float *w, size_t rows,
+                              size_t C)
+{
+    for (size_t c = 0; c < 2 * C; c++)
+        sum[c] = 0.0f;
+    for (size_t r = 0; r < rows; r++) {
+        const float *restrict p = x + r * C, *g = dy + r * C;
+        float *d = dx + r * C, m = mean[r], k = rstd[r];
+        float *restrict dw = sum, *restrict db = sum + C;
+        float s[16] = { 0 }, t[16] = { 0 };
+
+        for (size_t c = 0; c < C; c += 16)
+            for (size_t i = 0; i < 16 && c + i < C; i++) {
+                float h = g[c + i] * w[c + i];
+
+                s[i] += h;
+                t[i] += h * (p[c + i] - m) * k;
+            }
+        float s1 = norm_lane_sum(s) / (float)C;
+        float s2 = norm_lane_sum(t) / (float)C;
+        KERNEL_INDEPENDENT
+        for (size_t c = 0; c < C; c++) {
+            float hat = (p[c] - m) * k, gy = g[c];
+
+            dw[c] += gy * hat;
+            db[c] += gy;
+            d[c] = (gy * w[c] - s1 - hat * s2) * k;
+        }
     }
 }

@@ -1,4 +1,4 @@
-/* Case 02: the vision transformer, forward. */
+/* Case 02: the vision transformer, forward and backward. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -29,13 +29,19 @@ static void compare_part(struct golden *g, const char *name, const float *x,
     free(p);
 }
 
-static void compare_all(struct golden *g, const struct dinov2 *d)
+static void compare_all(struct golden *g, const struct dinov2 *d, bool raw)
 {
     char name[32];
     size_t E = EMBED;
 
     golden_compare(g, "pos_embed_resized", dinov2_position(d), d->tokens * E);
+    if (raw)
+        golden_compare(g, "tokens", dinov2_raw(d, 0),
+                       d->batch * d->tokens * E);
     for (size_t k = 0; k < 4; k++) {
+        snprintf(name, sizeof name, "layer%zu.raw", k);
+        if (raw)
+            compare_part(g, name, dinov2_raw(d, k + 1), d, false);
         snprintf(name, sizeof name, "layer%zu.norm_patch", k);
         compare_part(g, name, dinov2_tokens(d, k), d, false);
         snprintf(name, sizeof name, "layer%zu.norm_cls", k);
@@ -50,6 +56,43 @@ static void compare_all(struct golden *g, const struct dinov2 *d)
     free(global);
 }
 
+/* sum_k sum(norm_patch_k probe) + sum(norm_cls_3 probe) */
+static void dinov2_gradients(struct golden *g, struct dinov2 *d,
+                             struct params *ps, const struct golden_weights *w,
+                             const size_t in[4])
+{
+    size_t B = d->batch, T = d->tokens, E = EMBED;
+    float *probe = golden_probe_array(g->seed, B * T * E), *dtok[4];
+
+    for (int k = 0; k < 4; k++) {
+        dtok[k] = calloc(B * T * E, sizeof(float));
+        for (size_t b = 0; b < B; b++) {
+            memcpy(dtok[k] + (b * T + 1) * E, probe + b * (T - 1) * E,
+                   (T - 1) * E * sizeof(float));
+            if (k == 3)
+                memcpy(dtok[k] + b * T * E, probe + b * E, E * sizeof(float));
+        }
+    }
+    float *drgb = malloc(in[0] * in[1] * in[2] * in[3] * sizeof *drgb);
+    dinov2_backward(drgb, (const float *const *)dtok, d);
+    layout_compare(g, "grad.input", drgb, in[0], in[1] * in[2], in[3], false);
+    static const char *const names[] = { "pos_embed",
+                                         "blocks.0.attn.qkv.weight",
+                                         "patch_embed.proj.weight" };
+    for (int i = 0; i < 3; i++) {
+        char name[64];
+        size_t t = params_find(ps, names[i]);
+
+        snprintf(name, sizeof name, "grad.%s", names[i]);
+        golden_compare(g, name, param_g(ps, t), ps->tensor[t].count);
+    }
+    golden_weights_gradients(g, ps, w, "");
+    for (int k = 0; k < 4; k++)
+        free(dtok[k]);
+    free(probe);
+    free(drgb);
+}
+
 static void run_dinov2_vit(struct golden *g)
 {
     struct dinov2 d;
@@ -61,8 +104,8 @@ static void run_dinov2_vit(struct golden *g)
 
     golden_input_shape(in, g);
     params_init(&ps);
-    if (dinov2_init(&d, &ps, "", &config, true, &err) ||
-        params_allocate(&ps, &err)) {
+    if (dinov2_init(&d, &ps, "", &config, false, &err) ||
+        params_allocate(&ps, &err) || params_allocate_gradients(&ps, &err)) {
         golden_fail(g, &err);
         return;
     }
@@ -71,11 +114,17 @@ static void run_dinov2_vit(struct golden *g)
     float *image = golden_image("input.image", g->seed, in[0] * in[3], in[1],
                                 in[2], true);
     float *rgb = layout_rows(image, in[0], in[1] * in[2], in[3]);
-    if (dinov2_plan(&d, in[0], in[1], in[2], NN_F32, &err)) {
-        golden_fail(g, &err);
-    } else {
+    for (int i = 0; i < 2; i++) {
+        struct nn_options opt = { i ? NN_FROZEN : NN_INFER, NN_F32 };
+
+        if (dinov2_plan(&d, in[0], in[1], in[2], opt, &err)) {
+            golden_fail(g, &err);
+            break;
+        }
         dinov2_forward(rgb, &d);
-        compare_all(g, &d);
+        compare_all(g, &d, i);
+        if (i)
+            dinov2_gradients(g, &d, &ps, &w, in);
     }
     free(image);
     free(rgb);

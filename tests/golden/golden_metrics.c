@@ -119,7 +119,7 @@ static void check_pair(struct golden *g, const char *how,
                        const struct pair *p, double *map, double *grad)
 {
     double v = metric_l1(p->a, p->b, p->n);
-    size_t valid = (p->H - 10) * (p->W - 10);
+    size_t hw = p->H * p->W, valid = (p->H - 10) * (p->W - 10);
     struct metric_ssim s;
 
     metrics_compare(g, how, "l1", &v, 1);
@@ -133,6 +133,15 @@ static void check_pair(struct golden *g, const char *how,
     metrics_compare(g, how, "ssim_map0", map, valid);
     metrics_compare(g, how, "grad_ssim", grad, p->n);
     check_scales(g, how, p, grad);
+
+    float *gray = malloc(2 * hw * sizeof *gray);
+    if (gray) {
+        metric_gray(gray, p->a, hw);
+        metric_gray(gray + hw, p->b, hw);
+        metric_ssim(&s, NULL, NULL, gray, gray + hw, 1, p->H, p->W, NULL);
+        metrics_compare(g, how, "ssim_gray", &s.mean, 1);
+    }
+    free(gray);
 }
 
 static void run_metrics(struct golden *g)

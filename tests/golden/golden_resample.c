@@ -1,4 +1,4 @@
-/* Case 10: grid sampling and resizing, forward and backward. */
+/* Case 10: grid sampling, affine grids and resizing, forward and backward. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -145,6 +145,30 @@ static void run_grids(struct golden *g, const cJSON *ops)
     free(pgrid);
 }
 
+static void run_affine(struct golden *g, const cJSON *ops)
+{
+    size_t d[6];
+    float *theta = golden_f32(g, "affine.theta", NULL);
+
+    resample_numbers(d, 6, cJSON_GetObjectItem(ops, "gs"));
+    for (int k = 0; k < 2; k++) {
+        size_t n = d[0] * d[4] * d[5] * 2;
+        float *grid = malloc(n * sizeof *grid);
+        float *gtheta = calloc(d[0] * 6, sizeof *gtheta);
+        float *probe = golden_probe_array(g->seed, n);
+
+        affine_grid(grid, theta, d[0], d[4], d[5], k);
+        golden_compare(g, k ? "affine.ac1.out" : "affine.ac0.out", grid, n);
+        affine_grid_backward(gtheta, probe, d[0], d[4], d[5], k);
+        golden_compare(g, k ? "affine.ac1.grad_theta"
+                            : "affine.ac0.grad_theta", gtheta, d[0] * 6);
+        free(grid);
+        free(gtheta);
+        free(probe);
+    }
+    free(theta);
+}
+
 /* ---- resizing --------------------------------------------------------- */
 
 struct resizing {
@@ -281,6 +305,7 @@ static void run_resample(struct golden *g)
     cJSON *ops = golden_json(g, "ops");
 
     run_grids(g, ops);
+    run_affine(g, ops);
     run_sizes(g, ops);
     run_positions(g, ops);
     run_images(g, ops);

@@ -67,8 +67,9 @@ static double camera_loss(const double *cam, const double *x, const double *duv,
 static void camera_gradients(struct random *r)
 {
     double cam[12] = {0.8, 0.6, 0, 0.1, 0.6, -0.8, 0, -0.2, 0, 0, -1, 12};
-    double x[6], duv[4], dz[2], worst = 0, h = 1e-6;
-    float camf[12], xf[6], duvf[4], dzf[2], dx[6] = {0}, dcam[12] = {0};
+    double x[6], duv[4], dz[2], dx[6] = {0}, dcam[12] = {0}, worst = 0;
+    float camf[12], xf[6], duvf[4], dzf[2], dxf[6] = {0}, dcamf[12] = {0};
+    double f32 = 0, h = 1e-6;
 
     for (int i = 0; i < 6; i++)
         xf[i] = (float)(x[i] = random_range(r, -0.5, 0.5));
@@ -76,12 +77,14 @@ static void camera_gradients(struct random *r)
         duvf[i] = (float)(duv[i] = random_range(r, -1, 1));
     for (int i = 0; i < 2; i++)
         dzf[i] = (float)(dz[i] = random_range(r, -1, 1));
+    camera_project_backward_d(dx, dcam, duv, dz, cam, 64, x, 2);
     for (int i = 0; i < 12; i++)
         camf[i] = (float)cam[i];
-    camera_project_backward(dx, dcam, duvf, dzf, camf, 64, xf, 2);
+    camera_project_backward(dxf, dcamf, duvf, dzf, camf, 64, xf, 2);
     for (int i = 0; i < 18; i++) {
         double *p = i < 6 ? &x[i] : &cam[i - 6], keep = *p;
-        double g = (double)(i < 6 ? dx[i] : dcam[i - 6]);
+        double g = i < 6 ? dx[i] : dcam[i - 6];
+        double gf = i < 6 ? dxf[i] : dcamf[i - 6];
 
         *p = keep + h;
         double up = camera_loss(cam, x, duv, dz);
@@ -89,8 +92,10 @@ static void camera_gradients(struct random *r)
         double d = (up - camera_loss(cam, x, duv, dz)) / (2 * h);
         *p = keep;
         worst = fmax(worst, fabs(d - g) / (1 + fabs(g)));
+        f32 = fmax(f32, fabs(gf - g) / (1 + fabs(g)));
     }
-    check("gradient by differences", worst, 1e-5);
+    check("gradient by differences", worst, 1e-7);
+    check("float gradient against double", f32, 1e-5);
 }
 
 int main(void)

@@ -13,7 +13,6 @@
 #include "lib/nn/form.h"
 #include "lib/nn/image.h"
 #include "tests/check.h"
-#include "tests/unit/act_reference.h"
 
 enum kind {
     FLOATS,

@@ -44,6 +44,7 @@ CASE(act_hardswish, k->act_forward(out[0], in[0], ACT_HARDSWISH, n))
 CASE(act_sigmoid, k->act_forward(out[0], in[0], ACT_SIGMOID, n))
 CASE(act_tanh, k->act_forward(out[0], in[0], ACT_TANH, n))
 CASE(act_gelu, k->act_forward(out[0], in[0], ACT_GELU, n))
+CASE(act_backward, k->act_backward(out[0], in[0], in[1], ACT_HARDSWISH, n))
 CASE(act_backward_out,
      k->act_backward_out(out[0], in[0], in[1], ACT_LRELU, n))
 CASE(act_sums, memcpy(out[1], in[1], n * sizeof(float));
@@ -57,7 +58,12 @@ CASE(norm_backward_sums,
 CASE(norm_backward_apply,
      k->norm_backward_apply(out[0], in[0], in[1], in[2],
                             C * ((128 + C - 1) / C), n))
-CASE(layer_norm, k->layer_norm(out[0], in[0], in[1], in[2], 1e-6f, rows, C))
+CASE(layer_norm_forward,
+     k->layer_norm_forward(out[0], out[1], out[2], in[0], in[1], in[2], 1e-6f,
+                           rows, C))
+CASE(layer_norm_backward,
+     k->layer_norm_backward(out[0], out[1], in[0], in[1], in[2], in[3], in[4],
+                            rows, C))
 CASE(depthwise_forward, (void)rows; for (size_t c = 0; c < C; c += 16)
      k->depthwise_forward(out[0], in[0], out[1], &dw, 0, c, 0, dw.oh))
 CASE(depthwise_backward_data, (void)rows; for (size_t c = 0; c < C; c += 16)
@@ -91,6 +97,9 @@ CASE(pick_rgb, k->pick_rgb(out[0], in[0], rows, C))
 CASE(widen, k->widen(out[0], half, n))
 CASE(softmax, memcpy(out[0], in[0], n * sizeof(float));
      k->softmax(out[0], rows, C, C, 3))
+CASE(softmax_backward, memcpy(out[0], in[0], n * sizeof(float));
+     k->softmax_backward(out[0], in[1], rows, C, C, 3))
+CASE(scale_add, k->scale_add(out[0], in[0], in[1], in[2], rows, C))
 CASE(style_finish, k->style_finish(out[0], in[0], in[1], in[2], in[3], 0.3f,
                                    rows, C))
 CASE(style_backward, k->style_backward(out[0], out[1], in[0], in[1], in[2],
@@ -116,14 +125,15 @@ static const struct kernel_case {
     { #name, run_##name, rows, C, repeat, tolerance }
     ROW(act_relu, 1021, 40, 20, 0), ROW(act_hardswish, 1021, 40, 20, 1e-6),
     ROW(act_sigmoid, 1021, 40, 10, 1e-6), ROW(act_tanh, 1021, 40, 10, 1e-6),
-    ROW(act_gelu, 1021, 40, 1, 1e-6),
+    ROW(act_gelu, 1021, 40, 1, 1e-6), ROW(act_backward, 1021, 40, 20, 1e-6),
     ROW(act_backward_out, 1021, 40, 20, 0), ROW(act_sums, 512, 96, 10, 1e-5),
     ROW(norm_sums, 512, 24, 10, 1e-5), ROW(norm_sums, 512, 96, 10, 1e-5),
     ROW(norm_apply, 512, 40, 10, 1e-5),
     ROW(norm_backward_sums, 511, 24, 10, 1e-5),
     ROW(norm_backward_sums, 511, 96, 10, 1e-5),
     ROW(norm_backward_apply, 512, 40, 10, 1e-5),
-    ROW(layer_norm, 64, 768, 10, 1e-5),
+    ROW(layer_norm_forward, 64, 768, 10, 1e-5),
+    ROW(layer_norm_backward, 64, 768, 10, 1e-5),
     ROW(depthwise_forward, 1, 88, 10, 1e-5),
     ROW(depthwise_backward_data, 1, 88, 10, 1e-5),
     ROW(depthwise_backward_weights, 1, 88, 10, 1e-5),
@@ -140,7 +150,8 @@ static const struct kernel_case {
                                                                          0),
     ROW(quantise, 1021, 41, 10, 0), ROW(fused_stem_row, 253, 32, 4, 1e-5),
     ROW(pick_rgb, 512, 32, 10, 0), ROW(widen, 1021, 41, 10, 0),
-    ROW(softmax, 48, 1369, 2, 1e-5), ROW(style_finish, 512, 64, 10, 1e-6),
+    ROW(softmax, 48, 1369, 2, 1e-5), ROW(softmax_backward, 48, 1369, 4, 1e-5),
+    ROW(scale_add, 64, 768, 10, 1e-6), ROW(style_finish, 512, 64, 10, 1e-6),
     ROW(style_backward, 512, 64, 10, 1e-5), ROW(rgb_forward, 512, 64, 4, 1e-5),
     ROW(rgb_backward, 512, 64, 4, 1e-5), ROW(gemm_pack, 96, 96, 20, 0),
     ROW(gemm, 96, 32, 40, 1e-5), ROW(gemm, 96, 64, 20, 1e-5),

@@ -12,7 +12,6 @@
 #include "lib/nn/act.h"
 #include "lib/lab/train/discriminator.h"
 #include "tests/check.h"
-#include "tests/unit/act_reference.h"
 
 #define S 64                    /* side of the pictures */
 #define N (3 * S * S)

@@ -49,6 +49,12 @@ static double metric_luma_at(const float *rgb, size_t n, size_t i)
            0.114 * (double)rgb[2 * n + i];
 }
 
+void metric_gray(float *gray, const float *rgb, size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        gray[i] = (float)metric_luma_at(rgb, n, i);
+}
+
 void metric_planar_u8(float *planar, const uint8_t *rgb, size_t n)
 {
     for (size_t c = 0; c < 3; c++)

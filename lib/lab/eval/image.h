@@ -48,6 +48,9 @@ int metric_msssim(struct metric_msssim *out, double *db, const float *a,
                   const float *b, size_t C, size_t H, size_t W,
                   struct error *err);
 
+/* Luma 0.2989 R + 0.587 G + 0.114 B of planar rgb [3,n]. */
+void metric_gray(float *gray, const float *rgb, size_t n);
+
 /* Sharpness: mean gradient magnitude of the luma, by forward differences;
  * planar rgb [3,H,W] of at least 2x2. */
 double metric_edges(const float *rgb, size_t H, size_t W);
