@@ -225,7 +225,8 @@ void avatar_bake(struct avatar *a, const struct avatar_source *src)
     if (a->config.rgb_skip)
         memcpy(a->reach + a->first[BRANCH_MOUTH], a->mouth.reach,
                mouth.n * sizeof *a->reach);
-    place_of_source(a->uv, a->all.seen, a->all.mean, src->cam, a->all.n);
+    place_of_source(a->uv, a->all.seen, a->all.mean, a->all.scale, src->cam,
+                    a->all.n);
     tilt_sample(a->tilt, &a->tilted, a->uv, a->all.neck, a->all.n);
     avatar_views(a);
     if (!a->train)

@@ -8,6 +8,7 @@
 #include "lib/base/camera.h"
 #include "lib/base/parallel.h"
 
+#define PLACE_REACH 3.0f        /* standard deviations that are drawn of any */
 #define PLACE_STEEPEST 0.35f    /* of the view's determinant: 70 degrees */
 
 /* Top left 2x2 of R R_s^T: how the source's image plane lies in the frame's
@@ -111,21 +112,29 @@ void place_channels_backward(float *dmean, const float *dout,
     }
 }
 
-struct place_of_source_part { float *uv, *seen; const float *cam, *mean; };
+struct place_of_source_part {
+    float *uv, *seen;
+    const float *cam, *mean, *scale;
+};
 
 static void place_of_source_part(void *ctx, size_t i)
 {
     const struct place_of_source_part *c = ctx;
+    const float *s = c->scale + 3 * i, *at = c->uv + 2 * i;
+    float z;
 
-    camera_project(c->uv + 2 * i, NULL, c->cam, 1, c->mean + 3 * i, 1);
-    if (!(c->uv[2 * i] >= 0 && c->uv[2 * i] <= 1 && c->uv[2 * i + 1] >= 0 &&
-          c->uv[2 * i + 1] <= 1))
+    camera_project(c->uv + 2 * i, &z, c->cam, 1, c->mean + 3 * i, 1);
+    const float r = PLACE_REACH * fmaxf(s[0], fmaxf(s[1], s[2])) *
+                    CAMERA_FOCAL / (2 * z);
+
+    if (!(z > CAMERA_NEAR && at[0] >= -r && at[0] <= 1 + r && at[1] >= -r &&
+          at[1] <= 1 + r))
         c->seen[i] = 0;
 }
 
 void place_of_source(float *uv, float *seen, const float *mean,
-                     const float cam[12], size_t N)
+                     const float *scale, const float cam[12], size_t N)
 {
     parallel_for(N, 1, place_of_source_part,
-                 &(struct place_of_source_part){ uv, seen, cam, mean });
+                 &(struct place_of_source_part){ uv, seen, cam, mean, scale });
 }

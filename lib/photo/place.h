@@ -37,8 +37,9 @@ void place_channels_backward(float *dmean, const float *dout,
                              const float cam[12], size_t N);
 
 /* uv (N,2) of centres mean (N,3) as the source's camera sees them; what it
- * does not see, outside of the picture, has its seen (N) set to 0. */
+ * does not see, all of it outside of the picture by standard deviations scale
+ * (N,3), has its seen (N) set to 0. */
 void place_of_source(float *uv, float *seen, const float *mean,
-                     const float cam[12], size_t N);
+                     const float *scale, const float cam[12], size_t N);
 
 #endif

@@ -72,9 +72,8 @@ piped() {
                 -o a.png
             likeness a.png SRCI.rgb.npy SRCI.matte.npy >like
             echo "$seed $star: $(cat like)"
-            # of the background, what lies right beside hair may differ (by 5
-            # levels), and two columns at the window's edge
-            awk '{ exit !($1 >= 35 && $2 < 0.025) }' like
+            # of the background, what lies right beside hair may differ
+            awk '{ exit !($1 >= 35 && $2 < 0.02) }' like
         done
     done
 }

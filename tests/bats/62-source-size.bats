@@ -124,11 +124,10 @@ load = lambda f: np.load(f)[0] if f.startswith('SRCI') else np.load(f)
 rgb, matte = load('SRCI.rgb.npy').astype(int), load('SRCI.matte.npy')
 crop, own = load('SRCI.crop.npy').reshape(3), np.load('own.npy').astype(int)
 db = lambda d: 10 * np.log10(255**2 / max((d**2).mean(), 1e-9))
-seen = load('SRCI.sure.npy') > 0
-def detail(a):      # Laplacian of the grey picture, in what it shows of the person
+def detail(a):      # Laplacian of the grey picture, inside the person
     a = a.mean(2)
     a = 4 * a[1:-1, 1:-1] - a[:-2, 1:-1] - a[2:, 1:-1] - a[1:-1, :-2] - a[1:-1, 2:]
-    return a[((matte == 255) & seen)[1:-1, 1:-1]]
+    return a[matte[1:-1, 1:-1] == 255]
 want = detail(rgb)
 blown, large = (1 - ((detail(np.load(f + '.npy')) - want)**2).mean() / (want**2).mean()
                 for f in ('blown', 'large'))

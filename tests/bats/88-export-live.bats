@@ -13,7 +13,7 @@ setup_file() {
     spid-synth -q --seed 31 --first 2 --people 1 --frames 40 --effects 0 -o driver.mp4
     # to the bit what both shall see, its colours named
     for format in yuv444p yuv420p; do
-        ffmpeg -nostdin -v error -i driver.mp4 -frames:v 25 -c:v libvpx-vp9 -lossless 1 -cpu-used 8 \
+        ffmpeg -nostdin -v error -i driver.mp4 -c:v libvpx-vp9 -lossless 1 -cpu-used 8 \
             -vf scale=out_color_matrix=bt709:out_range=tv,format=$format -colorspace bt709 \
             -color_primaries bt709 -color_trc bt709 -color_range tv $format.webm
     done
@@ -36,7 +36,7 @@ need_browser() {
 
 @test "every frame's motion in the page is spid-motion's, within 2 % of its range" {
     need_browser
-    timeout 600 node "$TOP/tests/npm/live.cjs" page.html 25 25 yuv444p.webm yuv420p.webm >out 2>&1 ||
+    timeout 600 node "$TOP/tests/npm/live.cjs" page.html 40 25 yuv444p.webm yuv420p.webm >out 2>&1 ||
         { cat out; false; }
     cat out
     # planes as they are: swscale, which reads files, shares chroma between pixels
@@ -55,8 +55,7 @@ need_browser() {
     need_browser
     ffmpeg -nostdin -v error -i "$TOP/examples/photo.jpg" -vf scale=480:-1 photo.png
     echo "no picture" >text.jpg
-    # small, so that few squares of it are looked at
-    ffmpeg -nostdin -v error -f lavfi -i color=gray:32x24 -frames:v 1 wall.png
+    ffmpeg -nostdin -v error -f lavfi -i color=gray:320x240 -frames:v 1 wall.png
     timeout 800 node "$TOP/tests/npm/face.cjs" page.html photo.png text.jpg wall.png >out 2>&1 || { cat out; false; }
     cat out
 }

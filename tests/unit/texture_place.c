@@ -59,6 +59,7 @@ static void place_facing(float *mean, const float cam[12], double depth,
 static double largest_offset(const float source[12], const float cam[12],
                              double depth)
 {
+    const float scale[3 * N] = {0};
     float mean[3 * N], uv[2 * N], seen[N], out[3 * N];
     struct splat_place_view v;
     struct random r;
@@ -68,7 +69,7 @@ static double largest_offset(const float source[12], const float cam[12],
     place_facing(mean, source, depth, &r);
     for (size_t i = 0; i < N; i++)
         seen[i] = 1;
-    place_of_source(uv, seen, mean, source, N);
+    place_of_source(uv, seen, mean, scale, source, N);
     place_view_make(&v, source, cam);
     place_channels(out, mean, uv, seen, &v, cam, N);
     for (size_t i = 0; i < N; i++)
@@ -239,9 +240,11 @@ static void place_outside(void)
     const float none[3] = {0};
     float cam[12], uv[8], seen[4] = {0.5f, 1, 1, 1};
     const float mean[12] = {0, 0, 0, 3, 0, 0, 0, -3, 0, 0, 0, 30};
+    const float scale[12] = {0.1f, 0.1f, 0.1f, 0.1f, 0.1f, 0.1f,
+                             0.1f, 0.1f, 0.1f, 0.1f, 0.1f, 0.1f};
 
     place_turned(cam, none, 0, 12);
-    place_of_source(uv, seen, mean, cam, 4);
+    place_of_source(uv, seen, mean, scale, cam, 4);
     check_that("inside: seen as before", seen[0] == 0.5f);
     check_that("beside, below and behind: not seen",
                seen[1] == 0 && seen[2] == 0 && seen[3] == 0);
