@@ -89,17 +89,22 @@ async function touched(page) {
   await cdp.send("Emulation.setTouchEmulationEnabled", { enabled: false });
 }
 
-// What every page must: names for its controls, a phone's width, text that can be
-// read, fingers, a silent console, and no address but its own.
+// What every page must: names for its controls, a phone's width, a silent
+// console, and no address but its own.
 exports.manners = async (page, errors, requests) => {
   for (const text of await nameless(page)) exports.check(false, `no name: ${text}`);
   await page.setViewportSize({ width: 360, height: 640 });
   const wide = await page.evaluate(() => document.documentElement.scrollWidth);
   exports.check(wide <= 360, `a phone's screen of 360 is ${wide} wide`);
-  await readable(page);
-  await touched(page);
   for (const text of errors) exports.check(false, `console: ${text}`);
   for (const url of requests) exports.check(false, `asked for ${url}`);
+};
+
+// What a page with an avatar must, too: text that can be read, and fingers.
+exports.playerManners = async (page, errors, requests) => {
+  await readable(page);
+  await touched(page);
+  await exports.manners(page, errors, requests);
 };
 
 exports.run = (main) => main().catch((e) => { console.error(e); process.exit(1); });

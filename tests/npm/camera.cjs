@@ -5,7 +5,7 @@
 // and a video that is none are said, and the page plays on.
 const fs = require("fs");
 const path = require("path");
-const { open, check, drop, manners, run } = require("./browser.cjs");
+const { open, check, drop, playerManners, run } = require("./browser.cjs");
 
 const FAKE = ["--use-fake-device-for-media-stream"];
 const said = (page) => page.textContent("#said");
@@ -152,7 +152,7 @@ run(async () => {
   await page.waitForFunction(() => /cannot play/.test(
     document.getElementById("said").textContent));
   console.log(await said(page));
-  await manners(page, errors.filter((e) => !/Context Lost/i.test(e)), requests);
+  await playerManners(page, errors.filter((e) => !/Context Lost/i.test(e)), requests);
   await close();
   await refused(file, { flags: [...FAKE, "--deny-permission-prompts"] }, "not allowed");
   await refused(file, {}, "no camera|not allowed");

@@ -3,7 +3,7 @@
 // --camera) of three poses, each SIZE pixels wide, the last one from an orbit;
 // tries controls, keys, links and a phone's screen; prints frames a second.
 const fs = require("fs");
-const { open, check, manners, run } = require("./browser.cjs");
+const { open, check, playerManners, run } = require("./browser.cjs");
 
 async function pictures(page, size) {
   await page.evaluate((n) => spid.size(n, n), size);
@@ -93,7 +93,7 @@ run(async () => {
   const rate = await pace(page);
   await controls(page);
   await still(page);
-  await manners(page, errors, requests);
+  await playerManners(page, errors, requests);
   console.log(`${rate.toFixed(1)} frames a second at ${size} x ${size}, in software`);
   await close();
 });
