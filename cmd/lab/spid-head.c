@@ -1,5 +1,5 @@
 /* spid-head: lay the built-in head on ICT-FaceKit's scans, write it as plain
- * arrays, draw it, and compare it with those scans. */
+ * arrays, and compare it with those scans. */
 #include <stdio.h>
 #include <string.h>
 
@@ -7,13 +7,12 @@
 #include "cmd/options.h"
 #include "lib/lab/head/avatar_make.h"
 #include "lib/lab/head/compare.h"
-#include "lib/lab/head/head_sheet.h"
 #include "lib/lab/head/register.h"
 #include "lib/lab/head/template.h"
 #include "lib/lab/head/transfer.h"
 
-static const char *sheet, *from, *check, *head_path, *avatar_path;
-static long size = 300, people = 100;
+static const char *from, *check, *head_path, *avatar_path;
+static long people = 100;
 
 static const struct cli_option options[] = {
     OPTION_STRING("from", 0, &from, "SCANS",
@@ -25,19 +24,14 @@ static const struct cli_option options[] = {
     OPTION_INT("people", 0, &people, 1, 10000, "N",
                "how many faces --check draws"),
     OPTION_HEAD(&head_path),
-    OPTION_OUTPUT("sheet", 0, &sheet, "FILE",
-                  "also draw views, people and expressions (PNG)"),
-    OPTION_INT("size", 0, &size, 32, 1024, "N",
-               "pixels across one picture of the sheet"),
     { 0 }
 };
 
 static const struct cli_usage usage = {
     "spid-head",
     "-o FILE [--from SCANS] [--check SCANS] [--people N] [--head FILE] "
-    "[--avatar FILE] [--sheet FILE] [--size N] [-j N] [-m MODEL] [-q] "
-    "[--stats FILE]",
-    "write the built-in head model, draw it, compare it with scans", options
+    "[--avatar FILE] [-j N] [-m MODEL] [-q] [--stats FILE]",
+    "write the built-in head model, compare it with scans", options
 };
 
 /* --from: the template, laid on the scans. */
@@ -113,7 +107,7 @@ int main(int argc, char **argv)
             die_error(&err);
         return EX_OK;
     }
-    if (!writes && (from || (!sheet && !check)))
+    if (!writes && (from || !check))
         die(EX_USAGE, "no output file (expected -o FILE)");
     if (!head_path) {
         if (cli_find_model("head.safetensors", found, sizeof found, &err))
@@ -124,13 +118,12 @@ int main(int argc, char **argv)
         head_write_model(head_path);
         head_path = cli.output;
     }
-    if ((sheet || check) && head_load(&h, head_path, &err))
-        die_error(&err);
-    if (sheet && head_sheet(sheet, &h, (size_t)size, &err))
-        die_error(&err);
-    if (check)
+    if (check) {
+        if (head_load(&h, head_path, &err))
+            die_error(&err);
         head_compare_models(&h);
-    head_release(&h);
+        head_release(&h);
+    }
     stats_write();
     return EX_OK;
 }

@@ -7,9 +7,6 @@
 /* Forward and backward together, with gradients held against the double
  * reference; seconds for each row. */
 int bench_splat_backward(struct bench *b, double seconds, struct error *err);
-/* Three channels of n made-up Gaussians in size x size pixels. */
-int bench_splat_time(struct bench_times *t, double seconds, size_t n, int size,
-                     int threads, struct error *err);
 /* What a frame costs that moves all, some or no Gaussians; where the time
  * goes, on one thread and on all; memory. */
 int bench_splat_moving(struct bench *b, double seconds, struct error *err);

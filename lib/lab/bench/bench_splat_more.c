@@ -291,17 +291,3 @@ int bench_splat_moving(struct bench *b, double seconds, struct error *err)
 }
 
 /* ---- growth -------------------------------------------------------------- */
-
-int bench_splat_time(struct bench_times *t, double seconds, size_t n, int size,
-                     int threads, struct error *err)
-{
-    struct splat_options opt = splat_defaults(size, size, 3);
-    struct job j = {0};
-
-    opt.threads = threads;
-    int rc = testscene_make(&j.scene, n, 2026, err) ||
-             bench_job_open(&j, &opt, err) ||
-             bench_time(t, seconds, 5, bench_job_draw, &j, err) ? -1 : 0;
-    bench_job_close(&j);
-    return rc;
-}

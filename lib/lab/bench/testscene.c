@@ -1,5 +1,5 @@
 /* Scenes with the statistics of a baked head (how many Gaussians of what size
- * and opacity lie where), drawn from a seed, and what makes them hard. */
+ * and opacity lie where), drawn from a seed. */
 #include "lib/lab/bench/testscene.h"
 
 #include <math.h>
@@ -244,70 +244,6 @@ out:
     if (rc)
         testscene_release(t);
     return rc;
-}
-
-const char *testscene_hard_name(enum testscene_hard kind)
-{
-    static const char *const name[] = {
-        "needles 1:10000", "zero scales", "opacity 0 and 1",
-        "near plane and behind", "10^4 on one pixel", "quaternions 1e-3..1e3",
-        "scales up to 1000", "all at one depth"};
-
-    return name[kind];
-}
-
-/* Gaussian i of a hard scene. */
-static void testscene_harden_one(struct testscene *t, enum testscene_hard kind,
-                                 size_t i, struct random *r)
-{
-    float *m = (float *)t->g.mean + 3 * i, *s = (float *)t->g.scale + 3 * i;
-    float *q = (float *)t->g.quat + 4 * i, *o = (float *)t->g.opacity + i;
-    double f;
-
-    switch (kind) {
-    case HARD_NEEDLES:
-        s[0] = 0.5f;
-        s[1] = s[2] = 5e-5f;
-        break;
-    case HARD_ZERO_SCALE:
-        for (uint32_t k = 0; k <= i % 3; k++)
-            s[k] = 0;
-        break;
-    case HARD_OPACITY:
-        *o = (float)(i & 1);
-        break;
-    case HARD_NEAR:                        /* camera z = 12 - about m[2] */
-        m[2] = 12 + (float)random_range(r, -0.5, 0.5);
-        break;
-    case HARD_STACK:
-        m[0] = m[1] = 0;
-        break;
-    case HARD_QUATERNIONS:
-        f = exp(random_range(r, log(1e-3), log(1e3)));
-        for (int k = 0; k < 4; k++)
-            q[k] *= (float)f;
-        break;
-    case HARD_HUGE:
-        f = exp(random_range(r, log(1e-2), log(1e3)));
-        for (int k = 0; k < 3; k++)
-            s[k] = (float)f;
-        break;
-    default:
-        m[2] = 0;
-        break;
-    }
-}
-
-void testscene_harden(struct testscene *t, enum testscene_hard kind,
-                      uint64_t seed)
-{
-    static const float front[12] = {1, 0, 0, 0, 0, -1, 0, 0, 0, 0, -1, 12};
-    struct random r;
-
-    random_init(&r, seed, "testscene hard");
-    memcpy(t->cam, front, sizeof front);
-    for (size_t i = 0; i < t->g.n; i++)
-        testscene_harden_one(t, kind, i, &r);
 }
 
 size_t testscene_pairs(const struct testscene *t, int size, struct error *err)

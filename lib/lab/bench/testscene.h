@@ -24,17 +24,6 @@ int testscene_load(struct testscene *t, const char *path, struct error *err);
 /* Free what it holds; zeroed then. */
 void testscene_release(struct testscene *t);
 
-/* What makes rasterisers slow or wrong. */
-enum testscene_hard {
-    HARD_NEEDLES, HARD_ZERO_SCALE, HARD_OPACITY, HARD_NEAR, HARD_STACK,
-    HARD_QUATERNIONS, HARD_HUGE, HARD_TIES, HARD_COUNT
-};
-/* In words, for rows of a table. */
-const char *testscene_hard_name(enum testscene_hard kind);
-/* Turn an ordinary scene into a hard one, in place. */
-void testscene_harden(struct testscene *t, enum testscene_hard kind,
-                      uint64_t seed);
-
 /* Pairs of pixel and Gaussian with alpha >= 1/255 in a size x size picture. */
 size_t testscene_pairs(const struct testscene *t, int size,
                        struct error *err);
