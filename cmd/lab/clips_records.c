@@ -38,7 +38,23 @@ static bool clips_is_done(const char *folder, const char *clip,
     return access(path, F_OK) == 0;
 }
 
-/* A line of clips.tsv in one write, so that several programs may add to it. */
+/* Whether the list of clips has this very line. */
+static bool clips_is_noted(const char *path, const char *line)
+{
+    char seen[2 * CLIPS_LONGEST];
+    bool found = false;
+    FILE *f = fopen(path, "r");
+
+    while (f && !found && fgets(seen, sizeof seen, f))
+        found = !strcmp(seen, line);
+    if (f)
+        fclose(f);
+    return found;
+}
+
+/* A line of clips.tsv in one write, so that several programs may add to it.
+ * It is written before the records or the reason get their names: a program
+ * killed between the two finds its own line when it makes them again. */
 static void clips_note(const char *folder, const char *clip,
                        const struct clip_report *r, const char *why)
 {
@@ -48,6 +64,8 @@ static void clips_note(const char *folder, const char *clip,
                      r->outlined, r->score, why);
 
     snprintf(path, sizeof path, "%.*s/clips.tsv", CLIPS_LONGEST, folder);
+    if (clips_is_noted(path, line))
+        return;
     int fd = open(path, O_WRONLY | O_CREAT | O_APPEND, 0666);
     if (fd < 0 || n <= 0 || n >= (int)sizeof line ||
         write(fd, line, (size_t)n) != n)
@@ -92,13 +110,13 @@ static bool clips_prepare_one(const struct clip *c, const char *folder,
         if (rc < 0)
             die_error(&err);
         warn("%s", err.text);
-        clips_note_bad(folder, clip, err.text);
         clips_note(folder, clip, &r, err.text);
+        clips_note_bad(folder, clip, err.text);
         return false;
     }
+    clips_note(folder, clip, &r, "");
     if (stream_finish(w, &err))
         die_error(&err);
-    clips_note(folder, clip, &r, "");
     return true;
 }
 

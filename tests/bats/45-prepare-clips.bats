@@ -104,6 +104,10 @@ same_records() {
     stat -c %Y%i cut/one-*.spid | cmp - before
     same_records whole cut
     [ -z "$(find cut -name '*.part')" ]
+    # or between a clip's line and its records, or its reason
+    rm cut/two-*.spid cut/three-*.bad
+    run_prepare -q -o cut clips 2>/dev/null
+    same_records whole cut
 }
 
 @test "spid-train makes records of plain clips itself, once, and learns from their pictures alone" {
