@@ -26,31 +26,33 @@ void bench_release(struct bench *b)
     memset(b, 0, sizeof *b);
 }
 
+struct bench_times bench_quantiles(double *ms, size_t n)
+{
+    sort_doubles(ms, n);
+    return (struct bench_times){n, ms[0], ms[n / 2], ms[n * 95 / 100]};
+}
+
 int bench_time(struct bench_times *t, double seconds, size_t least,
                int (*call)(void *context, struct error *err), void *context,
                struct error *err)
 {
     enum { MOST = 4096 };
     double *ms = malloc(MOST * sizeof *ms), begun = cpu_seconds();
+    size_t runs = 0;
     int rc = -1;
 
-    memset(t, 0, sizeof *t);
     if (!ms)
         return error_set(err, EX_OSERR, "out of memory");
     if (call(context, err))
         goto out;
-    while (t->runs < MOST &&
-           (t->runs < least || cpu_seconds() - begun < seconds)) {
+    while (runs < MOST && (runs < least || cpu_seconds() - begun < seconds)) {
         double start = cpu_seconds();
 
         if (call(context, err))
             goto out;
-        ms[t->runs++] = (cpu_seconds() - start) * 1e3;
+        ms[runs++] = (cpu_seconds() - start) * 1e3;
     }
-    sort_doubles(ms, t->runs);
-    t->min = ms[0];
-    t->median = ms[t->runs / 2];
-    t->p95 = ms[t->runs * 95 / 100];
+    *t = bench_quantiles(ms, runs);
     rc = 0;
 out:
     free(ms);

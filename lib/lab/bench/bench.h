@@ -54,6 +54,8 @@ struct bench_times {
     double min, median, p95;
 };
 
+/* Of n > 0 times, which are sorted. */
+struct bench_times bench_quantiles(double *ms, size_t n);
 /* Call repeatedly for about `seconds`, at least `least` times (after one that
  * is not counted).  -1 when a call fails. */
 int bench_time(struct bench_times *t, double seconds, size_t least,

@@ -16,7 +16,7 @@ static int bench_make_clip(struct bench_person *p, struct error *err)
     const struct synth_options opt = {.seed = 11, .people = 1,
                                       .frames = PERSON_FRAMES,
                                       .size = PERSON_SIZE,
-                                      .fps = 25};
+                                      .fps = PERSON_FPS};
     const size_t pixels = PERSON_SIZE * PERSON_SIZE;
     struct synth_frame f;
     struct synth *synth = synth_open(&p->head, &opt, err);
@@ -107,7 +107,7 @@ static double bench_pose_error(struct bench_person *p)
     struct error err;
 
     for (size_t i = 0; ref && beta && i < PERSON_FRAMES &&
-         head_fold(&mean, &p->head, NULL, 0, &err) == 0; i += 10) {
+         head_fold(&mean, &p->head, NULL, 0, &err) == 0; i += 4) {
         const struct head_motion *m = &p->motion[i].pose;
         struct head_motion_d d = {.beta = beta, .exp = exp,
                                   .lid = {m->lid[0], m->lid[1]}};

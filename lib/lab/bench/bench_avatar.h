@@ -14,7 +14,8 @@
 #include "lib/photo/texture.h"
 
 #define PERSON_SIZE 512
-#define PERSON_FRAMES 30    /* of the clip in memory, shown again and again */
+#define PERSON_FRAMES 10    /* of the clip in memory, shown again and again */
+#define PERSON_FPS (25.0 / 3)
 
 struct bench_person {
     struct bench *b;

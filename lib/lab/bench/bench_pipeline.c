@@ -16,21 +16,21 @@
 #include "formats/framesource.h"
 #include "lib/animate/animate.h"
 #include "lib/avatar/prune.h"
+#include "lib/base/cpu.h"
 #include "lib/base/file.h"
 #include "lib/lab/bench/bench_avatar.h"
 #include "lib/track/encoders.h"
 
-#define PART 60             /* frames of one timed run, or of the truth: */
-#define SLOW_PART PERSON_FRAMES
-#define EVERY 3             /* of the clip's frames, one is compared */
+#define ROWS 20             /* about as many share the stage's seconds; the
+                             * person and the errors take most of them */
+#define MOST 1024           /* frames of a row's timed runs */
 #define FRAME_VALUES ((size_t)PERSON_SIZE * PERSON_SIZE * 3)
 
 struct pipe_rows {
     struct bench_person person;
-    size_t left;                /* frames left of a run */
     size_t all;                 /* Gaussians before any was left out */
-    float *truth[2];            /* of SpiD, SpiD*: (frames compared,
-                                 * PERSON_SIZE,PERSON_SIZE,3), 0..1 */
+    float *truth[2];            /* of SpiD, SpiD*: (PERSON_FRAMES,PERSON_SIZE,
+                                 * PERSON_SIZE,3), 0..1 */
 };
 
 /* A decoded frame from memory, as the driver reads it. */
@@ -41,12 +41,11 @@ static int pipeline_read_memory(void *context, struct frame *f,
     struct bench_person *s = &l->person;
 
     (void)err;
-    if (l->left == 0)
+    if (s->at == PERSON_FRAMES)
         return 0;
-    l->left--;
     *f = (struct frame){.width = PERSON_SIZE, .height = PERSON_SIZE,
-                        .rgb = s->rgb + s->at % PERSON_FRAMES * FRAME_VALUES,
-                        .index = s->at, .time = (double)s->at / 25};
+                        .rgb = s->rgb + s->at * FRAME_VALUES,
+                        .index = s->at, .time = (double)s->at / PERSON_FPS};
     s->at++;
     return 1;
 }
@@ -82,9 +81,11 @@ struct pipe {
     struct framesink *sink;
     char dir[FILE_TEMPORARY];           /* of a video row; "" otherwise */
     char clip[FILE_TEMPORARY + 16], made[FILE_TEMPORARY + 16];
-    size_t part;                /* frames of one run */
-    double sum[STAGES];
-    size_t frames;
+    double done[PERSON_FRAMES]; /* when each frame of this run was, seconds */
+    size_t frames;              /* of timed runs: how many, ... */
+    double stage[STAGES][MOST]; /* ... and milliseconds of each frame */
+    double ms[MOST];
+    size_t intervals;
     enum pictures pictures;
     float *truth;
     double worst, squares;      /* of the pictures compared */
@@ -96,9 +97,9 @@ struct pipe {
 static void pipeline_take_picture(struct pipe *p, uint64_t index,
                                   const float *color, const uint8_t *rgb)
 {
-    if (p->pictures == PICTURES_PASS || index >= PERSON_FRAMES || index % EVERY)
+    if (p->pictures == PICTURES_PASS)
         return;
-    float *want = p->truth + index / EVERY * FRAME_VALUES;
+    float *want = p->truth + index * FRAME_VALUES;
 
     for (size_t k = 0; k < FRAME_VALUES; k++) {
         float x = color ? fminf(fmaxf(color[k], 0), 1) : (float)rgb[k] / 255;
@@ -122,10 +123,12 @@ static void pipeline_frame_done(void *ctx, const struct animate_frame *f)
                               f->t.draw.flame, f->t.draw.branches, f->t.draw.splat,
                               f->t.draw.refine, f->t.decode, f->t.encode};
 
-    for (int i = 0; i < STAGES; i++)
-        p->sum[i] += 1e3 * t[i];
-    p->frames++;
-    pipeline_take_picture(p, f->index, f->color, NULL);
+    p->done[f->index] = cpu_seconds();
+    for (int i = 0; i < STAGES && p->pictures == PICTURES_PASS; i++)
+        p->stage[i][p->frames] = 1e3 * t[i];
+    p->frames += p->pictures == PICTURES_PASS;
+    if (p->clip[0] == 0)
+        pipeline_take_picture(p, f->index, f->color, NULL);
 }
 
 /* One run through the whole pipeline. */
@@ -134,7 +137,6 @@ static int pipeline_call(void *context, struct error *err)
     struct pipe *p = context;
     struct driver d;
 
-    p->l->left = p->part;
     p->l->person.at = 0;
     driver_init(&d, &p->track, pipeline_read_memory, p->l);
     int rc = driver_start(&d, NULL, NULL, err) ||
@@ -176,7 +178,7 @@ out:
     return rc;
 }
 
-/* PART frames as a video in a directory of our own. */
+/* The clip as a video in a directory of our own. */
 static int pipeline_make_video(struct pipe *p, struct error *err)
 {
     file_temporary(p->dir, "spid-bench-XXXXXX");
@@ -191,11 +193,11 @@ static int pipeline_make_video(struct pipe *p, struct error *err)
                                          .format = FRAMESINK_VIDEO};
     struct framesink *out = framesink_open(&to, err);
 
-    for (size_t i = 0; out && i < PART; i++) {
+    for (size_t i = 0; out && i < PERSON_FRAMES; i++) {
         const struct framesink_frame f = {
             .width = PERSON_SIZE, .height = PERSON_SIZE, .channels = 3,
-            .rgb = p->l->person.rgb + i % PERSON_FRAMES * FRAME_VALUES,
-            .frame = i, .time = (double)i / 25
+            .rgb = p->l->person.rgb + i * FRAME_VALUES,
+            .frame = i, .time = (double)i / PERSON_FPS
         };
 
         if (framesink_write(out, &f, err)) {
@@ -265,7 +267,6 @@ static int pipeline_open(struct pipe *p, struct pipe_rows *l,
 
     memset(p, 0, sizeof *p);
     p->l = l;
-    p->part = v->exact ? SLOW_PART : PART;
     p->truth = l->truth[v->star];
     p->sink = framesink_open(&sink, err);
     if (!p->sink || encoders_open(&p->nets, &s->model, false, motion, err) ||
@@ -306,17 +307,25 @@ static int pipeline_read_video(struct pipe *p, struct error *err)
     return rc;
 }
 
-/* Once more, looking at the pictures of the clip from its start: what the
- * tracker remembers depends on how many runs the clock left time for. */
+/* One run from the clip's start. */
+static int pipeline_run(struct pipe *p, const struct variant *v,
+                        struct error *err)
+{
+    return pipeline_start_track(p, v, err) ||
+                   (v->video ? pipeline_call_video(p, err)
+                             : pipeline_call(p, err))
+               ? -1
+               : 0;
+}
+
+/* The first run is for the pictures, and warms what the timed ones use. */
 static int pipeline_compare(struct pipe *p, const struct variant *v,
                             double *max_abs, double *psnr_db, struct error *err)
 {
-    if (pipeline_start_track(p, v, err) ||
-        (v->video && pipeline_call_video(p, err)))
-        return -1;
     p->pictures = v->exact ? PICTURES_KEEP : PICTURES_COMPARE;
-    if (v->video ? pipeline_read_video(p, err) : pipeline_call(p, err))
+    if (pipeline_run(p, v, err) || (v->video && pipeline_read_video(p, err)))
         return -1;
+    p->pictures = PICTURES_PASS;
     *max_abs = *psnr_db = NAN;
     if (v->exact)
         return 0;
@@ -325,8 +334,26 @@ static int pipeline_compare(struct pipe *p, const struct variant *v,
     return 0;
 }
 
+/* Timed runs for about as many seconds: of the time between finished frames,
+ * as many of which are under way as there are threads. */
+static int pipeline_time(struct pipe *p, const struct variant *v,
+                         double seconds, struct error *err)
+{
+    const double begun = cpu_seconds();
+    const size_t abreast = (size_t)p->animate.opt.workers;
+
+    do {
+        if (pipeline_run(p, v, err))
+            return -1;
+        for (size_t i = abreast; i < PERSON_FRAMES; i++)
+            p->ms[p->intervals++] = 1e3 * (p->done[i] - p->done[i - abreast]) /
+                                    (double)abreast;
+    } while (p->frames + PERSON_FRAMES <= MOST && cpu_seconds() - begun < seconds);
+    return 0;
+}
+
 /* The numbers of a row that programs look for. */
-static void pipeline_report(struct bench *b, const struct pipe *p,
+static void pipeline_report(struct bench *b, struct pipe *p,
                             const struct variant *v, double median)
 {
     char key[24];
@@ -341,33 +368,31 @@ static void pipeline_report(struct bench *b, const struct pipe *p,
         if (own)
             bench_number(b, "ms", !v->star && i == 4 ? "splat_features"
                                                      : stage_name[i],
-                         p->sum[i] / (double)p->frames);
+                         bench_quantiles(p->stage[i], p->frames).median);
     }
 }
 
-/* A row: time it, then run once more for the error. */
+/* A row: its error, then its times. */
 static int pipeline_variant(struct pipe_rows *l, const struct variant *v,
                             struct error *err)
 {
     struct bench *b = l->person.b;
     struct pipe *p = calloc(1, sizeof *p);
     double max, psnr;
-    struct bench_times t;
     char config[96];
-    int rc =
-        p ? pipeline_open(p, l, v, err) : error_set(err, EX_OSERR, "no memory");
+    int rc = p ? pipeline_open(p, l, v, err)
+               : error_set(err, EX_OSERR, "no memory");
 
     if (rc == 0)
-        rc = bench_time(&t, b->seconds / 8, v->exact ? 1 : 300 / PART,
-                        v->video ? pipeline_call_video : pipeline_call, p, err);
-    if (rc == 0 && v->report)
-        pipeline_report(b, p, v, t.median / (double)p->part);
-    if (rc == 0)
-        rc = pipeline_compare(p, v, &max, &psnr, err);
+        rc = pipeline_compare(p, v, &max, &psnr, err) ||
+                     pipeline_time(p, v, b->seconds / (4 * ROWS), err)
+                 ? -1
+                 : 0;
     if (rc == 0) {
-        t.min /= (double)p->part;
-        t.median /= (double)p->part;
-        t.p95 /= (double)p->part;
+        const struct bench_times t = bench_quantiles(p->ms, p->intervals);
+
+        if (v->report)
+            pipeline_report(b, p, v, t.median);
         snprintf(config, sizeof config, "%s%s 512x512 N=%zu C=%d",
                  v->star ? "SpiD*" : "SpiD", v->video ? " mp4 to mp4" : "",
                  l->all, v->star ? 3 : (int)l->person.baked.C);
@@ -388,10 +413,6 @@ static int pipeline_reduced(struct pipe_rows *l, struct error *err)
     char knob[64];
     struct variant v = {.knob = knob, .star = true, .type = NN_FAST};
 
-    baked_drop_clear(&s->baked);
-    snprintf(knob, sizeof knob, "without the clear: %zu", s->baked.N);
-    if (pipeline_variant(l, &v, err))
-        return -1;
     for (size_t i = 0; i < sizeof eps / sizeof *eps; i++) {
         if (prune_views(&s->baked, &r, &s->dense, &s->id, PERSON_SIZE, eps[i],
                         err))
@@ -428,8 +449,6 @@ static int pipeline_all(struct pipe_rows *l, struct error *err)
         {"f32 networks", true, .type = NN_F32},
         {"bf16 networks", true, .type = NN_BF16},
         {"default", false, .type = NN_FAST, .report = true},
-        {"--no-tta", false, .type = NN_FAST, .no_tta = true},
-        {"--no-align", false, .type = NN_FAST, .no_align = true},
         {"--no-photo", false, .type = NN_FAST, .no_photo = true},
         {"f32 networks", false, .type = NN_F32},
         {"bf16 networks", false, .type = NN_BF16},
@@ -442,7 +461,7 @@ static int pipeline_all(struct pipe_rows *l, struct error *err)
     struct bench_person *s = &l->person;
 
     for (int i = 0; i < 2; i++) {
-        l->truth[i] = calloc(PERSON_FRAMES / EVERY * FRAME_VALUES,
+        l->truth[i] = calloc(PERSON_FRAMES * FRAME_VALUES,
                              sizeof *l->truth[i]);
         if (!l->truth[i])
             return error_set(err, EX_OSERR, "no memory for pictures");
@@ -452,10 +471,13 @@ static int pipeline_all(struct pipe_rows *l, struct error *err)
         pipeline_make_texture(s, err))
         return -1;
     l->all = s->baked.N;
-    for (size_t i = 0; i < sizeof variants / sizeof *variants; i++)
+    for (size_t i = 0; i < sizeof variants / sizeof *variants; i++) {
+        if (!variants[i].exact)
+            baked_drop_clear(&s->baked);        /* as the programs do */
         if ((variants[i].type != NN_INT8 || nn_type_native(NN_INT8)) &&
             pipeline_variant(l, &variants[i], err))
             return -1;
+    }
     return pipeline_reduced(l, err);
 }
 
@@ -469,11 +491,10 @@ int bench_pipeline(struct bench *b, struct error *err)
     if (rc == 0)
         rc = pipeline_all(l, err);
     if (rc == 0) {
-        bench_note(b, "pipeline: errors are of the finished pictures (every "
-                   "third frame) against the first row of the same kind: all "
-                   "networks in f32, splatting without cut-offs, every "
-                   "Gaussian; of mp4 to mp4 they are of the video made, read "
-                   "back");
+        bench_note(b, "pipeline: errors are of the finished pictures against "
+                   "the first row of the same kind: all networks in f32, "
+                   "splatting without cut-offs, every Gaussian; of mp4 to mp4 "
+                   "they are of the video made, read back");
         bench_pareto(b, first);
     }
     if (l) {
