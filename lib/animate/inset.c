@@ -248,21 +248,14 @@ static void inset_add(uint8_t *out, const struct inset *s, const float *change)
         }
 }
 
-struct inset_draw_part {
-    const struct inset *s;
-    struct inset_scratch *w;
-    const float *color, *alpha;
-    const struct inset_motion *m;
-};
-
 /* One row. */
-static void inset_draw_part(void *ctx, size_t y)
+PARALLEL(inset_draw_part, y, const struct inset *, s, struct inset_scratch *, w,
+         const float *, color, const float *, alpha,
+         const struct inset_motion *, m)
 {
-    const struct inset_draw_part *c = ctx;
-
-    for (size_t x = 0; x < c->s->side; x++)
-        inset_change(c->w->change + 3 * (y * c->s->side + x), c->s, c->color,
-                     c->alpha, x, y, c->m);
+    for (size_t x = 0; x < s->side; x++)
+        inset_change(w->change + 3 * (y * s->side + x), s, color, alpha, x, y,
+                     m);
 }
 
 void inset_draw(uint8_t *out, const struct inset *s, struct inset_scratch *w,
@@ -273,8 +266,7 @@ void inset_draw(uint8_t *out, const struct inset *s, struct inset_scratch *w,
 
     memcpy(out, s->photo->rgb, 3 * s->photo->width * s->photo->height);
 
-    parallel_for(s->side, 1, inset_draw_part,
-                 &(struct inset_draw_part){ s, w, color, alpha, m });
+    parallel_each(inset_draw_part, s->side, 1, s, w, color, alpha, m);
     if (s->plan) {
         resize_forward(s->plan, w->sized, w->change, 1, 3, w->resize);
         change = w->sized;

@@ -185,27 +185,21 @@ static void *refine_make_room(void *p, size_t *room, size_t n, size_t bytes,
     return p;
 }
 
-struct refine_copy_part_part {
-    struct refine *r;
-    const struct refine_input *in;
-    size_t w, C, cols;
-};
-
 /* One row. */
-static void refine_copy_part_part(void *ctx, size_t y)
+PARALLEL(refine_copy_part_part, y, struct refine *, r,
+         const struct refine_input *, in, size_t, w, size_t, C, size_t, cols)
 {
-    const struct refine_copy_part_part *c = ctx;
-    float *to = c->r->part + y * c->w * c->C;
-    size_t from = ((y + c->r->top) * c->in->width + c->r->left) * c->C;
-    if (y + c->r->top >= c->in->height) {
-        memset(to, 0, c->w * c->C * sizeof *to);
+    float *to = r->part + y * w * C;
+    size_t from = ((y + r->top) * in->width + r->left) * C;
+    if (y + r->top >= in->height) {
+        memset(to, 0, w * C * sizeof *to);
         return;
     }
-    if (c->in->f32)
-        memcpy(to, c->in->f32 + from, c->cols * c->C * sizeof *to);
+    if (in->f32)
+        memcpy(to, in->f32 + from, cols * C * sizeof *to);
     else
-        compose_table()->widen(to, c->in->f16 + from, c->cols * c->C);
-    memset(to + c->cols * c->C, 0, (c->w - c->cols) * c->C * sizeof *to);
+        compose_table()->widen(to, in->f16 + from, cols * C);
+    memset(to + cols * C, 0, (w - cols) * C * sizeof *to);
 }
 
 /* The part's features as floats, zero outside the picture. */
@@ -214,8 +208,7 @@ static void refine_copy_part(struct refine *r, const struct refine_input *in)
     const size_t C = in->channels, h = r->plan.height, w = r->plan.width;
     const size_t cols = r->left + w <= in->width ? w : in->width - r->left;
 
-    parallel_for(h, 1, refine_copy_part_part,
-                 &(struct refine_copy_part_part){ r, in, w, C, cols });
+    parallel_each(refine_copy_part_part, h, 1, r, in, w, C, cols);
 }
 
 /* First three channels of what lies outside the part. */

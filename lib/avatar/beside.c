@@ -48,23 +48,16 @@ static bool beside_is_rim(const float *rgba, const float *coverage, long n,
     return mesh && nobody;
 }
 
-struct beside_rim_part {
-    const float *rgba, *coverage;
-    float *value;
-    long side;
-};
-
 /* A row of cells. */
-static void beside_rim_part(void *ctx, size_t y)
+PARALLEL(beside_rim_part, y, const float *, rgba, const float *, coverage,
+         float *, value, long, side)
 {
-    const struct beside_rim_part *c = ctx;
-    const size_t n = (size_t)c->side;
+    const size_t n = (size_t)side;
 
     for (size_t k = y * n; k < (y + 1) * n; k++)
-        if (c->rgba[4 * k + 3] > 0 && c->coverage[k] < BESIDE_OUTLINE &&
-            beside_is_rim(c->rgba, c->coverage, c->side, (long)(k % n),
-                          (long)y))
-            c->value[k] = 1;
+        if (rgba[4 * k + 3] > 0 && coverage[k] < BESIDE_OUTLINE &&
+            beside_is_rim(rgba, coverage, side, (long)(k % n), (long)y))
+            value[k] = 1;
 }
 
 void beside_rim(float *value, const float *rgba, const float *coverage,
@@ -72,6 +65,5 @@ void beside_rim(float *value, const float *rgba, const float *coverage,
 {
     const long side = (long)n;
 
-    parallel_for(n, 1, beside_rim_part,
-                 &(struct beside_rim_part){ rgba, coverage, value, side });
+    parallel_each(beside_rim_part, n, 1, rgba, coverage, value, side);
 }

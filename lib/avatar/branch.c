@@ -88,22 +88,15 @@ struct gaussian_out branch_decoder_gradient(const struct branch_set *dout,
     };
 }
 
-struct branch_prior_forward_part {
-    struct branch_set *out;
-    const struct branch_prior *p;
-};
-
-static void branch_prior_forward_part(void *ctx, size_t i)
+PARALLEL(branch_prior_forward_part, i, struct branch_set *, out,
+         const struct branch_prior *, p)
 {
-    const struct branch_prior_forward_part *a = ctx;
-
-    a->out->opacity[i] =
-        a->p->visible[i] *
-        attribute_shift(a->p->opacity[i], a->p->opacity_shift[i]);
+    out->opacity[i] =
+        p->visible[i] * attribute_shift(p->opacity[i], p->opacity_shift[i]);
     for (size_t c = 3 * i; c < 3 * i + 3; c++)
-        a->out->scale[c] = BRANCH_SCALE_MAX *
-                           attribute_shift(a->p->scale[c] / BRANCH_SCALE_MAX,
-                                           a->p->scale_shift[i]);
+        out->scale[c] =
+            BRANCH_SCALE_MAX *
+            attribute_shift(p->scale[c] / BRANCH_SCALE_MAX, p->scale_shift[i]);
 }
 
 /* opacity = visible shift(o), scale = max shift(s / max). */
@@ -116,30 +109,22 @@ void branch_prior_forward(struct branch_set *out, const struct branch_prior *p,
         return;
     }
 
-    parallel_for(out->n, 1, branch_prior_forward_part,
-                 &(struct branch_prior_forward_part){ out, p });
+    parallel_each(branch_prior_forward_part, out->n, 1, out, p);
 }
 
-struct branch_prior_backward_part {
-    const struct branch_prior *p;
-    float *dvisible;
-    struct branch_set *dout;
-};
-
-static void branch_prior_backward_part(void *ctx, size_t i)
+PARALLEL(branch_prior_backward_part, i, const struct branch_prior *, p,
+         float *, dvisible, struct branch_set *, dout)
 {
-    const struct branch_prior_backward_part *a = ctx;
-    float x = a->p->opacity[i], shift = a->p->opacity_shift[i];
+    float x = p->opacity[i], shift = p->opacity_shift[i];
 
     /* opacity = visible shift(x) */
-    if (a->dvisible)
-        a->dvisible[i] = a->dout->opacity[i] * attribute_shift(x, shift);
-    a->dout->opacity[i] = attribute_shift_backward(
-        a->dout->opacity[i] * a->p->visible[i], x, shift);
+    if (dvisible)
+        dvisible[i] = dout->opacity[i] * attribute_shift(x, shift);
+    dout->opacity[i] =
+        attribute_shift_backward(dout->opacity[i] * p->visible[i], x, shift);
     for (size_t c = 3 * i; c < 3 * i + 3; c++)
-        a->dout->scale[c] = attribute_shift_backward(
-            a->dout->scale[c], a->p->scale[c] / BRANCH_SCALE_MAX,
-            a->p->scale_shift[i]);
+        dout->scale[c] = attribute_shift_backward(
+            dout->scale[c], p->scale[c] / BRANCH_SCALE_MAX, p->scale_shift[i]);
 }
 
 /* Reverse of branch_prior_forward, in place. */
@@ -148,8 +133,7 @@ void branch_prior_backward(struct branch_set *dout, float *dvisible,
 {
     const size_t n = used ? dout->n : 0;
 
-    parallel_for(n, 1, branch_prior_backward_part,
-                 &(struct branch_prior_backward_part){ p, dvisible, dout });
+    parallel_each(branch_prior_backward_part, n, 1, p, dvisible, dout);
 }
 
 /* ---- steps and colours ------------------------------------------------- */

@@ -94,25 +94,19 @@ static float cheek_back_inside(const struct source_picture *picture,
     return branch_ramp(cheek_back_matte(picture, at), 0.6f, 0.95f);
 }
 
-struct cheek_back_find_part {
-    float *back;
-    const struct source_picture *picture;
-    const struct source_mesh *mesh;
-    size_t n;
-};
-
 /* One chunk. */
-static void cheek_back_find_part(void *ctx, size_t k)
+PARALLEL(cheek_back_find_part, k, float *, back,
+         const struct source_picture *, picture,
+         const struct source_mesh *, mesh, size_t, n)
 {
-    const struct cheek_back_find_part *c = ctx;
     size_t y = k * STEP;
 
-    for (size_t x = 0; x < c->n; x += STEP) {
-        float *at = c->back + y * c->n + x;
+    for (size_t x = 0; x < n; x += STEP) {
+        float *at = back + y * n + x;
 
-        *at = cheek_back_at(c->picture, c->mesh, x, y);
+        *at = cheek_back_at(picture, mesh, x, y);
         if (*at > 0)
-            *at *= cheek_back_inside(c->picture, c->mesh, x, y);
+            *at *= cheek_back_inside(picture, mesh, x, y);
     }
 }
 
@@ -121,8 +115,8 @@ void cheek_back_find(float *back, const struct source_picture *picture,
 {
     memset(back, 0, n * n * sizeof *back);
 
-    parallel_for((n + STEP - 1) / STEP, 1, cheek_back_find_part,
-                 &(struct cheek_back_find_part){ back, picture, mesh, n });
+    parallel_each(cheek_back_find_part, (n + STEP - 1) / STEP, 1, back, picture,
+                  mesh, n);
 }
 
 /* Camera depth of the strip at cell k: half way from the skin there to where it

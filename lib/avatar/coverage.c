@@ -99,9 +99,9 @@ static uint64_t coverage_bits(uint64_t x)
     return (x + (x >> 4)) & 0x0f0f0f0f0f0f0f0f;
 }
 
-/* C (n): the share of a row of cells' bits that are set; SUB rows of n
+/* Row i of C (n,n): the share of its cells' bits that are set, in SUB rows of n
  * bytes. */
-static void coverage_count(float *C, const uint8_t *bits, size_t n)
+PARALLEL(coverage_count, i, float *, C, const uint8_t *, bits, size_t, n)
 {
     for (size_t j = 0; j < n; j += sizeof(uint64_t)) {
         const size_t some = n - j < sizeof(uint64_t) ? n - j : sizeof(uint64_t);
@@ -111,26 +111,20 @@ static void coverage_count(float *C, const uint8_t *bits, size_t n)
         for (size_t s = 0; s < SUB; s++) {
             uint64_t row = 0;
 
-            memcpy(&row, bits + s * n + j, some);
+            memcpy(&row, bits + (i * SUB + s) * n + j, some);
             sum += coverage_bits(row);
         }
         memcpy(count, &sum, sizeof sum);
         for (size_t k = 0; k < some; k++)
-            C[j + k] = (float)count[k] / (SUB * SUB);
+            C[i * n + j + k] = (float)count[k] / (SUB * SUB);
     }
 }
 
-/* The rows of cells that one of several threads fills: all but every `step`th
- * are the others'. */
-struct coverage_share {
-    size_t first, step;
-};
-
-/* One bit for each of a cell's 64 points, set by scan lines. */
-static void coverage_set_points(uint8_t *bits, const float *verts,
-                                const int32_t *faces, size_t F,
-                                const float cam[12], size_t n,
-                                struct coverage_share own)
+/* One bit for each of a cell's 64 points, set by scan lines, in the rows of
+ * cells that are one share's: all but every `shares`th are the others'. */
+PARALLEL(coverage_set_points, share, uint8_t *, bits, const float *, verts,
+         const int32_t *, faces, size_t, F, const float *, cam, size_t, n,
+         size_t, shares)
 {
     const size_t m = SUB * n;
 
@@ -147,35 +141,11 @@ static void coverage_set_points(uint8_t *bits, const float *verts,
         }
         coverage_rows(rows, c, m);
         for (size_t y = rows[0]; y < rows[1]; y++)
-            if (y / SUB % own.step == own.first &&
+            if (y / SUB % shares == share &&
                 coverage_span(&lo, &hi, c, (float)y + 0.5f))
                 coverage_set_bits(bits + y * n, coverage_first_centre(lo, m),
                                   coverage_first_centre(hi, m));
     }
-}
-
-struct coverage_fraction_part {
-    uint8_t *bits;
-    const float *verts, *cam;
-    const int32_t *faces;
-    size_t F, n, shares;
-};
-
-static void coverage_fraction_part(void *ctx, size_t i)
-{
-    const struct coverage_fraction_part *c = ctx;
-
-    coverage_set_points(c->bits, c->verts, c->faces, c->F, c->cam, c->n,
-                        (struct coverage_share){ i, c->shares });
-}
-
-struct coverage_fraction_row { float *C; uint8_t *bits; size_t n; };
-
-static void coverage_fraction_row(void *ctx, size_t i)
-{
-    const struct coverage_fraction_row *c = ctx;
-
-    coverage_count(c->C + i * c->n, c->bits + i * SUB * c->n, c->n);
 }
 
 /* Points in the triangles, counted. */
@@ -186,35 +156,23 @@ void coverage_fraction(float *C, const float *verts, const int32_t *faces,
     uint8_t *bits = scratch;
 
     memset(bits, 0, SUB * n * n);
-
-    parallel_for(shares, 1, coverage_fraction_part,
-                 &(struct coverage_fraction_part){ bits, verts, cam, faces, F,
-                                                   n, shares });
-
-    parallel_for(n, 1, coverage_fraction_row,
-                 &(struct coverage_fraction_row){ C, bits, n });
+    parallel_each(coverage_set_points, shares, 1, bits, verts, faces, F, cam, n,
+                  shares);
+    parallel_each(coverage_count, n, 1, C, bits, n);
 }
 
-struct coverage_blur_pass_part {
-    const float *w, *x;
-    float *out;
-    size_t n;
-    int r;
-};
-
-static void coverage_blur_pass_part(void *ctx, size_t i)
+PARALLEL(coverage_blur_pass_part, i, const float *, w, const float *, x,
+         float *, out, size_t, n, int, r)
 {
-    const struct coverage_blur_pass_part *c = ctx;
-
-    for (size_t j = 0; j < c->n; j++) {
+    for (size_t j = 0; j < n; j++) {
         float sum = 0;
 
-        for (int k = -c->r; k <= c->r; k++) {
+        for (int k = -r; k <= r; k++) {
             long at = (long)j + k;
-            if (at >= 0 && at < (long)c->n)
-                sum += c->w[k + c->r] * c->x[i * c->n + (size_t)at];
+            if (at >= 0 && at < (long)n)
+                sum += w[k + r] * x[i * n + (size_t)at];
         }
-        c->out[j * c->n + i] = sum;
+        out[j * n + i] = sum;
     }
 }
 
@@ -222,8 +180,7 @@ static void coverage_blur_pass_part(void *ctx, size_t i)
 static void coverage_blur_pass(float *out, const float *x, size_t n,
                                const float *w, int r)
 {
-    parallel_for(n, 1, coverage_blur_pass_part,
-                 &(struct coverage_blur_pass_part){ w, x, out, n, r });
+    parallel_each(coverage_blur_pass_part, n, 1, w, x, out, n, r);
 }
 
 /* Two passes of a separable filter of 3 sigma to either side. */
@@ -276,7 +233,7 @@ static struct linear coverage_linear(const float v[3],
 static void coverage_depth_face(float *z, float *value,
                                 const struct corner c[3],
                                 const float attribute[3], size_t n,
-                                struct coverage_share own)
+                                size_t share, size_t shares)
 {
     float det = (c[1].x - c[0].x) * (c[2].y - c[0].y) -
                 (c[2].x - c[0].x) * (c[1].y - c[0].y);
@@ -296,7 +253,7 @@ static void coverage_depth_face(float *z, float *value,
     for (size_t i = rows[0]; i < rows[1]; i++) {
         float y = (float)i + 0.5f - c[0].y;
 
-        if (i % own.step != own.first ||
+        if (i % shares != share ||
             !coverage_span(&lo, &hi, c, (float)i + 0.5f))
             continue;
         size_t end = coverage_first_centre(hi, n);
@@ -313,11 +270,11 @@ static void coverage_depth_face(float *z, float *value,
     }
 }
 
-/* All triangles into own rows. */
-static void coverage_depth_share(float *z, float *value, const float *verts,
-                                 const float *attribute, const int32_t *faces,
-                                 size_t F, const float cam[12], size_t n,
-                                 struct coverage_share own)
+/* All triangles into one share's rows. */
+PARALLEL(coverage_depth_share, share, float *, z, float *, value,
+         const float *, verts, const float *, attribute,
+         const int32_t *, faces, size_t, F, const float *, cam, size_t, n,
+         size_t, shares)
 {
     for (size_t f = 0; f < F; f++) {
         const int32_t *at = faces + 3 * f;
@@ -328,23 +285,8 @@ static void coverage_depth_share(float *z, float *value, const float *verts,
             continue;
         for (int k = 0; value && k < 3; k++)
             v[k] = attribute[at[k]];
-        coverage_depth_face(z, value, c, v, n, own);
+        coverage_depth_face(z, value, c, v, n, share, shares);
     }
-}
-
-struct coverage_depth_part {
-    float *z, *value;
-    const float *verts, *attribute, *cam;
-    const int32_t *faces;
-    size_t F, n, shares;
-};
-
-static void coverage_depth_part(void *ctx, size_t i)
-{
-    const struct coverage_depth_part *c = ctx;
-
-    coverage_depth_share(c->z, c->value, c->verts, c->attribute, c->faces, c->F,
-                         c->cam, c->n, (struct coverage_share){ i, c->shares });
 }
 
 /* A z-buffer at the cells' centres. */
@@ -358,44 +300,34 @@ void coverage_depth(float *z, float *value, const float *verts,
         z[i] = INFINITY;
     if (value)
         memset(value, 0, n * n * sizeof *value);
-
-    parallel_for(shares, 1, coverage_depth_part,
-                 &(struct coverage_depth_part){ z, value, verts, attribute, cam,
-                                                faces, F, n, shares });
+    parallel_each(coverage_depth_share, shares, 1, z, value, verts, attribute,
+                  faces, F, cam, n, shares);
 }
 
-struct coverage_seen_part {
-    const float *cam, *x, *z;
-    float *seen;
-    size_t n;
-    float slack;
-};
-
-static void coverage_seen_part(void *ctx, size_t k)
+PARALLEL(coverage_seen_part, k, const float *, cam, const float *, x,
+         const float *, z, float *, seen, size_t, n, float, slack)
 {
-    const struct coverage_seen_part *c = ctx;
     float uv[2], depth, sum = 0;
 
-    camera_project(uv, &depth, c->cam, (float)c->n, c->x + 3 * k, 1);
-    c->seen[k] = 0;
+    camera_project(uv, &depth, cam, (float)n, x + 3 * k, 1);
+    seen[k] = 0;
     if (!(depth > CAMERA_NEAR) || !(uv[0] >= 0) || !(uv[1] >= 0) ||
-        !(uv[0] <= (float)c->n) || !(uv[1] <= (float)c->n))
+        !(uv[0] <= (float)n) || !(uv[1] <= (float)n))
         return;
     float fx = floorf(uv[0] - 0.5f), fy = floorf(uv[1] - 0.5f);
     for (int q = 0; q < 4; q++) {
         long j = (long)fx + (q & 1), i = (long)fy + (q >> 1);
 
-        j = j < 0 ? 0 : j >= (long)c->n ? (long)c->n - 1 : j;
-        i = i < 0 ? 0 : i >= (long)c->n ? (long)c->n - 1 : i;
-        sum += depth <= c->z[(size_t)i * c->n + (size_t)j] + c->slack;
+        j = j < 0 ? 0 : j >= (long)n ? (long)n - 1 : j;
+        i = i < 0 ? 0 : i >= (long)n ? (long)n - 1 : i;
+        sum += depth <= z[(size_t)i * n + (size_t)j] + slack;
     }
-    c->seen[k] = 0.25f * sum;
+    seen[k] = 0.25f * sum;
 }
 
 /* The depth test of each point against the four cells around it. */
 void coverage_seen(float *seen, const float *x, size_t N, const float *z,
                    size_t n, const float cam[12], float slack)
 {
-    parallel_for(N, 1, coverage_seen_part,
-                 &(struct coverage_seen_part){ cam, x, z, seen, n, slack });
+    parallel_each(coverage_seen_part, N, 1, cam, x, z, seen, n, slack);
 }

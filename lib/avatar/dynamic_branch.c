@@ -165,29 +165,23 @@ static bool dynamic_branch_is_occluded(const struct source_mesh *mesh,
     return mesh->depth[source_mesh_cell(place, mesh->n)] < z + SLACK;
 }
 
-struct dynamic_branch_hull_part {
-    struct dynamic_branch *b;
-    const struct source_mesh *mesh;
-    const struct source_picture *picture;
-    float scale;
-};
-
-static void dynamic_branch_hull_part(void *ctx, size_t k)
+PARALLEL(dynamic_branch_hull_part, k, struct dynamic_branch *, b,
+         const struct source_mesh *, mesh,
+         const struct source_picture *, picture, float, scale)
 {
-    const struct dynamic_branch_hull_part *c = ctx;
-    const float *p = c->b->place + 2 * k, r = c->scale * c->b->spacing[k];
+    const float *p = b->place + 2 * k, r = scale * b->spacing[k];
     const float at[8] = { p[0] - r, p[1],     p[0] + r, p[1],
                           p[0],     p[1] - r, p[0],     p[1] + r };
-    const float *x = c->b->verts + 3 * k, *cam = c->mesh->cam;
+    const float *x = b->verts + 3 * k, *cam = mesh->cam;
     const float z = cam[8] * x[0] + cam[9] * x[1] + cam[10] * x[2] + cam[11];
     float rgba[16], least = 1;
 
-    source_picture_sample(rgba, c->picture, at, 4);
+    source_picture_sample(rgba, picture, at, 4);
     for (int i = 0; i < 4; i++)
-        least = dynamic_branch_is_occluded(c->mesh, at + 2 * i, z)
+        least = dynamic_branch_is_occluded(mesh, at + 2 * i, z)
                     ? fminf(least, rgba[4 * i + 3])
                     : 0;
-    c->b->hull[k] = branch_ramp(least, 0.5f, 0.95f);
+    b->hull[k] = branch_ramp(least, 0.5f, 0.95f);
 }
 
 /* hull: the least matte around every densified vertex, within the reach of a
@@ -201,8 +195,8 @@ static void dynamic_branch_hull(const struct source_picture *picture,
     const float scale = REACH * CLOSED * CAMERA_FOCAL /
                         fmaxf(mesh->cam[11], CAMERA_NEAR);
 
-    parallel_for(b->count, 1, dynamic_branch_hull_part,
-                 &(struct dynamic_branch_hull_part){ b, mesh, picture, scale });
+    parallel_each(dynamic_branch_hull_part, b->count, 1, b, mesh, picture,
+                  scale);
 }
 
 /* skin: trust, less where the neck shows cloth or hair: those colours do not
@@ -282,46 +276,35 @@ static float dynamic_branch_near(const struct source_picture *picture,
     return most;
 }
 
-struct dynamic_branch_start_part {
-    struct dynamic_branch *b;
-    float *eye, *rgb;
-    const struct source_picture *picture;
-    const struct source_mesh *mesh;
-};
-
-static void dynamic_branch_start_part(void *ctx, size_t k)
+PARALLEL(dynamic_branch_start_part, k, struct dynamic_branch *, b, float *, eye,
+         float *, rgb, const struct source_picture *, picture,
+         const struct source_mesh *, mesh)
 {
-    const struct dynamic_branch_start_part *c = ctx;
-    const float *pixel = c->b->pixel + 4 * k;
-    float *extra = c->b->in + (k + 1) * c->b->inputs - DYNAMIC_BRANCH_EXTRA;
-    float nv = dynamic_branch_facing(c->b, k, c->eye), matte = pixel[3];
-    float near = dynamic_branch_near(c->picture, c->b->place + 2 * k);
+    const float *pixel = b->pixel + 4 * k;
+    float *extra = b->in + (k + 1) * b->inputs - DYNAMIC_BRANCH_EXTRA;
+    float nv = dynamic_branch_facing(b, k, eye), matte = pixel[3];
+    float near = dynamic_branch_near(picture, b->place + 2 * k);
 
-    c->b->facing[k] = extra[0] = nv;
-    extra[1] = c->b->seen[k];
-    extra[2] = c->b->seen[k] * branch_ramp(nv, 0.05f, 0.4f);
+    b->facing[k] = extra[0] = nv;
+    extra[1] = b->seen[k];
+    extra[2] = b->seen[k] * branch_ramp(nv, 0.05f, 0.4f);
     extra[3] = matte;
-    c->b->trust[k] =
-        extra[2] * branch_ramp(matte, 0.5f, 0.9f) *
-        (1 - c->b->lid[k]) * (1 - c->mesh->weights->lining[k]) *
-        (1 - c->b->seam[k]) * (1 - c->b->fold[k]);
-    memcpy(c->rgb + 3 * k, pixel, 3 * sizeof *c->rgb);
+    b->trust[k] = extra[2] * branch_ramp(matte, 0.5f, 0.9f) * (1 - b->lid[k]) *
+                  (1 - mesh->weights->lining[k]) * (1 - b->seam[k]) *
+                  (1 - b->fold[k]);
+    memcpy(rgb + 3 * k, pixel, 3 * sizeof *rgb);
     /* what lies far beside the person in the picture is not the person */
-    c->b->start.visible[k] =
-        (1 - c->mesh->weights->lining[k]) * branch_ramp(near, 0, 0.4f) *
-        (1 - dynamic_branch_protrusion(c->picture, c->mesh, c->b, k));
-    c->b->start.opacity_shift[k] = -OUTSIDE * c->b->seen[k] * (1 - near);
-    c->b->start.scale_shift[k] =
-        attribute_logit(OVERLAP * c->b->spacing[k] / BRANCH_SCALE_MAX);
+    b->start.visible[k] = (1 - mesh->weights->lining[k]) *
+                          branch_ramp(near, 0, 0.4f) *
+                          (1 - dynamic_branch_protrusion(picture, mesh, b, k));
+    b->start.opacity_shift[k] = -OUTSIDE * b->seen[k] * (1 - near);
+    b->start.scale_shift[k] =
+        attribute_logit(OVERLAP * b->spacing[k] / BRANCH_SCALE_MAX);
 }
 
-struct dynamic_branch_logit_part { float *rgb; };
-
-static void dynamic_branch_logit_part(void *ctx, size_t i)
+PARALLEL(dynamic_branch_logit_part, i, float *, rgb)
 {
-    const struct dynamic_branch_logit_part *c = ctx;
-
-    c->rgb[i] = attribute_logit(c->rgb[i]);
+    rgb[i] = attribute_logit(rgb[i]);
 }
 
 /* The prior: visibility, coverage and matte of every densified vertex, into
@@ -341,9 +324,8 @@ static void dynamic_branch_start(const struct source_picture *picture,
     source_picture_sample(b->pixel, picture, b->place, b->count);
     dynamic_branch_hull(picture, mesh, b);
 
-    parallel_for(b->count, 1, dynamic_branch_start_part,
-                 &(struct dynamic_branch_start_part){ b, eye, rgb, picture,
-                                                      mesh });
+    parallel_each(dynamic_branch_start_part, b->count, 1, b, eye, rgb, picture,
+                  mesh);
     white_point(b->white, &seen, mesh->head);
     dynamic_branch_uncover_teeth(mesh, b);
     dynamic_branch_set_skin(mesh, b);
@@ -355,8 +337,7 @@ static void dynamic_branch_start(const struct source_picture *picture,
     lip_lining_paint(rgb, b->seam, b->normals, b->white, b->count);
     eyes_paint_balls(rgb, b->shut, &photo, mesh->weights, b->tmp);
 
-    parallel_for(3 * b->count, 1, dynamic_branch_logit_part,
-                 &(struct dynamic_branch_logit_part){ rgb });
+    parallel_each(dynamic_branch_logit_part, 3 * b->count, 1, rgb);
 }
 
 /* How far the source shows Gaussian k (written by dynamic_branch_start) in the
@@ -395,31 +376,25 @@ static float dynamic_branch_min_scale(const struct dynamic_branch *b, size_t k)
     return fminf(LEAST * b->spacing[k], BRANCH_SCALE_MAX);
 }
 
-struct dynamic_branch_unseen_part {
-    const struct dynamic_branch *b;
-    struct branch_set *out;
-};
-
-static void dynamic_branch_unseen_part(void *ctx, size_t k)
+PARALLEL(dynamic_branch_unseen_part, k, const struct dynamic_branch *, b,
+         struct branch_set *, out)
 {
-    const struct dynamic_branch_unseen_part *a = ctx;
-    float w = dynamic_branch_visibility(a->b, k),
-          *scale = a->out->scale + 3 * k;
-    float v = dynamic_branch_front(a->b, k);
-    float least = dynamic_branch_min_scale(a->b, k);
-    float round = fminf(CLOSED * a->b->spacing[k], BRANCH_SCALE_MAX);
-    float *color = a->out->color + k * a->out->channels;
+    float w = dynamic_branch_visibility(b, k), *scale = out->scale + 3 * k;
+    float v = dynamic_branch_front(b, k);
+    float least = dynamic_branch_min_scale(b, k);
+    float round = fminf(CLOSED * b->spacing[k], BRANCH_SCALE_MAX);
+    float *color = out->color + k * out->channels;
 
     for (size_t c = 0; c < 3; c++) {
-        float own = 1 / (1 + expf(-a->b->logit[3 * k + c]));
+        float own = 1 / (1 + expf(-b->logit[3 * k + c]));
 
         color[c] = w * color[c] + (1 - w) * own;
         scale[c] = v * fmaxf(scale[c], least) + (1 - v) * round;
     }
-    for (size_t c = 3; c < a->out->channels; c++)
+    for (size_t c = 3; c < out->channels; c++)
         color[c] *= w;
-    a->out->opacity[k] =
-        v * a->out->opacity[k] + (1 - v) * SOLID * a->b->start.visible[k];
+    out->opacity[k] =
+        v * out->opacity[k] + (1 - v) * SOLID * b->start.visible[k];
 }
 
 /* Where the source does not show a Gaussian the prior replaces the decoder,
@@ -429,8 +404,7 @@ static void dynamic_branch_unseen_part(void *ctx, size_t k)
 static void dynamic_branch_unseen(struct branch_set *out,
                                   const struct dynamic_branch *b)
 {
-    parallel_for(out->n, 1, dynamic_branch_unseen_part,
-                 &(struct dynamic_branch_unseen_part){ b, out });
+    parallel_each(dynamic_branch_unseen_part, out->n, 1, b, out);
 }
 
 /* The decoder's scale i, three a Gaussian, as branch_prior_forward has it. */
@@ -441,48 +415,35 @@ static float dynamic_branch_net_scale(const struct dynamic_branch *b, size_t i)
                            b->start.scale_shift[i / 3]);
 }
 
-struct dynamic_branch_unseen_backward_part {
-    const struct dynamic_branch *b;
-    struct branch_set *dout;
-};
-
-static void dynamic_branch_unseen_backward_part(void *ctx, size_t k)
+PARALLEL(dynamic_branch_unseen_backward_part, k,
+         const struct dynamic_branch *, b, struct branch_set *, dout)
 {
-    const struct dynamic_branch_unseen_backward_part *a = ctx;
-    float v = dynamic_branch_front(a->b, k);
-    float w = dynamic_branch_visibility(a->b, k);
+    float v = dynamic_branch_front(b, k);
+    float w = dynamic_branch_visibility(b, k);
 
-    for (size_t c = 0; c < a->dout->channels; c++)
-        a->dout->color[k * a->dout->channels + c] *= w;
+    for (size_t c = 0; c < dout->channels; c++)
+        dout->color[k * dout->channels + c] *= w;
     for (size_t i = 3 * k; i < 3 * k + 3; i++)
-        a->dout->scale[i] *= dynamic_branch_net_scale(a->b, i) >
-                                     dynamic_branch_min_scale(a->b, k)
-                                 ? v
-                                 : 0;
-    a->dout->opacity[k] *= v;
+        dout->scale[i] *=
+            dynamic_branch_net_scale(b, i) > dynamic_branch_min_scale(b, k) ? v
+                                                                            : 0;
+    dout->opacity[k] *= v;
 }
 
 /* Reverse of dynamic_branch_unseen, in place. */
 static void dynamic_branch_unseen_backward(struct branch_set *dout,
                                            const struct dynamic_branch *b)
 {
-    parallel_for(dout->n, 1, dynamic_branch_unseen_backward_part,
-                 &(struct dynamic_branch_unseen_backward_part){ b, dout });
+    parallel_each(dynamic_branch_unseen_backward_part, dout->n, 1, b, dout);
 }
 
-/* Rows of `width` values, the first Cf of them features. */
-struct dynamic_branch_rows {
-    struct dynamic_branch *b;
-    size_t width, Cf;
-};
-
-static void dynamic_branch_forward_part(void *ctx, size_t k)
+PARALLEL(dynamic_branch_inputs, k, struct dynamic_branch *, b)
 {
-    const struct dynamic_branch_rows *c = ctx;
-    float *row = c->b->in + k * c->b->inputs;
+    float *row = b->in + k * b->inputs;
 
-    memcpy(row, c->b->h + k * c->width, c->width * sizeof *row);
-    memcpy(row + c->width, c->b->sampled + k * c->Cf, c->Cf * sizeof *row);
+    memcpy(row, b->h + k * b->width, b->width * sizeof *row);
+    memcpy(row + b->width, b->sampled + k * b->feature,
+           b->feature * sizeof *row);
 }
 
 /* Rows [h_k, d_k, extras] through Phi_D; the centre is the vertex. */
@@ -500,9 +461,7 @@ void dynamic_branch_forward(struct branch_set *out, const float *features,
     grid_sample(b->sampled, features, b->place, 1, b->n, b->n, Cf, b->count,
                 false, RESAMPLE_BORDER);
     densify_forward(b->h, param_w(b->ps, b->head_base), b->dense, width);
-
-    parallel_for(b->count, 1, dynamic_branch_forward_part,
-                 &(struct dynamic_branch_rows){ b, width, Cf });
+    parallel_each(dynamic_branch_inputs, b->count, 1, b);
     if (b->prior)
         dynamic_branch_start(picture, mesh, b);
     struct gaussian_out raw = branch_decoder_out(out, &b->start, NULL);
@@ -521,13 +480,13 @@ void dynamic_branch_forward(struct branch_set *out, const float *features,
     }
 }
 
-static void dynamic_branch_backward_part(void *ctx, size_t k)
+PARALLEL(dynamic_branch_inputs_backward, k, struct dynamic_branch *, b)
 {
-    const struct dynamic_branch_rows *c = ctx;
-    const float *row = c->b->din + k * c->b->inputs;
+    const float *row = b->din + k * b->inputs;
 
-    memcpy(c->b->dh + k * c->width, row, c->width * sizeof *row);
-    memcpy(c->b->dsampled + k * c->Cf, row + c->width, c->Cf * sizeof *row);
+    memcpy(b->dh + k * b->width, row, b->width * sizeof *row);
+    memcpy(b->dsampled + k * b->feature, row + b->width,
+           b->feature * sizeof *row);
 }
 
 /* Vertices are constants: gradients go to Phi_D, h_k and the features. */
@@ -550,9 +509,7 @@ void dynamic_branch_backward(float *dfeatures, struct branch_set *dout,
                          b->prior ? b->logit : NULL, &b->decoder);
     memset(b->dh, 0, b->count * width * sizeof *b->dh);
     memset(b->dsampled, 0, b->count * Cf * sizeof *b->dsampled);
-
-    parallel_for(dout->n, 1, dynamic_branch_backward_part,
-                 &(struct dynamic_branch_rows){ b, width, Cf });
+    parallel_each(dynamic_branch_inputs_backward, dout->n, 1, b);
     densify_backward(param_g(b->ps, b->head_base), b->dh, b->dense, width);
     grid_sample_backward(dfeatures, NULL, b->dsampled, features, b->place, 1,
                          b->n, b->n, Cf, b->count, false, RESAMPLE_BORDER);

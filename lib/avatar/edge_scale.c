@@ -43,27 +43,21 @@ void edge_scale_find(float *most, const float *rgba, float least, size_t n)
         most[k] = fmaxf(REACH * most[k], least);
 }
 
-struct edge_scale_clamp_part {
-    const float *most;
-    float *clamped, *scale;
-    float cell;
-};
-
-static void edge_scale_clamp_part(void *ctx, size_t i)
+PARALLEL(edge_scale_clamp_part, i, const float *, most, float *, clamped,
+         float *, scale, float, cell)
 {
-    const struct edge_scale_clamp_part *c = ctx;
-    const float limit = c->most[i / 3] * c->cell;
+    const float limit = most[i / 3] * cell;
 
-    if (c->clamped)
-        c->clamped[i] = c->scale[i] > limit;
-    c->scale[i] = fminf(c->scale[i], limit);
+    if (clamped)
+        clamped[i] = scale[i] > limit;
+    scale[i] = fminf(scale[i], limit);
 }
 
 void edge_scale_clamp(float *scale, float *clamped, const float *most,
                       float cell, size_t count)
 {
-    parallel_for(3 * count, 1, edge_scale_clamp_part,
-                 &(struct edge_scale_clamp_part){ most, clamped, scale, cell });
+    parallel_each(edge_scale_clamp_part, 3 * count, 1, most, clamped, scale,
+                  cell);
 }
 
 void edge_scale_clamp_backward(float *dscale, const float *clamped,

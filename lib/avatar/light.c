@@ -22,11 +22,12 @@ struct light_model {
     bool begun;
 };
 
-/* Luminance of linear light, negative if too dark to tell, and chroma of an
- * sRGB colour. */
-static void light_split(float out[4], const float rgb[3])
+/* Luminance of linear light, negative if too dark to tell, and chroma of vertex
+ * v's sRGB colour. */
+PARALLEL(light_split, v, float *, tmp, const float *, rgba)
 {
-    float sum = rgb[0] + rgb[1] + rgb[2];
+    const float *rgb = rgba + 4 * v;
+    float sum = rgb[0] + rgb[1] + rgb[2], *out = tmp + 4 * v;
 
     out[0] = 0;
     for (int c = 0; c < 3; c++) {
@@ -118,16 +119,6 @@ static bool light_fit_again(struct light_model *f, const float *colors,
     return true;
 }
 
-struct light_fit_part { float *tmp; const float *rgba; };
-
-/* One vertex. */
-static void light_fit_part(void *ctx, size_t v)
-{
-    const struct light_fit_part *c = ctx;
-
-    light_split(c->tmp + 4 * v, c->rgba + 4 * v);
-}
-
 /* l is the fit's slope over its mean. */
 void light_fit(float l[3], const float *rgba, const float *normal,
                const float *weight, size_t V, float *tmp)
@@ -136,8 +127,7 @@ void light_fit(float l[3], const float *rgba, const float *normal,
     double length = 0;
 
     memset(l, 0, 3 * sizeof *l);
-
-    parallel_for(V, 1, light_fit_part, &(struct light_fit_part){ tmp, rgba });
+    parallel_each(light_split, V, 1, tmp, rgba);
     for (int round = 0; round < ROUNDS; round++)
         if (!light_fit_again(&f, tmp, normal, weight, V))
             return;

@@ -64,22 +64,18 @@ void source_mesh_normal(float normal[3], const float cam[12])
         normal[i] = -cam[8 + i];
 }
 
-struct source_mesh_project_part { float *place; const float *cam, *x; };
-
-static void source_mesh_project_part(void *ctx, size_t i)
+PARALLEL(source_mesh_project_part, i, float *, place, const float *, cam,
+         const float *, x)
 {
-    const struct source_mesh_project_part *c = ctx;
-
-    camera_project(c->place + 2 * i, NULL, c->cam, 2, c->x + 3 * i, 1);
-    c->place[2 * i] -= 1;
-    c->place[2 * i + 1] -= 1;
+    camera_project(place + 2 * i, NULL, cam, 2, x + 3 * i, 1);
+    place[2 * i] -= 1;
+    place[2 * i + 1] -= 1;
 }
 
 void source_mesh_project(float *place, const float *x, size_t N,
                          const float cam[12])
 {
-    parallel_for(N, 1, source_mesh_project_part,
-                 &(struct source_mesh_project_part){ place, cam, x });
+    parallel_each(source_mesh_project_part, N, 1, place, cam, x);
 }
 
 size_t source_mesh_cell(const float place[2], size_t n)

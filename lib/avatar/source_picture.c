@@ -33,41 +33,32 @@ void source_picture_release(struct source_picture *p)
     memset(p, 0, sizeof *p);
 }
 
-struct source_picture_inside_part {
-    const float *rgba;
-    uint8_t *across;
-    size_t S;
-};
-
 /* One row. */
-static void source_picture_inside_part(void *ctx, size_t y)
+PARALLEL(source_picture_inside_part, y, const float *, rgba, uint8_t *, across,
+         size_t, S)
 {
-    const struct source_picture_inside_part *c = ctx;
-
-    for (size_t x = 0; x < c->S; x++) {
+    for (size_t x = 0; x < S; x++) {
         const size_t from = x < 2 ? 0 : x - 2;
-        const size_t to = x + 2 < c->S ? x + 2 : c->S - 1;
+        const size_t to = x + 2 < S ? x + 2 : S - 1;
         bool all = true;
 
         for (size_t i = from; i <= to; i++)
-            all = all && c->rgba[4 * (y * c->S + i) + 3] > 0.95f;
-        c->across[y * c->S + x] = all;
+            all = all && rgba[4 * (y * S + i) + 3] > 0.95f;
+        across[y * S + x] = all;
     }
 }
 
-struct source_picture_column_part { uint8_t *inside, *across; size_t S; };
-
 /* One row. */
-static void source_picture_column_part(void *ctx, size_t y)
+PARALLEL(source_picture_column_part, y, uint8_t *, inside, uint8_t *, across,
+         size_t, S)
 {
-    const struct source_picture_column_part *c = ctx;
     const size_t from = y < 2 ? 0 : y - 2;
-    const size_t to = y + 2 < c->S ? y + 2 : c->S - 1;
+    const size_t to = y + 2 < S ? y + 2 : S - 1;
 
-    memcpy(c->inside + y * c->S, c->across + from * c->S, c->S);
+    memcpy(inside + y * S, across + from * S, S);
     for (size_t i = from + 1; i <= to; i++)
-        for (size_t x = 0; x < c->S; x++)
-            c->inside[y * c->S + x] &= c->across[i * c->S + x];
+        for (size_t x = 0; x < S; x++)
+            inside[y * S + x] &= across[i * S + x];
 }
 
 /* inside (S,S): whether a pixel and all within two pixels are the person's:
@@ -76,11 +67,9 @@ static void source_picture_column_part(void *ctx, size_t y)
 static void source_picture_inside(uint8_t *inside, uint8_t *across,
                                   const float *rgba, size_t S)
 {
-    parallel_for(S, 1, source_picture_inside_part,
-                 &(struct source_picture_inside_part){ rgba, across, S });
+    parallel_each(source_picture_inside_part, S, 1, rgba, across, S);
 
-    parallel_for(S, 1, source_picture_column_part,
-                 &(struct source_picture_column_part){ inside, across, S });
+    parallel_each(source_picture_column_part, S, 1, inside, across, S);
 }
 
 /* Pixels of done (S,S) that wait for their step. */
@@ -152,24 +141,18 @@ static void source_picture_pad(float *rgba, uint8_t *done, uint32_t *list,
     }
 }
 
-struct source_picture_set_part {
-    const uint8_t *matte, *rgb;
-    float *value;
-    struct source_picture *p;
-};
-
-static void source_picture_set_part(void *ctx, size_t i)
+PARALLEL(source_picture_set_part, i, const uint8_t *, matte,
+         const uint8_t *, rgb, float *, value, struct source_picture *, p)
 {
-    const struct source_picture_set_part *a = ctx;
-    float m = a->matte ? a->value[a->matte[i]] : 1;
+    float m = matte ? value[matte[i]] : 1;
 
     for (size_t c = 0; c < 3; c++) {
-        float x = a->value[a->rgb[3 * i + c]];
+        float x = value[rgb[3 * i + c]];
 
-        a->p->rgba[4 * i + c] = x;
-        a->p->rgb[3 * i + c] = m * x;
+        p->rgba[4 * i + c] = x;
+        p->rgb[3 * i + c] = m * x;
     }
-    a->p->rgba[4 * i + 3] = m;
+    p->rgba[4 * i + 3] = m;
 }
 
 /* Bytes to floats, matte, then colours outwards. */
@@ -182,8 +165,7 @@ void source_picture_set(struct source_picture *p, const uint8_t *rgb,
     for (int i = 0; i < 256; i++)
         value[i] = (float)i / 255;
 
-    parallel_for(S * S, 1, source_picture_set_part,
-                 &(struct source_picture_set_part){ matte, rgb, value, p });
+    parallel_each(source_picture_set_part, S * S, 1, matte, rgb, value, p);
     if (!pad)
         return;
     source_picture_inside(p->padded, p->across, p->rgba, S);

@@ -117,20 +117,15 @@ void static_branch_release(struct static_branch *b)
 
 /* ---- what the plane's cells lie on --------------------------------------- */
 
-struct static_branch_surface_part {
-    const struct source_mesh *mesh;
-    struct static_branch *b;
-};
-
-static void static_branch_surface_part(void *ctx, size_t k)
+PARALLEL(static_branch_surface_part, k, const struct source_mesh *, mesh,
+         struct static_branch *, b)
 {
-    const struct static_branch_surface_part *c = ctx;
-    const float h = c->mesh->cam[11] - c->mesh->depth[k];
+    const float h = mesh->cam[11] - mesh->depth[k];
     const float most = STATIC_BRANCH_HEIGHT;
 
-    c->b->height[k] = isfinite(h) && c->mesh->coverage[k] >= BESIDE_OUTLINE
-                          ? fminf(fmaxf(h, -most), most)
-                          : 0;
+    b->height[k] = isfinite(h) && mesh->coverage[k] >= BESIDE_OUTLINE
+                       ? fminf(fmaxf(h, -most), most)
+                       : 0;
 }
 
 /* Where the mesh lies over the plane, towards the camera; 0 beside it and on
@@ -139,8 +134,7 @@ static void static_branch_surface_part(void *ctx, size_t k)
 static void static_branch_surface(struct static_branch *b,
                                   const struct source_mesh *mesh)
 {
-    parallel_for(b->count, 1, static_branch_surface_part,
-                 &(struct static_branch_surface_part){ mesh, b });
+    parallel_each(static_branch_surface_part, b->count, 1, mesh, b);
 }
 
 /* Neck blend weight of a point at height y, `aside` cells beside the mesh.
@@ -158,22 +152,15 @@ static float static_branch_neck_weight(const struct static_branch *b,
                                         (1 + SHOULDER_FALL * beside));
 }
 
-struct static_branch_neck_part {
-    float *mean, *back, *neck;
-    struct static_branch *b;
-    const struct source_mesh *mesh;
-};
-
-static void static_branch_neck_part(void *ctx, size_t k)
+PARALLEL(static_branch_neck_part, k, float *, mean, float *, back,
+         float *, neck, struct static_branch *, b,
+         const struct source_mesh *, mesh)
 {
-    const struct static_branch_neck_part *c = ctx;
-    const float *x = c->mean + 3 * k;
-    float y =
-        c->back[4] * x[0] + c->back[5] * x[1] + c->back[6] * x[2] + c->back[7];
+    const float *x = mean + 3 * k;
+    float y = back[4] * x[0] + back[5] * x[1] + back[6] * x[2] + back[7];
 
     /* neck has the distances till here */
-    c->neck[k] =
-        static_branch_neck_weight(c->b, c->mesh, 0.5f * (x[1] + y), c->neck[k]);
+    neck[k] = static_branch_neck_weight(b, mesh, 0.5f * (x[1] + y), neck[k]);
 }
 
 /* Neck blend weights (n*n), from where the cells lie on the surface: a point
@@ -199,9 +186,8 @@ static void static_branch_neck(float *neck, float *mean,
                        b->count);
     beside_distance(neck, mesh->coverage, b->n);
 
-    parallel_for(
-        b->count, 1, static_branch_neck_part,
-        &(struct static_branch_neck_part){ mean, back, neck, b, mesh });
+    parallel_each(static_branch_neck_part, b->count, 1, mean, back, neck, b,
+                  mesh);
 }
 
 /* b->moving, what may not be drawn: where the mesh moves, and thin rims beside
@@ -232,20 +218,15 @@ static void static_branch_map(float *neck, float *mean,
     static_branch_mask(b, picture, mesh);
 }
 
-struct static_branch_locate_part {
-    struct static_branch *b;
-    float *neck, *scratch;
-};
-
-static void static_branch_locate_part(void *ctx, size_t k)
+PARALLEL(static_branch_locate_part, k, struct static_branch *, b, float *, neck,
+         float *, scratch)
 {
-    const struct static_branch_locate_part *c = ctx;
-    const size_t at = source_mesh_cell(c->b->U + 2 * k, c->b->n);
+    const size_t at = source_mesh_cell(b->U + 2 * k, b->n);
 
-    c->b->cell[k] = (uint32_t)at;
-    c->b->surface[k] = c->b->height[at];
-    c->b->most[k] = c->b->edge[at];
-    c->neck[k] = c->scratch[at];
+    b->cell[k] = (uint32_t)at;
+    b->surface[k] = b->height[at];
+    b->most[k] = b->edge[at];
+    neck[k] = scratch[at];
 }
 
 /* Where the Gaussians have moved to: the cells they lie in now, and what the
@@ -255,26 +236,18 @@ static void static_branch_locate(float *neck, float *scratch,
 {
     memcpy(scratch, neck, b->count * sizeof *neck);
 
-    parallel_for(b->count, 1, static_branch_locate_part,
-                 &(struct static_branch_locate_part){ b, neck, scratch });
+    parallel_each(static_branch_locate_part, b->count, 1, b, neck, scratch);
 }
 
 /* ---- forward and backward ------------------------------------------------ */
 
-struct static_branch_deform_part {
-    struct static_branch *b;
-    const float *features;
-    const struct source_mesh *mesh;
-    size_t Cf;
-};
-
-static void static_branch_deform_part(void *ctx, size_t k)
+PARALLEL(static_branch_deform_part, k, struct static_branch *, b,
+         const float *, features, const struct source_mesh *, mesh, size_t, Cf)
 {
-    const struct static_branch_deform_part *c = ctx;
-    float *row = c->b->init_in + k * (c->Cf + 1);
+    float *row = b->init_in + k * (Cf + 1);
 
-    memcpy(row, c->features + k * c->Cf, c->Cf * sizeof *row);
-    row[c->Cf] = c->mesh->coverage[k];
+    memcpy(row, features + k * Cf, Cf * sizeof *row);
+    row[Cf] = mesh->coverage[k];
 }
 
 /* U = U_0 + Phi_init([F, C]). */
@@ -287,25 +260,18 @@ static void static_branch_deform(const float *features,
     if (b->uniform)
         return;
 
-    parallel_for(b->count, 1, static_branch_deform_part,
-                 &(struct static_branch_deform_part){ b, features, mesh, Cf });
+    parallel_each(static_branch_deform_part, b->count, 1, b, features, mesh,
+                  Cf);
     plane_init_forward(b->delta, b->init_in, &b->init);
     for (size_t k = 0; k < 2 * b->count; k++)
         b->U[k] += b->delta[k];
 }
 
-struct static_branch_deform_backward_part {
-    float *dfeatures;
-    struct static_branch *b;
-    size_t Cf;
-};
-
-static void static_branch_deform_backward_part(void *ctx, size_t k)
+PARALLEL(static_branch_deform_backward_part, k, float *, dfeatures,
+         struct static_branch *, b, size_t, Cf)
 {
-    const struct static_branch_deform_backward_part *a = ctx;
-
-    for (size_t c = 0; c < a->Cf; c++)
-        a->dfeatures[k * a->Cf + c] += a->b->dinit_in[k * (a->Cf + 1) + c];
+    for (size_t c = 0; c < Cf; c++)
+        dfeatures[k * Cf + c] += b->dinit_in[k * (Cf + 1) + c];
 }
 
 /* Undo it; dfeatures is added to. */
@@ -318,43 +284,34 @@ static void static_branch_deform_backward(float *dfeatures,
         return;
     plane_init_backward(b->dinit_in, b->dU, &b->init);
 
-    parallel_for(
-        b->count, 1, static_branch_deform_backward_part,
-        &(struct static_branch_deform_backward_part){ dfeatures, b, Cf });
+    parallel_each(static_branch_deform_backward_part, b->count, 1, dfeatures, b,
+                  Cf);
 }
 
-struct static_branch_inputs_part {
-    float *rows;
-    struct static_branch *b;
-    const float *features;
-    const struct source_mesh *mesh;
-    size_t stride, Cf;
-    float size_shift;
-};
-
-static void static_branch_inputs_part(void *ctx, size_t k)
+PARALLEL(static_branch_inputs_part, k, float *, rows, struct static_branch *, b,
+         const float *, features, const struct source_mesh *, mesh,
+         size_t, stride, size_t, Cf, float, size_shift)
 {
-    const struct static_branch_inputs_part *a = ctx;
-    float *row = a->rows + k * a->stride;
-    const float *pixel = a->b->pixel + 4 * k;
-    const size_t at = a->b->cell[k];
+    float *row = rows + k * stride;
+    const float *pixel = b->pixel + 4 * k;
+    const size_t at = b->cell[k];
 
-    grid_sample(row, a->features, a->b->U + 2 * k, 1, a->b->n, a->b->n, a->Cf,
-                1, false, RESAMPLE_BORDER);
-    row[a->Cf] = a->b->U[2 * k];
-    row[a->Cf + 1] = a->b->U[2 * k + 1];
-    if (!a->b->prior)
+    grid_sample(row, features, b->U + 2 * k, 1, b->n, b->n, Cf, 1, false,
+                RESAMPLE_BORDER);
+    row[Cf] = b->U[2 * k];
+    row[Cf + 1] = b->U[2 * k + 1];
+    if (!b->prior)
         return;
-    row[a->Cf + 2] = a->mesh->coverage[at];
-    row[a->Cf + 3] = pixel[3];
-    row[a->Cf + 4] = a->b->surface[k];
-    row[a->Cf + 5] = isfinite(a->mesh->depth[at]) ? 1 : 0;
+    row[Cf + 2] = mesh->coverage[at];
+    row[Cf + 3] = pixel[3];
+    row[Cf + 4] = b->surface[k];
+    row[Cf + 5] = isfinite(mesh->depth[at]) ? 1 : 0;
     for (int c = 0; c < 3; c++)
-        a->b->logit[3 * k + c] = attribute_logit(pixel[c]);
-    a->b->start.visible[k] = fminf(pixel[3], 1) * (1 - a->b->moving[at]);
-    a->b->start.opacity_shift[k] = -COVERED * a->mesh->coverage[at];
-    a->b->start.scale_shift[k] = a->size_shift;
-    a->b->p_shift[k] = attribute_logit(0.5f + 0.5f * a->b->surface[k]);
+        b->logit[3 * k + c] = attribute_logit(pixel[c]);
+    b->start.visible[k] = fminf(pixel[3], 1) * (1 - b->moving[at]);
+    b->start.opacity_shift[k] = -COVERED * mesh->coverage[at];
+    b->start.scale_shift[k] = size_shift;
+    b->p_shift[k] = attribute_logit(0.5f + 0.5f * b->surface[k]);
 }
 
 /* The decoder's input rows [F at U, U, extras], and the prior. */
@@ -367,31 +324,25 @@ static void static_branch_inputs(const float *features,
     float cell = source_mesh_spacing(mesh, b->n);
     float size_shift = attribute_logit(OVERLAP * cell / BRANCH_SCALE_MAX);
 
-    parallel_for(b->count, 1, static_branch_inputs_part,
-                 &(struct static_branch_inputs_part){ rows, b, features, mesh,
-                                                      stride, Cf, size_shift });
+    parallel_each(static_branch_inputs_part, b->count, 1, rows, b, features,
+                  mesh, stride, Cf, size_shift);
 }
 
-struct static_branch_inputs_backward_part {
-    struct static_branch *b;
-    size_t Cf;
-};
-
-static void static_branch_inputs_backward_part(void *ctx, size_t k)
+PARALLEL(static_branch_inputs_backward_part, k, struct static_branch *, b,
+         size_t, Cf)
 {
-    const struct static_branch_inputs_backward_part *a = ctx;
-    const float *row = a->b->din + k * a->b->inputs;
+    const float *row = b->din + k * b->inputs;
 
-    memcpy(a->b->dsampled + k * a->Cf, row, a->Cf * sizeof *row);
-    a->b->dU[2 * k] += row[a->Cf];
-    a->b->dU[2 * k + 1] += row[a->Cf + 1];
-    if (!a->b->prior)
+    memcpy(b->dsampled + k * Cf, row, Cf * sizeof *row);
+    b->dU[2 * k] += row[Cf];
+    b->dU[2 * k + 1] += row[Cf + 1];
+    if (!b->prior)
         return;
-    a->b->dpixel[4 * k + 3] =
-        row[a->Cf + 3] + a->b->dvisible[k] * (1 - a->b->moving[a->b->cell[k]]);
+    b->dpixel[4 * k + 3] =
+        row[Cf + 3] + b->dvisible[k] * (1 - b->moving[b->cell[k]]);
     for (int c = 0; c < 3; c++)
-        a->b->dpixel[4 * k + c] = attribute_logit_backward(
-            a->b->dlogit[3 * k + c], a->b->pixel[4 * k + c]);
+        b->dpixel[4 * k + c] =
+            attribute_logit_backward(b->dlogit[3 * k + c], b->pixel[4 * k + c]);
 }
 
 /* Gradients of the decoder's input rows into dU, dsampled and dpixel. */
@@ -399,24 +350,17 @@ static void static_branch_inputs_backward(struct static_branch *b)
 {
     size_t Cf = b->feature;
 
-    parallel_for(b->count, 1, static_branch_inputs_backward_part,
-                 &(struct static_branch_inputs_backward_part){ b, Cf });
+    parallel_each(static_branch_inputs_backward_part, b->count, 1, b, Cf);
 }
 
-struct static_branch_clamp_tint_part {
-    const struct static_branch *b;
-    struct branch_set *out;
-};
-
-static void static_branch_clamp_tint_part(void *ctx, size_t k)
+PARALLEL(static_branch_clamp_tint_part, k, const struct static_branch *, b,
+         struct branch_set *, out)
 {
-    const struct static_branch_clamp_tint_part *a = ctx;
-
     for (size_t c = 0; c < 3; c++) {
-        const float own = 1 / (1 + expf(-a->b->logit[3 * k + c]));
-        float *color = a->out->color + k * a->out->channels + c;
+        const float own = 1 / (1 + expf(-b->logit[3 * k + c]));
+        float *color = out->color + k * out->channels + c;
 
-        a->b->clamped[3 * k + c] = fabsf(*color - own) > TINT ? own : 0;
+        b->clamped[3 * k + c] = fabsf(*color - own) > TINT ? own : 0;
         *color = fminf(fmaxf(*color, own - TINT), own + TINT);
     }
 }
@@ -426,22 +370,15 @@ static void static_branch_clamp_tint_part(void *ctx, size_t k)
 static void static_branch_clamp_tint(struct branch_set *out,
                                      const struct static_branch *b)
 {
-    parallel_for(out->n, 1, static_branch_clamp_tint_part,
-                 &(struct static_branch_clamp_tint_part){ b, out });
+    parallel_each(static_branch_clamp_tint_part, out->n, 1, b, out);
 }
 
-struct static_branch_clamp_tint_backward_part {
-    struct static_branch *b;
-    struct branch_set *dout;
-};
-
-static void static_branch_clamp_tint_backward_part(void *ctx, size_t k)
+PARALLEL(static_branch_clamp_tint_backward_part, k, struct static_branch *, b,
+         struct branch_set *, dout)
 {
-    const struct static_branch_clamp_tint_backward_part *a = ctx;
-
     for (size_t c = 0; c < 3; c++) {
-        float *own = a->b->clamped + 3 * k + c;
-        float *d = a->dout->color + k * a->dout->channels + c;
+        float *own = b->clamped + 3 * k + c;
+        float *d = dout->color + k * dout->channels + c;
 
         if (!(*own > 0))
             continue;
@@ -455,18 +392,13 @@ static void static_branch_clamp_tint_backward_part(void *ctx, size_t k)
 static void static_branch_clamp_tint_backward(struct branch_set *dout,
                                               struct static_branch *b)
 {
-    parallel_for(dout->n, 1, static_branch_clamp_tint_backward_part,
-                 &(struct static_branch_clamp_tint_backward_part){ b, dout });
+    parallel_each(static_branch_clamp_tint_backward_part, dout->n, 1, b, dout);
 }
 
-struct static_branch_forward_part { struct static_branch *b; };
-
-static void static_branch_forward_part(void *ctx, size_t k)
+PARALLEL(static_branch_forward_part, k, struct static_branch *, b)
 {
-    const struct static_branch_forward_part *c = ctx;
-
-    c->b->p[k] = c->b->prior ? attribute_shift(c->b->p_raw[k], c->b->p_shift[k])
-                             : c->b->p_raw[k];
+    b->p[k] = b->prior ? attribute_shift(b->p_raw[k], b->p_shift[k])
+                       : b->p_raw[k];
 }
 
 /* Rows [F at U, U, extras] through Phi_S, lifted from the plane. */
@@ -493,8 +425,7 @@ void static_branch_forward(struct branch_set *out, const float *features,
                          source_mesh_spacing(mesh, b->n), b->count);
     }
 
-    parallel_for(b->count, 1, static_branch_forward_part,
-                 &(struct static_branch_forward_part){ b });
+    parallel_each(static_branch_forward_part, b->count, 1, b);
     static_branch_lift(out->mean, b->U, b->p, b->prior ? b->surface : NULL,
                        mesh->cam, mesh->normal, b->count);
     for (size_t k = 0; k < b->count; k++)
@@ -507,14 +438,9 @@ void static_branch_forward(struct branch_set *out, const float *features,
     }
 }
 
-struct static_branch_backward_part { struct static_branch *b; };
-
-static void static_branch_backward_part(void *ctx, size_t k)
+PARALLEL(static_branch_backward_part, k, struct static_branch *, b)
 {
-    const struct static_branch_backward_part *c = ctx;
-
-    c->b->dp[k] =
-        attribute_shift_backward(c->b->dp[k], c->b->p_raw[k], c->b->p_shift[k]);
+    b->dp[k] = attribute_shift_backward(b->dp[k], b->p_raw[k], b->p_shift[k]);
 }
 
 /* Reverse of static_branch_forward, line by line. */
@@ -538,8 +464,7 @@ void static_branch_backward(float *dfeatures, struct branch_set *dout,
                                 b->prior ? b->surface : NULL, mesh->cam,
                                 mesh->normal, b->count);
 
-    parallel_for(shifted, 1, static_branch_backward_part,
-                 &(struct static_branch_backward_part){ b });
+    parallel_each(static_branch_backward_part, shifted, 1, b);
     if (b->prior)
         edge_scale_clamp_backward(dout->scale, b->enlarged, b->count);
     branch_prior_backward(dout, b->dvisible, &b->start, b->prior);

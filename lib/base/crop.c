@@ -509,25 +509,20 @@ static int crop_filters_make(struct resizing *r, size_t W, size_t H,
     return 0;
 }
 
-struct crop_resize_u8_part {
-    float *acc; const uint8_t *rgb; uint8_t *out;
-    size_t n, threads, line, own, H, stride;
-    struct resizing r;
-};
-
 /* Share t of the rows. */
-static void crop_resize_u8_part(void *ctx, size_t t)
+PARALLEL(crop_resize_u8_part, t, float *, acc, const uint8_t *, rgb,
+         uint8_t *, out, size_t, n, size_t, threads, size_t, line, size_t, own,
+         size_t, H, size_t, stride, struct resizing, r)
 {
-    const struct crop_resize_u8_part *c = ctx;
-    const size_t first = c->n * t / c->threads;
-    const size_t end = c->n * (t + 1) / c->threads;
-    float *row = c->acc + c->n * c->line + t * c->own;
+    const size_t first = n * t / threads;
+    const size_t end = n * (t + 1) / threads;
+    float *row = acc + n * line + t * own;
 
     if (first < end)
-        crop_filter_rows(c->acc, row, row + c->line + 4, c->rgb, c->H,
-                         c->stride, &c->r, first, end);
-    crop_kernels()->round(c->out + first * c->line, c->acc + first * c->line,
-                          (end - first) * c->line);
+        crop_filter_rows(acc, row, row + line + 4, rgb, H, stride, &r, first,
+                         end);
+    crop_kernels()->round(out + first * line, acc + first * line,
+                          (end - first) * line);
 }
 
 int crop_resize_u8(uint8_t *out, size_t n, const uint8_t *rgb, size_t W,
@@ -546,9 +541,8 @@ int crop_resize_u8(uint8_t *out, size_t n, const uint8_t *rgb, size_t W,
         free(r.filters);
         return -1;
     }
-    parallel_for(threads, 1, crop_resize_u8_part,
-                 &(struct crop_resize_u8_part){ acc, rgb, out, n, threads, line,
-                                                own, H, stride, r });
+    parallel_each(crop_resize_u8_part, threads, 1, acc, rgb, out, n, threads,
+                  line, own, H, stride, r);
     free(r.filters);
     free(acc);
     return 0;

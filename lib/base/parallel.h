@@ -37,6 +37,45 @@ int parallel_try(size_t count,
                  int (*run)(void *ctx, size_t i, struct error *err), void *ctx,
                  struct error *err);
 
+/* Work on item i with arguments of its own, each a type and a name:
+ *
+ *     PARALLEL(pool_row, y, float *, out, const float *, in, size_t, width)
+ *     {
+ *         ... row y of out
+ *     }
+ *
+ * defines struct pool_row of the arguments, and pool_row for parallel_for with
+ * one as its ctx.  parallel_each(pool_row, height, 1, out, in, width) makes one
+ * and calls parallel_for. */
+#define PARALLEL(name, i, ...) \
+    struct name { PARALLEL_LIST(PARALLEL_MEMBER, __VA_ARGS__) }; \
+    static void name##_item(size_t i \
+                            PARALLEL_LIST(PARALLEL_NAMED, __VA_ARGS__)); \
+    static void name(void *ctx, size_t item) \
+    { \
+        const struct name *own = ctx; \
+        name##_item(item PARALLEL_LIST(PARALLEL_VALUE, __VA_ARGS__)); \
+    } \
+    static void name##_item(size_t i PARALLEL_LIST(PARALLEL_NAMED, __VA_ARGS__))
+#define parallel_each(name, count, grain, ...) \
+    parallel_for(count, grain, name, &(struct name){ __VA_ARGS__ })
+
+#define PARALLEL_MEMBER(type, name) type name;
+#define PARALLEL_NAMED(type, name) , type name
+#define PARALLEL_VALUE(type, name) , own->name
+
+/* f(type, name) of each pair, at most 12: a macro does not expand itself, but
+ * what is left of it is expanded when it is read again. */
+#define PARALLEL_LIST(f, ...) PARALLEL_READ(PARALLEL_PAIR(f, __VA_ARGS__))
+#define PARALLEL_PAIR(f, type, name, ...) \
+    f(type, name) __VA_OPT__(PARALLEL_MORE PARALLEL_CALL (f, __VA_ARGS__))
+#define PARALLEL_MORE() PARALLEL_PAIR
+#define PARALLEL_CALL ()
+#define PARALLEL_READ(...) PARALLEL_4(PARALLEL_4(PARALLEL_4(__VA_ARGS__)))
+#define PARALLEL_4(...) PARALLEL_2(PARALLEL_2(__VA_ARGS__))
+#define PARALLEL_2(...) PARALLEL_1(PARALLEL_1(__VA_ARGS__))
+#define PARALLEL_1(...) __VA_ARGS__
+
 /* Whether the calling thread shares no work from now on, since it is one of
  * several that each have their own; returns what held before. */
 bool parallel_alone(bool yes);

@@ -307,21 +307,16 @@ static void dino_fusion_forward(struct dino_base *d, size_t i)
     rescale_forward(f->o, f->c, &f->grow);
 }
 
-struct dino_base_normalise_part { float *x; };
-
-static void dino_base_normalise_part(void *ctx, size_t i)
+PARALLEL(dino_base_normalise_part, i, float *, x)
 {
-    const struct dino_base_normalise_part *a = ctx;
-
     for (size_t c = 0; c < 3; c++)
-        a->x[3 * i + c] = (a->x[3 * i + c] - mean[c]) / deviation[c];
+        x[3 * i + c] = (x[3 * i + c] - mean[c]) / deviation[c];
 }
 
 /* To the mean and deviation that DINOv2 was trained with. */
 static void dino_base_normalise(float *x, size_t pixels)
 {
-    parallel_for(pixels, 1, dino_base_normalise_part,
-                 &(struct dino_base_normalise_part){ x });
+    parallel_each(dino_base_normalise_part, pixels, 1, x);
 }
 
 void dino_base_forward(float *features, const float *rgb, struct dino_base *d)

@@ -279,23 +279,15 @@ static void dinov2_norm(float *y, float *stat, const float *x,
                        param_w(ps, wb[1]), EPS, rows, E);
 }
 
-struct dinov2_residual_part {
-    const struct nn_kernels *k;
-    float *y;
-    const float *x, *p;
-    const struct params *ps;
-    size_t E, gamma, rows;
-};
-
 /* One chunk. */
-static void dinov2_residual_part(void *ctx, size_t part)
+PARALLEL(dinov2_residual_part, part, const struct nn_kernels *, k, float *, y,
+         const float *, x, const float *, p, const struct params *, ps,
+         size_t, E, size_t, gamma, size_t, rows)
 {
-    const struct dinov2_residual_part *c = ctx;
     size_t r = part * 16;
 
-    c->k->scale_add(c->y + r * c->E, c->x + r * c->E, c->p + r * c->E,
-                    param_w(c->ps, c->gamma),
-                    c->rows - r < 16 ? c->rows - r : 16, c->E);
+    k->scale_add(y + r * E, x + r * E, p + r * E, param_w(ps, gamma),
+                 rows - r < 16 ? rows - r : 16, E);
 }
 
 /* y = x + gamma p */
@@ -305,9 +297,8 @@ static void dinov2_residual(float *y, const float *x, const float *p,
 {
     const struct nn_kernels *k = nn_kernels();
 
-    parallel_for(
-        (rows + 16 - 1) / 16, 1, dinov2_residual_part,
-        &(struct dinov2_residual_part){ k, y, x, p, ps, E, gamma, rows });
+    parallel_each(dinov2_residual_part, (rows + 16 - 1) / 16, 1, k, y, x, p, ps,
+                  E, gamma, rows);
 }
 
 /* x += ls1 attn(norm1 x); x += ls2 mlp(norm2 x); to `next` or in place */
@@ -334,23 +325,15 @@ static void dinov2_block_forward(float *next, struct dinov2_block *b,
         dinov2_residual(next, b->mid, b->f2, b->scale2, rows, E, ps);
 }
 
-struct dinov2_forward_part {
-    struct dinov2_impl *im;
-    const struct params *ps;
-    float *x;
-    size_t T, E;
-};
-
-static void dinov2_forward_part(void *ctx, size_t k)
+PARALLEL(dinov2_forward_part, k, struct dinov2_impl *, im,
+         const struct params *, ps, float *, x, size_t, T, size_t, E)
 {
-    const struct dinov2_forward_part *c = ctx;
-    size_t n = k / c->T, t = k % c->T;
-    const float *from = t ? c->im->patches + (n * (c->T - 1) + t - 1) * c->E
-                          : param_w(c->ps, c->im->cls);
+    size_t n = k / T, t = k % T;
+    const float *from = t ? im->patches + (n * (T - 1) + t - 1) * E
+                          : param_w(ps, im->cls);
 
-    for (size_t e = 0; e < c->E; e++)
-        c->x[(n * c->T + t) * c->E + e] =
-            from[e] + c->im->position[t * c->E + e];
+    for (size_t e = 0; e < E; e++)
+        x[(n * T + t) * E + e] = from[e] + im->position[t * E + e];
 }
 
 void dinov2_forward(const float *rgb, struct dinov2 *d)
@@ -363,8 +346,7 @@ void dinov2_forward(const float *rgb, struct dinov2 *d)
     im->rgb = rgb;
     conv_forward(im->patches, rgb, &im->patch);
 
-    parallel_for(d->batch * T, 1, dinov2_forward_part,
-                 &(struct dinov2_forward_part){ im, ps, x, T, E });
+    parallel_each(dinov2_forward_part, d->batch * T, 1, im, ps, x, T, E);
     for (size_t i = 0; i < depth; i++) {
         float *next = i + 1 < depth ? im->block[i + 1].x : im->out;
 

@@ -80,16 +80,18 @@ static void gaussian_colors(float *color, const float *raw, const float *logit,
     }
 }
 
-/* Gaussian `at` of all, point n of its item. */
-static void gaussian_forward(struct gaussian_out *o, const float *raw,
-                             const float *logit, const struct gaussian_head *h,
-                             size_t at, size_t n, size_t image_w)
+/* Gaussian `at` of all. */
+PARALLEL(gaussian_forward, at, struct gaussian_out *, o, const float *, raws,
+         const float *, logits, const struct gaussian_head *, h,
+         size_t, stride, size_t, N, size_t, image_w)
 {
+    const float *raw = raws + at * stride;
+    const float *logit = logits ? logits + 3 * at : NULL;
     const size_t C = h->colors, kept = h->kept ? h->kept : C;
     float y[SIGMOIDS];
 
     gaussian_sigmoids(y, raw, logit, h);
-    gaussian_colors(o->color + at * kept, raw, logit, y, h, n, image_w);
+    gaussian_colors(o->color + at * kept, raw, logit, y, h, at % N, image_w);
     o->opacity[at] = y[OPACITY];
     for (size_t i = 0; i < 3; i++)
         o->scale[3 * at + i] = SCALE_MAX * y[SCALE + i];
@@ -115,30 +117,13 @@ static double gaussian_points_norm(const float *raw, size_t N, size_t stride,
     return fmax(sqrt(sum), TINY);
 }
 
-struct gaussian_head_forward_part {
-    struct gaussian_out *out;
-    const float *raw, *rgb_logit;
-    const struct gaussian_head *h;
-    size_t stride, N, image_w;
-};
-
-static void gaussian_head_forward_part(void *ctx, size_t at)
-{
-    const struct gaussian_head_forward_part *c = ctx;
-
-    gaussian_forward(c->out, c->raw + at * c->stride,
-                     c->rgb_logit ? c->rgb_logit + 3 * at : NULL, c->h, at,
-                     at % c->N, c->image_w);
-}
-
 void gaussian_head_forward(struct gaussian_out *out, const float *raw,
                            const float *rgb_logit,
                            const struct gaussian_head *h, size_t B, size_t N,
                            size_t stride, size_t image_w)
 {
-    parallel_for(B * N, 1, gaussian_head_forward_part,
-                 &(struct gaussian_head_forward_part){ out, raw, rgb_logit, h,
-                                                       stride, N, image_w });
+    parallel_each(gaussian_forward, B * N, 1, out, raw, rgb_logit, h, stride, N,
+                  image_w);
     if (!h->quirk_rotation)
         return;
     for (size_t b = 0; b < B; b++)
@@ -201,21 +186,22 @@ static void gaussian_colors_backward(float *draw, const float *g,
     }
 }
 
-/* draw, and dlogit unless NULL, of one Gaussian. */
-static void gaussian_backward(float *draw, float *dlogit,
-                              const struct gaussian_out *d, const float *raw,
-                              const float *logit,
-                              const struct gaussian_head *h, size_t at,
-                              size_t n, size_t image_w)
+/* draws, and dlogits unless NULL, of one Gaussian. */
+PARALLEL(gaussian_backward, at, float *, draws, float *, dlogits,
+         const struct gaussian_out *, d, const float *, raws,
+         const float *, logits, const struct gaussian_head *, h,
+         size_t, stride, size_t, N, size_t, image_w)
 {
+    const float *raw = raws + at * stride;
+    const float *logit = logits ? logits + 3 * at : NULL;
+    float *draw = draws + at * stride, y[SIGMOIDS];
     size_t C = h->colors;
-    float y[SIGMOIDS];
 
     gaussian_sigmoids(y, raw, logit, h);
     gaussian_colors_backward(draw, d->color ? d->color + at * C : NULL, raw,
-                             logit, y, h, n, image_w);
-    for (size_t c = 0; dlogit && c < 3 && c < C; c++)
-        dlogit[c] = draw[c];
+                             logit, y, h, at % N, image_w);
+    for (size_t c = 0; dlogits && c < 3 && c < C; c++)
+        dlogits[3 * at + c] = draw[c];
     draw[C] = d->opacity ? d->opacity[at] * gaussian_sigmoid_slope(y[OPACITY])
                          : 0.0f;
     for (size_t i = 0; i < 3; i++)
@@ -255,35 +241,14 @@ static void gaussian_points_backward(float *draw, const float *dq,
     }
 }
 
-struct gaussian_head_backward_part {
-    float *draw, *drgb_logit;
-    const struct gaussian_out *dout;
-    const float *raw, *rgb_logit;
-    const struct gaussian_head *h;
-    size_t stride, N, image_w;
-};
-
-static void gaussian_head_backward_part(void *ctx, size_t at)
-{
-    const struct gaussian_head_backward_part *c = ctx;
-
-    gaussian_backward(c->draw + at * c->stride,
-                      c->drgb_logit ? c->drgb_logit + 3 * at : NULL, c->dout,
-                      c->raw + at * c->stride,
-                      c->rgb_logit ? c->rgb_logit + 3 * at : NULL, c->h, at,
-                      at % c->N, c->image_w);
-}
-
 void gaussian_head_backward(float *draw, float *drgb_logit,
                             const struct gaussian_out *dout, const float *raw,
                             const float *rgb_logit,
                             const struct gaussian_head *h, size_t B, size_t N,
                             size_t stride, size_t image_w)
 {
-    parallel_for(B * N, 1, gaussian_head_backward_part,
-                 &(struct gaussian_head_backward_part){ draw, drgb_logit, dout,
-                                                        raw, rgb_logit, h,
-                                                        stride, N, image_w });
+    parallel_each(gaussian_backward, B * N, 1, draw, drgb_logit, dout, raw,
+                  rgb_logit, h, stride, N, image_w);
     if (h->quirk_rotation && dout->quat)
         for (size_t b = 0; b < B; b++)
             gaussian_points_backward(draw + b * N * stride,

@@ -178,25 +178,15 @@ void mlp_decoder_release(struct mlp_decoder *d)
     memset(d, 0, sizeof *d);
 }
 
-struct mlp_decoder_gather_part {
-    float *const *part;
-    struct mlp_decoder_impl *im;
-    _Bool back;
-    int i;
-    size_t n, row, at;
-};
-
 /* One row. */
-static void mlp_decoder_gather_part(void *ctx, size_t r)
+PARALLEL(mlp_decoder_gather_part, r, float *const *, part,
+         struct mlp_decoder_impl *, im, _Bool, back, int, i, size_t, n,
+         size_t, row, size_t, at)
 {
-    const struct mlp_decoder_gather_part *c = ctx;
-
-    if (c->back)
-        memcpy(c->part[c->i] + r * c->n, c->im->draw + r * c->row + c->at,
-               c->n * sizeof(float));
+    if (back)
+        memcpy(part[i] + r * n, im->draw + r * row + at, n * sizeof(float));
     else
-        memcpy(c->im->raw + r * c->row + c->at, c->part[c->i] + r * c->n,
-               c->n * sizeof(float));
+        memcpy(im->raw + r * row + at, part[i] + r * n, n * sizeof(float));
 }
 
 /* raw (rows,colors+8) <-> the four attributes' own arrays. */
@@ -209,9 +199,8 @@ static void mlp_decoder_gather(struct mlp_decoder *d, float *const part[4],
     for (int i = 0; i < 4; i++) {
         size_t n = mlp_decoder_width(d, i);
 
-        parallel_for(
-            rows, 1, mlp_decoder_gather_part,
-            &(struct mlp_decoder_gather_part){ part, im, back, i, n, row, at });
+        parallel_each(mlp_decoder_gather_part, rows, 1, part, im, back, i, n,
+                      row, at);
         at += n;
     }
 }

@@ -159,26 +159,20 @@ static void narrow_end_add(float *rgb, size_t line, const float *cell,
         }
 }
 
-struct narrow_end_forward_part {
-    struct narrow_end *e;
-    float *field, *rgb;
-    size_t w, out, said, own, line;
-};
-
 /* One row. */
-static void narrow_end_forward_part(void *ctx, size_t y)
+PARALLEL(narrow_end_forward_part, y, struct narrow_end *, e, float *, field,
+         float *, rgb, size_t, w, size_t, out, size_t, said, size_t, own,
+         size_t, line)
 {
-    const struct narrow_end_forward_part *c = ctx;
+    for (size_t x = 0; x < w; x++) {
+        const float *cell = e->map + (y * w + x) * out;
 
-    for (size_t x = 0; x < c->w; x++) {
-        const float *cell = c->e->map + (y * c->w + x) * c->out;
-
-        if (c->said)
-            memcpy(c->field + (y * c->w + x) * c->said, cell + c->own,
-                   c->said * sizeof *c->field);
-        if (!c->e->some || c->e->cell[y * c->w + x])
-            narrow_end_add(c->rgb + y * CELL * c->line + x * 3 * CELL, c->line,
-                           cell, c->e->most);
+        if (said)
+            memcpy(field + (y * w + x) * said, cell + own,
+                   said * sizeof *field);
+        if (!e->some || e->cell[y * w + x])
+            narrow_end_add(rgb + y * CELL * line + x * 3 * CELL, line, cell,
+                           e->most);
     }
 }
 
@@ -191,7 +185,6 @@ void narrow_end_forward(float *rgb, float *field, const float *before,
 
     winograd_forward(e->map, before, &e->joint);
 
-    parallel_for(rows, 1, narrow_end_forward_part,
-                 &(struct narrow_end_forward_part){ e, field, rgb, w, out, said,
-                                                    own, line });
+    parallel_each(narrow_end_forward_part, rows, 1, e, field, rgb, w, out, said,
+                  own, line);
 }

@@ -74,31 +74,15 @@ static void style_unet_encoder_forward(const float *feat, struct style_unet *s)
 
 #define CHUNK 16384              /* values that a thread takes at once */
 
-/* Maps of a feature transform: y = x scale + shift, or dscale = dy x and
- * y = dy scale. */
-struct style_unet_maps {
-    float *y, *dscale;
-    const float *x, *dy, *scale, *shift;
-    size_t n;
-};
-
-static void style_unet_transform_part(void *ctx, size_t k)
+/* y = x scale + shift, two maps of n values. */
+PARALLEL(style_unet_transform, k, float *, y, const float *, x,
+         const float *, scale, const float *, shift, size_t, n)
 {
-    const struct style_unet_maps m = *(struct style_unet_maps *)ctx;
-    const size_t end = (k + 1) * CHUNK < m.n ? (k + 1) * CHUNK : m.n;
+    const size_t end = (k + 1) * CHUNK < n ? (k + 1) * CHUNK : n;
 
 #pragma omp simd
     for (size_t i = k * CHUNK; i < end; i++)
-        m.y[i] = m.x[i] * m.scale[i] + m.shift[i];
-}
-
-/* y = x scale + shift, two maps */
-static void style_unet_transform(float *y, const float *x, const float *scale,
-                                 const float *shift, size_t n)
-{
-    parallel_for((n + CHUNK - 1) / CHUNK, 1, style_unet_transform_part,
-                 &(struct style_unet_maps){ .y = y, .x = x, .scale = scale,
-                                            .shift = shift, .n = n });
+        y[i] = x[i] * scale[i] + shift[i];
 }
 
 /* One level up: conditions from the encoder, two style convolutions,
@@ -111,6 +95,7 @@ static void style_unet_level_forward(struct style_unet *s, size_t i,
     const struct style_res *down = &s->level[s->levels - 1 - i].down;
     const float *latent = s->style[7];
     size_t n = s->batch * l->side / 2 * l->side / 2 * l->up.conv1.in;
+    size_t values = s->batch * l->side * l->side * l->enlarge.out;
 
     memcpy(l->f, f, n * sizeof *f);
     image_add(l->f, down->out, n);
@@ -118,8 +103,8 @@ static void style_unet_level_forward(struct style_unet *s, size_t i,
     style_condition_forward(l->up.out, &l->scale);
     style_condition_forward(l->up.out, &l->shift);
     style_conv_forward(x, latent, &l->enlarge);
-    style_unet_transform(l->sft, l->enlarge.y, l->scale.out, l->shift.out,
-                         s->batch * l->side * l->side * l->enlarge.out);
+    parallel_each(style_unet_transform, (values + CHUNK - 1) / CHUNK, 1, l->sft,
+                  l->enlarge.y, l->scale.out, l->shift.out, values);
     style_conv_forward(l->sft, latent, &l->same);
     to_rgb_forward(l->same.y, latent, rgb, &l->rgb);
 }
@@ -160,29 +145,17 @@ const float *style_unet_logits(const struct style_unet *s)
 
 /* ---- backward ------------------------------------------------------------ */
 
-static void style_unet_backward_part(void *ctx, size_t k)
+/* d(x scale + shift): dscale = d x, then d = d scale. */
+PARALLEL(style_unet_transform_backward, k, float *, d, float *, dscale,
+         const float *, x, const float *, scale, size_t, n)
 {
-    const struct style_unet_maps m = *(struct style_unet_maps *)ctx;
-    const size_t end = (k + 1) * CHUNK < m.n ? (k + 1) * CHUNK : m.n;
+    const size_t end = (k + 1) * CHUNK < n ? (k + 1) * CHUNK : n;
 
 #pragma omp simd
     for (size_t i = k * CHUNK; i < end; i++) {
-        const float g = m.dy[i];
-
-        m.dscale[i] = g * m.x[i];
-        m.y[i] = g * m.scale[i];
+        dscale[i] = d[i] * x[i];
+        d[i] *= scale[i];
     }
-}
-
-/* d(x scale + shift): dscale = dy x, dx = dy scale (may be over dy). */
-static void style_unet_transform_backward(float *dx, float *dscale,
-                                          const float *dy, const float *x,
-                                          const float *scale, size_t n)
-{
-    parallel_for((n + CHUNK - 1) / CHUNK, 1, style_unet_backward_part,
-                 &(struct style_unet_maps){ .y = dx, .dscale = dscale,
-                                            .x = x, .dy = dy, .scale = scale,
-                                            .n = n });
 }
 
 /* On entry g[0]: gradient of same.y from the next level, g[1]: of up.out from
@@ -206,8 +179,8 @@ static void style_unet_level_backward(struct style_unet *s, size_t i,
     /* g2: gradient of sft = y scale + shift */
     memcpy(g[3], g[2], n * sizeof *g[3]);
     style_condition_backward(g[1], g[3], l->up.out, g[0], g[4], &l->shift);
-    style_unet_transform_backward(g[2], g[3], g[2], l->enlarge.y, l->scale.out,
-                                  n);
+    parallel_each(style_unet_transform_backward, (n + CHUNK - 1) / CHUNK, 1,
+                  g[2], g[3], l->enlarge.y, l->scale.out, n);
     style_condition_backward(g[1], g[3], l->up.out, g[0], g[4], &l->scale);
     style_conv_backward(g[0], s->dlatent, g[2], x, latent, g[3], g[4],
                         &l->enlarge);

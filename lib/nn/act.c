@@ -10,48 +10,31 @@
 
 #define CHUNK 16384
 
-struct act_forward_part {
-    const struct nn_kernels *k;
-    float *y;
-    const float *x;
-    enum nn_act act;
-    size_t n;
-};
-
 /* One chunk. */
-static void act_forward_part(void *ctx, size_t part)
+PARALLEL(act_forward_part, part, const struct nn_kernels *, k, float *, y,
+         const float *, x, enum nn_act, act, size_t, n)
 {
-    const struct act_forward_part *c = ctx;
     size_t i = part * CHUNK;
 
-    c->k->act_forward(c->y + i, c->x + i, (int)c->act,
-                      c->n - i < CHUNK ? c->n - i : CHUNK);
+    k->act_forward(y + i, x + i, (int)act, n - i < CHUNK ? n - i : CHUNK);
 }
 
 void act_forward(float *y, const float *x, enum nn_act act, size_t n)
 {
     const struct nn_kernels *k = nn_kernels();
 
-    parallel_for((n + CHUNK - 1) / CHUNK, 1, act_forward_part,
-                 &(struct act_forward_part){ k, y, x, act, n });
+    parallel_each(act_forward_part, (n + CHUNK - 1) / CHUNK, 1, k, y, x, act,
+                  n);
 }
 
-struct act_backward_part {
-    const struct nn_kernels *k;
-    float *dx;
-    const float *dy, *x;
-    enum nn_act act;
-    size_t n;
-};
-
 /* One chunk. */
-static void act_backward_part(void *ctx, size_t part)
+PARALLEL(act_backward_part, part, const struct nn_kernels *, k, float *, dx,
+         const float *, dy, const float *, x, enum nn_act, act, size_t, n)
 {
-    const struct act_backward_part *c = ctx;
     size_t i = part * CHUNK;
 
-    c->k->act_backward(c->dx + i, c->dy + i, c->x + i, (int)c->act,
-                       c->n - i < CHUNK ? c->n - i : CHUNK);
+    k->act_backward(dx + i, dy + i, x + i, (int)act,
+                    n - i < CHUNK ? n - i : CHUNK);
 }
 
 void act_backward(float *dx, const float *dy, const float *x, enum nn_act act,
@@ -59,26 +42,18 @@ void act_backward(float *dx, const float *dy, const float *x, enum nn_act act,
 {
     const struct nn_kernels *k = nn_kernels();
 
-    parallel_for((n + CHUNK - 1) / CHUNK, 1, act_backward_part,
-                 &(struct act_backward_part){ k, dx, dy, x, act, n });
+    parallel_each(act_backward_part, (n + CHUNK - 1) / CHUNK, 1, k, dx, dy, x,
+                  act, n);
 }
 
-struct act_backward_out_part {
-    const struct nn_kernels *k;
-    float *dx;
-    const float *dy, *y;
-    enum nn_act act;
-    size_t n;
-};
-
 /* One chunk. */
-static void act_backward_out_part(void *ctx, size_t part)
+PARALLEL(act_backward_out_part, part, const struct nn_kernels *, k, float *, dx,
+         const float *, dy, const float *, y, enum nn_act, act, size_t, n)
 {
-    const struct act_backward_out_part *c = ctx;
     size_t i = part * CHUNK;
 
-    c->k->act_backward_out(c->dx + i, c->dy + i, c->y + i, (int)c->act,
-                           c->n - i < CHUNK ? c->n - i : CHUNK);
+    k->act_backward_out(dx + i, dy + i, y + i, (int)act,
+                        n - i < CHUNK ? n - i : CHUNK);
 }
 
 void act_backward_out(float *dx, const float *dy, const float *y,
@@ -86,8 +61,8 @@ void act_backward_out(float *dx, const float *dy, const float *y,
 {
     const struct nn_kernels *k = nn_kernels();
 
-    parallel_for((n + CHUNK - 1) / CHUNK, 1, act_backward_out_part,
-                 &(struct act_backward_out_part){ k, dx, dy, y, act, n });
+    parallel_each(act_backward_out_part, (n + CHUNK - 1) / CHUNK, 1, k, dx, dy,
+                  y, act, n);
 }
 
 /* db (C), unless NULL, += the rows of part (parts,C). */
@@ -99,22 +74,14 @@ static void act_add_parts(float *db, const float *part, size_t parts,
             db[c] += part[i * C + c];
 }
 
-struct act_bias_backward_part {
-    const struct nn_kernels *k;
-    float *part, *dout;
-    const float *out;
-    size_t rows, parts, C;
-    enum nn_act act;
-};
-
-static void act_bias_backward_part(void *ctx, size_t i)
+PARALLEL(act_bias_backward_part, i, const struct nn_kernels *, k, float *, part,
+         float *, dout, const float *, out, size_t, rows, size_t, parts,
+         size_t, C, enum nn_act, act)
 {
-    const struct act_bias_backward_part *c = ctx;
-    size_t r0 = i * c->rows / c->parts, r1 = (i + 1) * c->rows / c->parts;
+    size_t r0 = i * rows / parts, r1 = (i + 1) * rows / parts;
 
-    c->k->act_sums(c->part + i * c->C, c->dout + r0 * c->C,
-                   c->out ? c->out + r0 * c->C : c->dout, (int)c->act, r1 - r0,
-                   c->C);
+    k->act_sums(part + i * C, dout + r0 * C, out ? out + r0 * C : dout,
+                (int)act, r1 - r0, C);
 }
 
 void act_bias_backward(float *db, float *dout, float *part, const float *out,
@@ -126,28 +93,19 @@ void act_bias_backward(float *db, float *dout, float *part, const float *out,
     if (!db && act == ACT_NONE)
         return;
 
-    parallel_for(parts, 1, act_bias_backward_part,
-                 &(struct act_bias_backward_part){ k, part, dout, out, rows,
-                                                   parts, C, act });
+    parallel_each(act_bias_backward_part, parts, 1, k, part, dout, out, rows,
+                  parts, C, act);
     act_add_parts(db, part, parts, C);
 }
 
-struct act_bias_backward_half_part {
-    const struct nn_kernels *k;
-    float *part;
-    uint16_t *dout;
-    const uint16_t *out;
-    size_t rows, parts, C;
-    enum nn_act act;
-};
-
-static void act_bias_backward_half_part(void *ctx, size_t i)
+PARALLEL(act_bias_backward_half_part, i, const struct nn_kernels *, k,
+         float *, part, uint16_t *, dout, const uint16_t *, out, size_t, rows,
+         size_t, parts, size_t, C, enum nn_act, act)
 {
-    const struct act_bias_backward_half_part *c = ctx;
-    size_t r0 = i * c->rows / c->parts, r1 = (i + 1) * c->rows / c->parts;
+    size_t r0 = i * rows / parts, r1 = (i + 1) * rows / parts;
 
-    c->k->act_sums_half(c->part + i * c->C, c->dout + r0 * c->C,
-                        c->out + r0 * c->C, (int)c->act, r1 - r0, c->C);
+    k->act_sums_half(part + i * C, dout + r0 * C, out + r0 * C, (int)act,
+                     r1 - r0, C);
 }
 
 void act_bias_backward_half(float *db, uint16_t *dout, float *part,
@@ -160,9 +118,8 @@ void act_bias_backward_half(float *db, uint16_t *dout, float *part,
     if (!db && act == ACT_NONE)
         return;
 
-    parallel_for(parts, 1, act_bias_backward_half_part,
-                 &(struct act_bias_backward_half_part){ k, part, dout, out,
-                                                        rows, parts, C, act });
+    parallel_each(act_bias_backward_half_part, parts, 1, k, part, dout, out,
+                  rows, parts, C, act);
     act_add_parts(db, part, parts, C);
 }
 

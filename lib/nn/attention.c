@@ -75,28 +75,21 @@ static void attention_head_forward(float *out, const float *q,
     }
 }
 
-struct attention_forward_part {
-    float *out;
-    const float *qkv;
-    struct attention *a;
-    size_t T, E, d;
-};
-
-static void attention_forward_part(void *ctx, size_t k)
+PARALLEL(attention_forward_part, k, float *, out, const float *, qkv,
+         struct attention *, a, size_t, T, size_t, E, size_t, d)
 {
-    const struct attention_forward_part *c = ctx;
-    size_t b = k / c->a->heads, h = k % c->a->heads;
+    size_t b = k / a->heads, h = k % a->heads;
 
-    attention_head_forward(c->out + b * c->T * c->E + h * c->d,
-                           c->qkv + b * c->T * 3 * c->E + h * c->d, c->a);
+    attention_head_forward(out + b * T * E + h * d, qkv + b * T * 3 * E + h * d,
+                           a);
 }
 
 void attention_forward(float *out, const float *qkv, struct attention *a)
 {
     size_t T = a->tokens, d = a->dim, E = a->heads * d;
 
-    parallel_for(a->batch * a->heads, 1, attention_forward_part,
-                 &(struct attention_forward_part){ out, qkv, a, T, E, d });
+    parallel_each(attention_forward_part, a->batch * a->heads, 1, out, qkv, a,
+                  T, E, d);
 }
 
 /* In the forward pass, for a block of queries: p = softmax(q k^T scale),
@@ -127,21 +120,15 @@ static void attention_head_backward(float *dq, const float *dout,
     }
 }
 
-struct attention_backward_part {
-    float *dqkv;
-    const float *dout, *qkv;
-    struct attention *a;
-    size_t T, E, d;
-};
-
-static void attention_backward_part(void *ctx, size_t k)
+PARALLEL(attention_backward_part, k, float *, dqkv, const float *, dout,
+         const float *, qkv, struct attention *, a, size_t, T, size_t, E,
+         size_t, d)
 {
-    const struct attention_backward_part *c = ctx;
-    size_t b = k / c->a->heads, h = k % c->a->heads;
+    size_t b = k / a->heads, h = k % a->heads;
 
-    attention_head_backward(c->dqkv + b * c->T * 3 * c->E + h * c->d,
-                            c->dout + b * c->T * c->E + h * c->d,
-                            c->qkv + b * c->T * 3 * c->E + h * c->d, c->a);
+    attention_head_backward(dqkv + b * T * 3 * E + h * d,
+                            dout + b * T * E + h * d,
+                            qkv + b * T * 3 * E + h * d, a);
 }
 
 void attention_backward(float *dqkv, const float *dout, const float *qkv,
@@ -149,7 +136,6 @@ void attention_backward(float *dqkv, const float *dout, const float *qkv,
 {
     size_t T = a->tokens, d = a->dim, E = a->heads * d;
 
-    parallel_for(
-        a->batch * a->heads, 1, attention_backward_part,
-        &(struct attention_backward_part){ dqkv, dout, qkv, a, T, E, d });
+    parallel_each(attention_backward_part, a->batch * a->heads, 1, dqkv, dout,
+                  qkv, a, T, E, d);
 }

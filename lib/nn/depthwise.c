@@ -90,23 +90,14 @@ static float *depthwise_thread_pad(const struct depthwise *d)
            parallel_slot() * d->pad_size;
 }
 
-struct depthwise_forward_part {
-    const struct nn_kernels *k;
-    float *out;
-    const float *in;
-    struct depthwise *d;
-    size_t L, R, bands, blocks;
-};
-
-static void depthwise_forward_part(void *ctx, size_t at)
+PARALLEL(depthwise_forward_part, at, const struct nn_kernels *, k, float *, out,
+         const float *, in, struct depthwise *, d, size_t, L, size_t, R,
+         size_t, bands, size_t, blocks)
 {
-    const struct depthwise_forward_part *a = ctx;
-    size_t n = at / (a->bands * a->blocks), b = at / a->blocks % a->bands,
-           c = at % a->blocks;
+    size_t n = at / (bands * blocks), b = at / blocks % bands, c = at % blocks;
 
-    a->k->depthwise_forward(a->out, a->in, depthwise_thread_pad(a->d), a->d, n,
-                            c * a->L, b * a->R,
-                            b + 1 < a->bands ? (b + 1) * a->R : a->d->oh);
+    k->depthwise_forward(out, in, depthwise_thread_pad(d), d, n, c * L, b * R,
+                         b + 1 < bands ? (b + 1) * R : d->oh);
 }
 
 void depthwise_forward(float *out, const float *in, struct depthwise *d)
@@ -115,45 +106,28 @@ void depthwise_forward(float *out, const float *in, struct depthwise *d)
     size_t R = DEPTHWISE_ROWS, L = DEPTHWISE_LANES;
     size_t blocks = (d->channels + L - 1) / L, bands = (d->oh + R - 1) / R;
 
-    parallel_for(
-        d->batch * bands * blocks, 1, depthwise_forward_part,
-        &(struct depthwise_forward_part){ k, out, in, d, L, R, bands, blocks });
+    parallel_each(depthwise_forward_part, d->batch * bands * blocks, 1, k, out,
+                  in, d, L, R, bands, blocks);
 }
 
-struct depthwise_backward_part {
-    const struct nn_kernels *k;
-    struct depthwise *d;
-    const float *dout, *in;
-    size_t taps, C, L, blocks;
-};
-
-static void depthwise_backward_part(void *ctx, size_t at)
+PARALLEL(depthwise_backward_part, at, const struct nn_kernels *, k,
+         struct depthwise *, d, const float *, dout, const float *, in,
+         size_t, taps, size_t, C, size_t, L, size_t, blocks)
 {
-    const struct depthwise_backward_part *a = ctx;
-    size_t n = at / a->blocks, c = at % a->blocks;
+    size_t n = at / blocks, c = at % blocks;
 
-    a->k->depthwise_backward_weights(a->d->dw + n * a->taps * a->C, a->dout,
-                                     a->in, depthwise_thread_pad(a->d), a->d, n,
-                                     c * a->L);
+    k->depthwise_backward_weights(d->dw + n * taps * C, dout, in,
+                                  depthwise_thread_pad(d), d, n, c * L);
 }
 
-struct depthwise_data_part {
-    const struct nn_kernels *k;
-    float *din;
-    const float *dout;
-    struct depthwise *d;
-    size_t L, R, bands, blocks;
-};
-
-static void depthwise_data_part(void *ctx, size_t at)
+PARALLEL(depthwise_data_part, at, const struct nn_kernels *, k, float *, din,
+         const float *, dout, struct depthwise *, d, size_t, L, size_t, R,
+         size_t, bands, size_t, blocks)
 {
-    const struct depthwise_data_part *a = ctx;
-    size_t n = at / (a->bands * a->blocks), b = at / a->blocks % a->bands,
-           c = at % a->blocks;
+    size_t n = at / (bands * blocks), b = at / blocks % bands, c = at % blocks;
 
-    a->k->depthwise_backward_data(a->din, a->dout, depthwise_thread_pad(a->d),
-                                  a->d, n, c * a->L, b * a->R,
-                                  b + 1 < a->bands ? (b + 1) * a->R : a->d->h);
+    k->depthwise_backward_data(din, dout, depthwise_thread_pad(d), d, n, c * L,
+                               b * R, b + 1 < bands ? (b + 1) * R : d->h);
 }
 
 /* In the forward pass this was, per channel, with S the stride:
@@ -166,9 +140,8 @@ void depthwise_backward(float *din, const float *dout, const float *in,
     size_t blocks = (C + L - 1) / L, bands = (d->h + R - 1) / R;
     size_t taps = d->kernel * d->kernel;
 
-    parallel_for(d->batch * blocks, 1, depthwise_backward_part,
-                 &(struct depthwise_backward_part){ k, d, dout, in, taps, C, L,
-                                                    blocks });
+    parallel_each(depthwise_backward_part, d->batch * blocks, 1, k, d, dout, in,
+                  taps, C, L, blocks);
     float *g = param_g(d->ps, d->weight);
     for (size_t n = 0; n < d->batch; n++)
         for (size_t i = 0; i < taps; i++)
@@ -177,7 +150,6 @@ void depthwise_backward(float *din, const float *dout, const float *in,
     if (!din)
         return;
 
-    parallel_for(d->batch * bands * blocks, 1, depthwise_data_part,
-                 &(struct depthwise_data_part){ k, din, dout, d, L, R,
-                                                     bands, blocks });
+    parallel_each(depthwise_data_part, d->batch * bands * blocks, 1, k, din,
+                  dout, d, L, R, bands, blocks);
 }

@@ -125,9 +125,8 @@ static bool fused_stem_gather(struct fused_stem_rows *rows, float *wide,
 }
 
 /* Row r of the output, PIECE pixels at a time. */
-static void fused_stem_line(float *out, float *rgb,
-                            const struct feature_view *in,
-                            const struct fused_stem *f, size_t r)
+PARALLEL(fused_stem_line, r, float *, out, float *, rgb,
+         const struct feature_view *, in, const struct fused_stem *, f)
 {
     const struct nn_kernels *k = nn_kernels();
     size_t C = f->c->in, O = f->c->out, half = f->w / 2;
@@ -153,23 +152,8 @@ static void fused_stem_line(float *out, float *rgb,
     }
 }
 
-struct fused_stem_forward_part {
-    float *out, *rgb;
-    const struct feature_view *in;
-    const struct fused_stem *f;
-};
-
-/* One row. */
-static void fused_stem_forward_part(void *ctx, size_t r)
-{
-    const struct fused_stem_forward_part *c = ctx;
-
-    fused_stem_line(c->out, c->rgb, c->in, c->f, r);
-}
-
 void fused_stem_forward(float *out, float *rgb, const struct feature_view *in,
                         const struct fused_stem *f)
 {
-    parallel_for(f->batch * (f->h / 2), 1, fused_stem_forward_part,
-                 &(struct fused_stem_forward_part){ out, rgb, in, f });
+    parallel_each(fused_stem_line, f->batch * (f->h / 2), 1, out, rgb, in, f);
 }

@@ -58,21 +58,14 @@ static size_t im2col_piece(const struct im2col *t, size_t j, size_t *first)
     return in - at < PIECE ? in - at : PIECE;
 }
 
-struct im2col_update_part {
-    struct im2col *t;
-    const struct nn_kernels *k;
-    const float *w;
-    size_t in, taps, out;
-};
-
-static void im2col_update_part(void *ctx, size_t j)
+PARALLEL(im2col_update_part, j, struct im2col *, t,
+         const struct nn_kernels *, k, const float *, w, size_t, in,
+         size_t, taps, size_t, out)
 {
-    const struct im2col_update_part *c = ctx;
-    size_t first, terms = im2col_piece(c->t, j, &first);
+    size_t first, terms = im2col_piece(t, j, &first);
 
-    c->k->gemm_pack(c->t->w + first * c->t->N,
-                    c->w + first % c->in * c->taps + first / c->in, c->taps,
-                    c->taps * c->in, terms, c->out);
+    k->gemm_pack(t->w + first * t->N, w + first % in * taps + first / in, taps,
+                 taps * in, terms, out);
 }
 
 /* w (out,in,k,k): term (tap,i) of the sum is row tap * in + i of a matrix. */
@@ -84,23 +77,16 @@ void im2col_update(struct im2col *t, const float *w, const float *bias)
 
     memcpy(t->bias, bias, out * sizeof *bias);
 
-    parallel_for(im2col_pieces(t), 1, im2col_update_part,
-                 &(struct im2col_update_part){ t, k, w, in, taps, out });
+    parallel_each(im2col_update_part, im2col_pieces(t), 1, t, k, w, in, taps,
+                  out);
 }
 
-struct im2col_unfold_part {
-    const struct im2col *t;
-    const float *in;
-    size_t m0;
-};
-
 /* What the window of one pixel of the output sees. */
-static void im2col_unfold_part(void *ctx, size_t row)
+PARALLEL(im2col_unfold_part, row, const struct im2col *, t, const float *, in,
+         size_t, m0)
 {
-    const struct im2col_unfold_part *a = ctx;
-    const struct im2col *t = a->t;
     const struct conv *c = t->c;
-    const size_t r = a->m0 + row, n = r / (c->oh * c->ow), C = c->in_data;
+    const size_t r = m0 + row, n = r / (c->oh * c->ow), C = c->in_data;
     const size_t y = r / c->ow % c->oh * c->stride;
     const size_t x = r % c->ow * c->stride;
     float *to = t->rows + row * t->K;
@@ -113,8 +99,9 @@ static void im2col_unfold_part(void *ctx, size_t row)
             xx >= c->w + t->left)
             memset(to, 0, C * sizeof *to);
         else
-            memcpy(to, a->in + ((n * c->h + yy - t->top) * c->w + xx -
-                                t->left) * C, C * sizeof *to);
+            memcpy(to,
+                   in + ((n * c->h + yy - t->top) * c->w + xx - t->left) * C,
+                   C * sizeof *to);
     }
 }
 
@@ -123,30 +110,22 @@ static void im2col_unfold_part(void *ctx, size_t row)
 static void im2col_unfold(const float *in, struct im2col *t, size_t m0,
                           size_t M)
 {
-    parallel_for(M, 1, im2col_unfold_part,
-                 &(struct im2col_unfold_part){ t, in, m0 });
+    parallel_each(im2col_unfold_part, M, 1, t, in, m0);
 }
 
-struct im2col_multiply_part {
-    struct im2col *t;
-    const struct nn_kernels *k;
-    size_t N, M;
-};
-
-static void im2col_multiply_part(void *ctx, size_t at)
+PARALLEL(im2col_multiply_part, at, struct im2col *, t,
+         const struct nn_kernels *, k, size_t, N, size_t, M)
 {
-    const struct im2col_multiply_part *c = ctx;
-    const size_t across = (c->t->N + COLUMNS - 1) / COLUMNS;
+    const size_t across = (t->N + COLUMNS - 1) / COLUMNS;
     size_t m0 = at / across * ROWS, n0 = at % across * COLUMNS;
-    size_t n = c->N - n0 < COLUMNS ? c->N - n0 : COLUMNS;
-    size_t m = c->M - m0 < ROWS ? c->M - m0 : ROWS;
+    size_t n = N - n0 < COLUMNS ? N - n0 : COLUMNS;
+    size_t m = M - m0 < ROWS ? M - m0 : ROWS;
 
-    for (size_t j = 0; j < im2col_pieces(c->t); j++) {
-        size_t first, terms = im2col_piece(c->t, j, &first);
+    for (size_t j = 0; j < im2col_pieces(t); j++) {
+        size_t first, terms = im2col_piece(t, j, &first);
 
-        c->k->gemm(c->t->sum + m0 * c->t->N + n0, c->t->N,
-                   c->t->rows + m0 * c->t->K + first, c->t->K, 1,
-                   c->t->w + first * c->t->N + n0 * terms, m, n, terms, j > 0);
+        k->gemm(t->sum + m0 * t->N + n0, t->N, t->rows + m0 * t->K + first,
+                t->K, 1, t->w + first * t->N + n0 * terms, m, n, terms, j > 0);
     }
 }
 
@@ -156,9 +135,9 @@ static void im2col_multiply(float *out, struct im2col *t, size_t M)
     const struct nn_kernels *k = nn_kernels();
     size_t N = t->c->out;
 
-    parallel_for((M + ROWS - 1) / ROWS * ((t->N + COLUMNS - 1) / COLUMNS), 1,
-                 im2col_multiply_part,
-                 &(struct im2col_multiply_part){ t, k, N, M });
+    parallel_each(im2col_multiply_part,
+                  (M + ROWS - 1) / ROWS * ((t->N + COLUMNS - 1) / COLUMNS), 1,
+                  t, k, N, M);
     for (size_t r = 0; r < M; r++) {
         float *to = out + r * N;
         const float *from = t->sum + r * t->N;

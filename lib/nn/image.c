@@ -10,71 +10,47 @@
 
 #define CHUNK 16384
 
-struct image_add_part {
-    const struct nn_kernels *k;
-    float *y;
-    const float *x;
-    size_t n;
-};
-
 /* One chunk. */
-static void image_add_part(void *ctx, size_t part)
+PARALLEL(image_add_part, part, const struct nn_kernels *, k, float *, y,
+         const float *, x, size_t, n)
 {
-    const struct image_add_part *c = ctx;
     size_t i = part * CHUNK;
 
-    c->k->add(c->y + i, c->x + i, c->n - i < CHUNK ? c->n - i : CHUNK);
+    k->add(y + i, x + i, n - i < CHUNK ? n - i : CHUNK);
 }
 
 void image_add(float *y, const float *x, size_t n)
 {
     const struct nn_kernels *k = nn_kernels();
 
-    parallel_for((n + CHUNK - 1) / CHUNK, 1, image_add_part,
-                 &(struct image_add_part){ k, y, x, n });
+    parallel_each(image_add_part, (n + CHUNK - 1) / CHUNK, 1, k, y, x, n);
 }
 
-struct image_to_bf16_part {
-    const struct nn_kernels *k;
-    uint16_t *y;
-    const float *x;
-    size_t n;
-};
-
 /* One chunk. */
-static void image_to_bf16_part(void *ctx, size_t part)
+PARALLEL(image_to_bf16_part, part, const struct nn_kernels *, k, uint16_t *, y,
+         const float *, x, size_t, n)
 {
-    const struct image_to_bf16_part *c = ctx;
     size_t i = part * CHUNK;
 
-    c->k->to_bf16(c->y + i, c->x + i, c->n - i < CHUNK ? c->n - i : CHUNK);
+    k->to_bf16(y + i, x + i, n - i < CHUNK ? n - i : CHUNK);
 }
 
 void image_to_bf16(uint16_t *y, const float *x, size_t n)
 {
     const struct nn_kernels *k = nn_kernels();
 
-    parallel_for((n + CHUNK - 1) / CHUNK, 1, image_to_bf16_part,
-                 &(struct image_to_bf16_part){ k, y, x, n });
+    parallel_each(image_to_bf16_part, (n + CHUNK - 1) / CHUNK, 1, k, y, x, n);
 }
 
-struct sft_forward_part {
-    const struct nn_kernels *k;
-    float *y;
-    const float *x, *st;
-    size_t C, rows, step;
-    float one;
-};
-
 /* One chunk. */
-static void sft_forward_part(void *ctx, size_t part)
+PARALLEL(sft_forward_part, part, const struct nn_kernels *, k, float *, y,
+         const float *, x, const float *, st, size_t, C, size_t, rows,
+         size_t, step, float, one)
 {
-    const struct sft_forward_part *c = ctx;
-    size_t r = part * c->step;
+    size_t r = part * step;
 
-    c->k->sft_forward(c->y + r * c->C, c->x + r * c->C, c->st + 2 * r * c->C,
-                      c->one, c->rows - r < c->step ? c->rows - r : c->step,
-                      c->C);
+    k->sft_forward(y + r * C, x + r * C, st + 2 * r * C, one,
+                   rows - r < step ? rows - r : step, C);
 }
 
 void sft_forward(float *y, const float *x, const float *st, float one,
@@ -83,28 +59,19 @@ void sft_forward(float *y, const float *x, const float *st, float one,
     const struct nn_kernels *k = nn_kernels();
     size_t step = CHUNK / C + 1;
 
-    parallel_for((rows + step - 1) / step, 1, sft_forward_part,
-                 &(struct sft_forward_part){ k, y, x, st, C, rows, step, one });
+    parallel_each(sft_forward_part, (rows + step - 1) / step, 1, k, y, x, st, C,
+                  rows, step, one);
 }
 
-struct sft_backward_part {
-    const struct nn_kernels *k;
-    float *dx, *dst;
-    const float *dy, *x, *st;
-    size_t C, rows, step;
-    float one;
-};
-
 /* One chunk. */
-static void sft_backward_part(void *ctx, size_t part)
+PARALLEL(sft_backward_part, part, const struct nn_kernels *, k, float *, dx,
+         float *, dst, const float *, dy, const float *, x, const float *, st,
+         size_t, C, size_t, rows, size_t, step, float, one)
 {
-    const struct sft_backward_part *c = ctx;
-    size_t r = part * c->step;
+    size_t r = part * step;
 
-    c->k->sft_backward(c->dx + r * c->C, c->dst + 2 * r * c->C,
-                       c->dy + r * c->C, c->x + r * c->C, c->st + 2 * r * c->C,
-                       c->one, c->rows - r < c->step ? c->rows - r : c->step,
-                       c->C);
+    k->sft_backward(dx + r * C, dst + 2 * r * C, dy + r * C, x + r * C,
+                    st + 2 * r * C, one, rows - r < step ? rows - r : step, C);
 }
 
 void sft_backward(float *dx, float *dst, const float *dy, const float *x,
@@ -113,62 +80,44 @@ void sft_backward(float *dx, float *dst, const float *dy, const float *x,
     const struct nn_kernels *k = nn_kernels();
     size_t step = CHUNK / C + 1;
 
-    parallel_for((rows + step - 1) / step, 1, sft_backward_part,
-                 &(struct sft_backward_part){ k, dx, dst, dy, x, st, C, rows,
-                                              step, one });
+    parallel_each(sft_backward_part, (rows + step - 1) / step, 1, k, dx, dst,
+                  dy, x, st, C, rows, step, one);
 }
 
-struct concat_forward_part {
-    float *out;
-    const float *a, *b;
-    size_t C, A, group, Bc;
-};
-
 /* One row. */
-static void concat_forward_part(void *ctx, size_t r)
+PARALLEL(concat_forward_part, r, float *, out, const float *, a,
+         const float *, b, size_t, C, size_t, A, size_t, group, size_t, Bc)
 {
-    const struct concat_forward_part *c = ctx;
-    float *to = c->out + r * c->C;
+    float *to = out + r * C;
 
-    if (c->a)
-        memcpy(to, c->a + r * c->A, c->A * sizeof *to);
-    memcpy(to + c->A, c->b + r / c->group * c->Bc, c->Bc * sizeof *to);
-    memset(to + c->A + c->Bc, 0, (c->C - c->A - c->Bc) * sizeof *to);
+    if (a)
+        memcpy(to, a + r * A, A * sizeof *to);
+    memcpy(to + A, b + r / group * Bc, Bc * sizeof *to);
+    memset(to + A + Bc, 0, (C - A - Bc) * sizeof *to);
 }
 
 void concat_forward(float *out, const float *a, const float *b, size_t rows,
                     size_t A, size_t Bc, size_t C, size_t group)
 {
-    parallel_for(rows, 1, concat_forward_part,
-                 &(struct concat_forward_part){ out, a, b, C, A, group, Bc });
+    parallel_each(concat_forward_part, rows, 1, out, a, b, C, A, group, Bc);
 }
-
-struct concat_backward_part { float *da; const float *dout; size_t A, C; };
 
 /* One row. */
-static void concat_backward_part(void *ctx, size_t r)
+PARALLEL(concat_backward_part, r, float *, da, const float *, dout, size_t, A,
+         size_t, C)
 {
-    const struct concat_backward_part *c = ctx;
-
-    memcpy(c->da + r * c->A, c->dout + r * c->C, c->A * sizeof *c->da);
+    memcpy(da + r * A, dout + r * C, A * sizeof *da);
 }
 
-struct concat_backward_channel {
-    const float *dout;
-    float *db;
-    size_t rows, group, C, A, Bc;
-};
-
-static void concat_backward_channel(void *ctx, size_t c)
+PARALLEL(concat_backward_channel, c, const float *, dout, float *, db,
+         size_t, rows, size_t, group, size_t, C, size_t, A, size_t, Bc)
 {
-    const struct concat_backward_channel *a = ctx;
-
-    for (size_t g = 0; g < a->rows / a->group; g++) {
+    for (size_t g = 0; g < rows / group; g++) {
         double sum = 0;
 
-        for (size_t r = g * a->group; r < (g + 1) * a->group; r++)
-            sum += (double)a->dout[r * a->C + a->A + c];
-        a->db[g * a->Bc + c] += (float)sum;
+        for (size_t r = g * group; r < (g + 1) * group; r++)
+            sum += (double)dout[r * C + A + c];
+        db[g * Bc + c] += (float)sum;
     }
 }
 
@@ -177,15 +126,13 @@ void concat_backward(float *da, float *db, const float *dout, size_t rows,
 {
     if (da) {
 
-        parallel_for(rows, 1, concat_backward_part,
-                     &(struct concat_backward_part){ da, dout, A, C });
+        parallel_each(concat_backward_part, rows, 1, da, dout, A, C);
     }
     if (!db)
         return;
 
-    parallel_for(
-        Bc, 1, concat_backward_channel,
-        &(struct concat_backward_channel){ dout, db, rows, group, C, A, Bc });
+    parallel_each(concat_backward_channel, Bc, 1, dout, db, rows, group, C, A,
+                  Bc);
 }
 
 void concat_rows(float *out, const float *a, const float *b, size_t rows,
@@ -194,25 +141,17 @@ void concat_rows(float *out, const float *a, const float *b, size_t rows,
     concat_forward(out, a, b, rows, A, Bc, C, 1);
 }
 
-struct concat_rows_backward_part {
-    float *db;
-    const float *dout;
-    size_t Bc, C, A;
-};
-
 /* One row. */
-static void concat_rows_backward_part(void *ctx, size_t r)
+PARALLEL(concat_rows_backward_part, r, float *, db, const float *, dout,
+         size_t, Bc, size_t, C, size_t, A)
 {
-    const struct concat_rows_backward_part *c = ctx;
-
-    memcpy(c->db + r * c->Bc, c->dout + r * c->C + c->A, c->Bc * sizeof *c->db);
+    memcpy(db + r * Bc, dout + r * C + A, Bc * sizeof *db);
 }
 
 void concat_rows_backward(float *db, const float *dout, size_t rows, size_t A,
                           size_t Bc, size_t C)
 {
-    parallel_for(rows, 1, concat_rows_backward_part,
-                 &(struct concat_rows_backward_part){ db, dout, Bc, C, A });
+    parallel_each(concat_rows_backward_part, rows, 1, db, dout, Bc, C, A);
 }
 
 void relu_copy(float *y, const float *x, size_t n)
@@ -220,44 +159,33 @@ void relu_copy(float *y, const float *x, size_t n)
     act_forward(y, x, ACT_RELU, n);
 }
 
-struct relu_add_backward_part { const float *y, *dy; float *dx; };
-
-static void relu_add_backward_part(void *ctx, size_t i)
+PARALLEL(relu_add_backward_part, i, const float *, y, const float *, dy,
+         float *, dx)
 {
-    const struct relu_add_backward_part *c = ctx;
-
-    if (c->y[i] > 0.0f)
-        c->dx[i] += c->dy[i];
+    if (y[i] > 0.0f)
+        dx[i] += dy[i];
 }
 
 void relu_add_backward(float *dx, const float *dy, const float *y, size_t n)
 {
-    parallel_for(n, 1, relu_add_backward_part,
-                 &(struct relu_add_backward_part){ y, dy, dx });
+    parallel_each(relu_add_backward_part, n, 1, y, dy, dx);
 }
 
-struct space_to_depth_part {
-    float *out;
-    const float *in, *mean;
-    size_t ow, oh, row, f, h, w, C;
-    float scale;
-};
-
-static void space_to_depth_part(void *ctx, size_t k)
+PARALLEL(space_to_depth_part, k, float *, out, const float *, in,
+         const float *, mean, size_t, ow, size_t, oh, size_t, row, size_t, f,
+         size_t, h, size_t, w, size_t, C, float, scale)
 {
-    const struct space_to_depth_part *c = ctx;
-    size_t n = k / c->oh, y = k % c->oh;
+    size_t n = k / oh, y = k % oh;
 
-    for (size_t x = 0; x < c->ow; x++) {
-        float *to = c->out + ((n * c->oh + y) * c->ow + x) * c->row;
+    for (size_t x = 0; x < ow; x++) {
+        float *to = out + ((n * oh + y) * ow + x) * row;
 
-        for (size_t dy = 0; dy < c->f; dy++) {
-            const float *p =
-                c->in + ((n * c->h + y * c->f + dy) * c->w + x * c->f) * c->C;
+        for (size_t dy = 0; dy < f; dy++) {
+            const float *p = in + ((n * h + y * f + dy) * w + x * f) * C;
 
-            for (size_t i = 0; i < c->f * c->C; i++)
-                to[dy * c->f * c->C + i] =
-                    (p[i] - (c->mean ? c->mean[i % c->C] : 0.0f)) * c->scale;
+            for (size_t i = 0; i < f * C; i++)
+                to[dy * f * C + i] =
+                    (p[i] - (mean ? mean[i % C] : 0.0f)) * scale;
         }
     }
 }
@@ -268,85 +196,64 @@ void space_to_depth(float *out, const float *in, const float *mean,
 {
     size_t oh = h / f, ow = w / f, row = f * f * C;
 
-    parallel_for(B * oh, 1, space_to_depth_part,
-                 &(struct space_to_depth_part){ out, in, mean, ow, oh, row, f,
-                                                h, w, C, scale });
+    parallel_each(space_to_depth_part, B * oh, 1, out, in, mean, ow, oh, row, f,
+                  h, w, C, scale);
 }
 
-struct depth_to_space_part { const float *in; float *out; size_t h, f, w, C; };
-
-static void depth_to_space_part(void *ctx, size_t k)
+PARALLEL(depth_to_space_part, k, const float *, in, float *, out, size_t, h,
+         size_t, f, size_t, w, size_t, C)
 {
-    const struct depth_to_space_part *c = ctx;
-    size_t n = k / (c->h * c->f), y = k % (c->h * c->f);
-    const float *p =
-        c->in + ((n * c->h + y / c->f) * c->w * c->f + y % c->f) * c->f * c->C;
-    float *to = c->out + (n * c->h * c->f + y) * c->w * c->f * c->C;
+    size_t n = k / (h * f), y = k % (h * f);
+    const float *p = in + ((n * h + y / f) * w * f + y % f) * f * C;
+    float *to = out + (n * h * f + y) * w * f * C;
 
-    for (size_t x = 0; x < c->w;
-         x++, p += c->f * c->f * c->C, to += c->f * c->C)
-        memcpy(to, p, c->f * c->C * sizeof *to);
+    for (size_t x = 0; x < w; x++, p += f * f * C, to += f * C)
+        memcpy(to, p, f * C * sizeof *to);
 }
 
 void depth_to_space(float *out, const float *in, size_t B, size_t h, size_t w,
                     size_t C, size_t f)
 {
-    parallel_for(B * (h * f), 1, depth_to_space_part,
-                 &(struct depth_to_space_part){ in, out, h, f, w, C });
+    parallel_each(depth_to_space_part, B * (h * f), 1, in, out, h, f, w, C);
 }
 
-struct depth_to_space_add_part {
-    const float *in, *base;
-    float *out;
-    size_t h, f, w, C, base_C;
-};
-
-static void depth_to_space_add_part(void *ctx, size_t k)
+PARALLEL(depth_to_space_add_part, k, const float *, in, const float *, base,
+         float *, out, size_t, h, size_t, f, size_t, w, size_t, C,
+         size_t, base_C)
 {
-    const struct depth_to_space_add_part *a = ctx;
-    size_t n = k / (a->h * a->f), y = k % (a->h * a->f);
-    const float *p =
-        a->in + ((n * a->h + y / a->f) * a->w * a->f + y % a->f) * a->f * a->C;
-    const float *b = a->base + (n * a->h * a->f + y) * a->w * a->f * a->base_C;
-    float *to = a->out + (n * a->h * a->f + y) * a->w * a->f * a->C;
+    size_t n = k / (h * f), y = k % (h * f);
+    const float *p = in + ((n * h + y / f) * w * f + y % f) * f * C;
+    const float *b = base + (n * h * f + y) * w * f * base_C;
+    float *to = out + (n * h * f + y) * w * f * C;
 
-    for (size_t x = 0; x < a->w; x++, p += a->f * a->f * a->C)
-        for (size_t i = 0; i < a->f; i++, b += a->base_C, to += a->C)
-            for (size_t c = 0; c < a->C; c++)
-                to[c] = b[c] + p[i * a->C + c];
+    for (size_t x = 0; x < w; x++, p += f * f * C)
+        for (size_t i = 0; i < f; i++, b += base_C, to += C)
+            for (size_t c = 0; c < C; c++)
+                to[c] = b[c] + p[i * C + c];
 }
 
 void depth_to_space_add(float *out, const float *base, size_t base_C,
                         const float *in, size_t B, size_t h, size_t w,
                         size_t C, size_t f)
 {
-    parallel_for(
-        B * (h * f), 1, depth_to_space_add_part,
-        &(struct depth_to_space_add_part){ in, base, out, h, f, w, C, base_C });
+    parallel_each(depth_to_space_add_part, B * (h * f), 1, in, base, out, h, f,
+                  w, C, base_C);
 }
 
-struct depth_to_space_backward_part {
-    float *din;
-    const float *dout;
-    size_t h, f, w, C;
-};
-
-static void depth_to_space_backward_part(void *ctx, size_t k)
+PARALLEL(depth_to_space_backward_part, k, float *, din, const float *, dout,
+         size_t, h, size_t, f, size_t, w, size_t, C)
 {
-    const struct depth_to_space_backward_part *c = ctx;
-    size_t n = k / (c->h * c->f), y = k % (c->h * c->f);
-    float *p =
-        c->din + ((n * c->h + y / c->f) * c->w * c->f + y % c->f) * c->f * c->C;
-    const float *g = c->dout + (n * c->h * c->f + y) * c->w * c->f * c->C;
+    size_t n = k / (h * f), y = k % (h * f);
+    float *p = din + ((n * h + y / f) * w * f + y % f) * f * C;
+    const float *g = dout + (n * h * f + y) * w * f * C;
 
-    for (size_t x = 0; x < c->w; x++, p += c->f * c->f * c->C, g += c->f * c->C)
-        memcpy(p, g, c->f * c->C * sizeof *p);
+    for (size_t x = 0; x < w; x++, p += f * f * C, g += f * C)
+        memcpy(p, g, f * C * sizeof *p);
 }
 
 void depth_to_space_backward(float *din, const float *dout, size_t B,
                              size_t h, size_t w, size_t C, size_t f)
 {
-    parallel_for(
-        B * (h * f), 1, depth_to_space_backward_part,
-        &(struct depth_to_space_backward_part){ din, dout, h, f, w, C });
+    parallel_each(depth_to_space_backward_part, B * (h * f), 1, din, dout, h, f,
+                  w, C);
 }

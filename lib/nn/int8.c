@@ -78,56 +78,39 @@ static void int8_range(float *lo, float *hi, const float *in, size_t n)
     }
 }
 
-/* Row y of the padded picture, from row y - top of the picture if it has it. */
-static void int8_quantise_row(uint8_t *to, const float *in,
-                              const struct int8 *q, const struct conv *c,
-                              size_t y, float inverse, float zero)
+/* Row r of the padded pictures, from row y - top of its picture if that has
+ * it. */
+PARALLEL(int8_quantise_row, r, uint8_t *, bytes, const float *, in,
+         const struct int8 *, q, const struct conv *, c, float, step,
+         float, zero)
 {
-    const size_t C = c->in_data, n = c->w * C;
+    const size_t C = c->in_data, n = c->w * C, y = r % q->h;
     const int z = (int)zero;
+    uint8_t *to = bytes + r * q->w * C;
 
     if (y < q->top || y >= q->top + c->h) {
         memset(to, z, q->w * C);
         return;
     }
     memset(to, z, q->left * C);
-    nn_kernels()->quantise(to + q->left * C, in + (y - q->top) * n, inverse,
+    nn_kernels()->quantise(to + q->left * C,
+                           in + (r / q->h * c->h + y - q->top) * n, 1 / step,
                            zero, n);
     memset(to + q->left * C + n, z, (q->w - q->left - c->w) * C);
-}
-
-struct int8_input_part {
-    uint8_t *bytes;
-    const float *in;
-    struct int8 *q;
-    const struct conv *c;
-    size_t row, image;
-    float step, zero;
-};
-
-/* One row. */
-static void int8_input_part(void *ctx, size_t y)
-{
-    const struct int8_input_part *a = ctx;
-
-    int8_quantise_row(a->bytes + y * a->row, a->in + y / a->q->h * a->image,
-                      a->q, a->c, y % a->q->h, 1 / a->step, a->zero);
 }
 
 const uint8_t *int8_input(struct int8 *q, const struct conv *c,
                           const float *in, const float *bias)
 {
     uint8_t *bytes = (uint8_t *)c->plan->scratch + q->at;
-    const size_t image = c->h * c->w * c->in_data, row = q->w * c->in_data;
     float lo, hi;
 
-    int8_range(&lo, &hi, in, c->batch * image);
+    int8_range(&lo, &hi, in, c->batch * c->h * c->w * c->in_data);
     const float step = hi > lo ? (hi - lo) / 255 : 1;
     const float zero = rintf(-lo / step);
 
-    parallel_for(
-        c->batch * q->h, 1, int8_input_part,
-        &(struct int8_input_part){ bytes, in, q, c, row, image, step, zero });
+    parallel_each(int8_quantise_row, c->batch * q->h, 1, bytes, in, q, c, step,
+                  zero);
     for (size_t o = 0; o < c->out; o++) {
         q->scale[o] = step * q->step[o];
         q->bias[o] = bias[o] / q->scale[o] - zero * q->sum[o];

@@ -60,21 +60,14 @@ static void norm_repeat_channels(float *a, size_t C, size_t period)
         a[i] = a[i - C];
 }
 
-struct norm_batch_statistics_part {
-    const struct nn_kernels *k;
-    struct batch_norm *n;
-    const float *x;
-    size_t rows, parts, C;
-};
-
-static void norm_batch_statistics_part(void *ctx, size_t i)
+PARALLEL(norm_batch_statistics_part, i, const struct nn_kernels *, k,
+         struct batch_norm *, n, const float *, x, size_t, rows, size_t, parts,
+         size_t, C)
 {
-    const struct norm_batch_statistics_part *c = ctx;
-    size_t r0 = i * c->rows / c->parts, r1 = (i + 1) * c->rows / c->parts;
+    size_t r0 = i * rows / parts, r1 = (i + 1) * rows / parts;
 
     /* any value of the channel serves as origin */
-    c->k->norm_sums(c->n->part + i * 2 * c->C, c->x + r0 * c->C, c->x, r1 - r0,
-                    c->C);
+    k->norm_sums(n->part + i * 2 * C, x + r0 * C, x, r1 - r0, C);
 }
 
 /* Statistics of x, and the running ones moved towards them. */
@@ -85,9 +78,8 @@ static void norm_batch_statistics(struct batch_norm *n, const float *x)
     float *run_mean = param_w(n->ps, n->mean);
     float *run_var = param_w(n->ps, n->var);
 
-    parallel_for(
-        parts, 1, norm_batch_statistics_part,
-        &(struct norm_batch_statistics_part){ k, n, x, rows, parts, C });
+    parallel_each(norm_batch_statistics_part, parts, 1, k, n, x, rows, parts,
+                  C);
     for (size_t c = 0; c < C; c++) {
         double s = 0, q = 0, count = (double)rows;
 
@@ -115,24 +107,16 @@ static size_t norm_chunk_rows(const struct batch_norm *n)
     return rows ? rows : rep;
 }
 
-struct batch_norm_forward_part {
-    struct batch_norm *n;
-    const struct nn_kernels *k;
-    float *y;
-    const float *x, *res;
-    size_t step, C;
-};
-
 /* One chunk. */
-static void batch_norm_forward_part(void *ctx, size_t part)
+PARALLEL(batch_norm_forward_part, part, struct batch_norm *, n,
+         const struct nn_kernels *, k, float *, y, const float *, x,
+         const float *, res, size_t, step, size_t, C)
 {
-    const struct batch_norm_forward_part *c = ctx;
-    size_t r = part * c->step;
-    size_t m = c->n->rows - r < c->step ? c->n->rows - r : c->step;
+    size_t r = part * step;
+    size_t m = n->rows - r < step ? n->rows - r : step;
 
-    c->k->norm_apply(c->y + r * c->C, c->x + r * c->C,
-                     c->res ? c->res + r * c->C : NULL, c->n->scale,
-                     c->n->shift, (int)c->n->act, c->n->period, m * c->C);
+    k->norm_apply(y + r * C, x + r * C, res ? res + r * C : NULL, n->scale,
+                  n->shift, (int)n->act, n->period, m * C);
 }
 
 void batch_norm_forward(float *y, const float *x, const float *res,
@@ -157,8 +141,8 @@ void batch_norm_forward(float *y, const float *x, const float *res,
     norm_repeat_channels(n->scale, C, n->period);
     norm_repeat_channels(n->shift, C, n->period);
 
-    parallel_for((n->rows + step - 1) / step, 1, batch_norm_forward_part,
-                 &(struct batch_norm_forward_part){ n, k, y, x, res, step, C });
+    parallel_each(batch_norm_forward_part, (n->rows + step - 1) / step, 1, n, k,
+                  y, x, res, step, C);
 }
 
 /* From the parts' sums: the gradients of weight and bias, and what
@@ -188,43 +172,27 @@ static void norm_backward_coefficients(struct batch_norm *n, size_t parts)
     }
 }
 
-struct batch_norm_backward_part {
-    const struct nn_kernels *k;
-    struct batch_norm *n;
-    float *dx;
-    const float *dy, *x;
-    size_t rows, parts, C;
-    _Bool train;
-};
-
-static void batch_norm_backward_part(void *ctx, size_t i)
+PARALLEL(batch_norm_backward_part, i, const struct nn_kernels *, k,
+         struct batch_norm *, n, float *, dx, const float *, dy,
+         const float *, x, size_t, rows, size_t, parts, size_t, C, bool, train)
 {
-    const struct batch_norm_backward_part *c = ctx;
-    size_t r0 = i * c->rows / c->parts, r1 = (i + 1) * c->rows / c->parts;
+    size_t r0 = i * rows / parts, r1 = (i + 1) * rows / parts;
 
-    c->k->norm_backward_sums(c->n->part + i * 2 * c->C, c->dx + r0 * c->C,
-                             c->dy + r0 * c->C, c->x + r0 * c->C, c->n->scale,
-                             c->n->shift, c->n->batch_mean, (int)c->n->act,
-                             !c->train, r1 - r0, c->C);
+    k->norm_backward_sums(n->part + i * 2 * C, dx + r0 * C, dy + r0 * C,
+                          x + r0 * C, n->scale, n->shift, n->batch_mean,
+                          (int)n->act, !train, r1 - r0, C);
 }
 
-struct batch_norm_data_part {
-    const struct nn_kernels *k;
-    float *dx;
-    const float *x;
-    struct batch_norm *n;
-    size_t rows, step, C, P;
-};
-
 /* One chunk. */
-static void batch_norm_data_part(void *ctx, size_t part)
+PARALLEL(batch_norm_data_part, part, const struct nn_kernels *, k, float *, dx,
+         const float *, x, struct batch_norm *, n, size_t, rows, size_t, step,
+         size_t, C, size_t, P)
 {
-    const struct batch_norm_data_part *c = ctx;
-    size_t r = part * c->step;
-    size_t m = c->rows - r < c->step ? c->rows - r : c->step;
+    size_t r = part * step;
+    size_t m = rows - r < step ? rows - r : step;
 
-    c->k->norm_backward_apply(c->dx + r * c->C, c->dx + r * c->C,
-                              c->x + r * c->C, c->n->coef, c->P, m * c->C);
+    k->norm_backward_apply(dx + r * C, dx + r * C, x + r * C, n->coef, P,
+                           m * C);
 }
 
 /* In the forward pass this was, with hat = (x - mean) rstd:
@@ -237,40 +205,32 @@ void batch_norm_backward(float *dx, const float *dy, const float *x,
     size_t P = n->period, step = norm_chunk_rows(n);
     bool train = n->plan->opt.mode == NN_TRAIN;
 
-    parallel_for(parts, 1, batch_norm_backward_part,
-                 &(struct batch_norm_backward_part){ k, n, dx, dy, x, rows,
-                                                     parts, C, train });
+    parallel_each(batch_norm_backward_part, parts, 1, k, n, dx, dy, x, rows,
+                  parts, C, train);
     norm_backward_coefficients(n, parts);
     if (!train)
         return;
     for (size_t i = 0; i < 4; i++)
         norm_repeat_channels(n->coef + i * P, C, P);
 
-    parallel_for(
-        (rows + step - 1) / step, 1, batch_norm_data_part,
-        &(struct batch_norm_data_part){ k, dx, x, n, rows, step, C, P });
+    parallel_each(batch_norm_data_part, (rows + step - 1) / step, 1, k, dx, x,
+                  n, rows, step, C, P);
 }
 
 #define LN_ROWS 32
 
-struct layer_norm_forward_part {
-    const struct nn_kernels *k;
-    float *y, *mean, *rstd;
-    const float *x, *weight, *bias;
-    size_t rows, C;
-    float eps;
-};
-
 /* One chunk. */
-static void layer_norm_forward_part(void *ctx, size_t part)
+PARALLEL(layer_norm_forward_part, part, const struct nn_kernels *, k,
+         float *, y, float *, mean, float *, rstd, const float *, x,
+         const float *, weight, const float *, bias, size_t, rows, size_t, C,
+         float, eps)
 {
-    const struct layer_norm_forward_part *c = ctx;
     size_t r = part * LN_ROWS;
-    size_t m = c->rows - r < LN_ROWS ? c->rows - r : LN_ROWS;
+    size_t m = rows - r < LN_ROWS ? rows - r : LN_ROWS;
 
-    c->k->layer_norm_forward(c->y + r * c->C, c->mean ? c->mean + r : NULL,
-                             c->rstd ? c->rstd + r : NULL, c->x + r * c->C,
-                             c->weight, c->bias, c->eps, m, c->C);
+    k->layer_norm_forward(y + r * C, mean ? mean + r : NULL,
+                          rstd ? rstd + r : NULL, x + r * C, weight, bias, eps,
+                          m, C);
 }
 
 void layer_norm_forward(float *y, float *mean, float *rstd, const float *x,
@@ -279,26 +239,19 @@ void layer_norm_forward(float *y, float *mean, float *rstd, const float *x,
 {
     const struct nn_kernels *k = nn_kernels();
 
-    parallel_for((rows + LN_ROWS - 1) / LN_ROWS, 1, layer_norm_forward_part,
-                 &(struct layer_norm_forward_part){ k, y, mean, rstd, x, weight,
-                                                    bias, rows, C, eps });
+    parallel_each(layer_norm_forward_part, (rows + LN_ROWS - 1) / LN_ROWS, 1, k,
+                  y, mean, rstd, x, weight, bias, rows, C, eps);
 }
 
-struct layer_norm_backward_part {
-    const struct nn_kernels *k;
-    float *dx, *part;
-    const float *dy, *x, *mean, *rstd, *weight;
-    size_t rows, parts, C;
-};
-
-static void layer_norm_backward_part(void *ctx, size_t i)
+PARALLEL(layer_norm_backward_part, i, const struct nn_kernels *, k, float *, dx,
+         float *, part, const float *, dy, const float *, x,
+         const float *, mean, const float *, rstd, const float *, weight,
+         size_t, rows, size_t, parts, size_t, C)
 {
-    const struct layer_norm_backward_part *c = ctx;
-    size_t r = i * c->rows / c->parts, m = (i + 1) * c->rows / c->parts - r;
+    size_t r = i * rows / parts, m = (i + 1) * rows / parts - r;
 
-    c->k->layer_norm_backward(c->dx + r * c->C, c->part + i * 2 * c->C,
-                              c->dy + r * c->C, c->x + r * c->C, c->mean + r,
-                              c->rstd + r, c->weight, m, c->C);
+    k->layer_norm_backward(dx + r * C, part + i * 2 * C, dy + r * C, x + r * C,
+                           mean + r, rstd + r, weight, m, C);
 }
 
 void layer_norm_backward(float *dx, float *dweight, float *dbias, float *part,
@@ -309,9 +262,8 @@ void layer_norm_backward(float *dx, float *dweight, float *dbias, float *part,
     const struct nn_kernels *k = nn_kernels();
     size_t parts = norm_part_count(rows);
 
-    parallel_for(parts, 1, layer_norm_backward_part,
-                 &(struct layer_norm_backward_part){
-                     k, dx, part, dy, x, mean, rstd, weight, rows, parts, C });
+    parallel_each(layer_norm_backward_part, parts, 1, k, dx, part, dy, x, mean,
+                  rstd, weight, rows, parts, C);
     for (size_t i = 0; i < parts; i++)
         for (size_t c = 0; c < C; c++) {
             if (dweight)

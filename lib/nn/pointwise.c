@@ -52,25 +52,17 @@ void pointwise_update(struct pointwise *t, const float *w)
     k->pointwise_pack(t->back, w, t->in, 1, t->out, t->in);
 }
 
-struct pointwise_multiply_part {
-    const struct pointwise *t;
-    const struct nn_kernels *k;
-    float *C;
-    const float *A;
-    const uint32_t *packed;
-    size_t N, K;
-};
-
 /* One chunk. */
-static void pointwise_multiply_part(void *ctx, size_t part)
+PARALLEL(pointwise_multiply_part, part, const struct pointwise *, t,
+         const struct nn_kernels *, k, float *, C, const float *, A,
+         const uint32_t *, packed, size_t, N, size_t, K)
 {
-    const struct pointwise_multiply_part *c = ctx;
-    size_t r = part * c->t->band;
-    size_t m = c->t->rows - r < c->t->band ? c->t->rows - r : c->t->band;
-    char *half = c->t->plan->scratch + parallel_slot() * c->t->half_size;
+    size_t r = part * t->band;
+    size_t m = t->rows - r < t->band ? t->rows - r : t->band;
+    char *half = t->plan->scratch + parallel_slot() * t->half_size;
 
-    c->k->pointwise_rows(c->C + r * c->N, c->A + r * c->K,
-                         (uint32_t *)(void *)half, c->packed, m, c->N, c->K);
+    k->pointwise_rows(C + r * N, A + r * K, (uint32_t *)(void *)half, packed, m,
+                      N, K);
 }
 
 /* C (rows,N) = A (rows,K) times packed weights. */
@@ -80,8 +72,8 @@ static void pointwise_multiply(float *C, const float *A,
 {
     const struct nn_kernels *k = nn_kernels();
 
-    parallel_for((t->rows + t->band - 1) / t->band, 1, pointwise_multiply_part,
-                 &(struct pointwise_multiply_part){ t, k, C, A, packed, N, K });
+    parallel_each(pointwise_multiply_part, (t->rows + t->band - 1) / t->band, 1,
+                  t, k, C, A, packed, N, K);
 }
 
 void pointwise_forward(float *out, const float *in, struct pointwise *t)
@@ -95,23 +87,16 @@ void pointwise_backward_data(float *din, const float *dout,
     pointwise_multiply(din, dout, t->back, t->in, t->out, t);
 }
 
-struct pointwise_backward_weights_part {
-    struct pointwise *t;
-    const struct nn_kernels *k;
-    const float *dout, *in;
-    size_t size;
-};
-
-static void pointwise_backward_weights_part(void *ctx, size_t i)
+PARALLEL(pointwise_backward_weights_part, i, struct pointwise *, t,
+         const struct nn_kernels *, k, const float *, dout, const float *, in,
+         size_t, size)
 {
-    const struct pointwise_backward_weights_part *c = ctx;
-    size_t r = i * c->t->rows / NN_PARTS;
-    size_t m = (i + 1) * c->t->rows / NN_PARTS - r;
-    char *pairs = c->t->plan->scratch + i * c->t->pairs_size;
+    size_t r = i * t->rows / NN_PARTS;
+    size_t m = (i + 1) * t->rows / NN_PARTS - r;
+    char *pairs = t->plan->scratch + i * t->pairs_size;
 
-    c->k->pointwise_weights(c->t->dw + i * c->size, c->dout + r * c->t->out,
-                            c->in + r * c->t->in, (uint32_t *)(void *)pairs, m,
-                            c->t->out, c->t->in);
+    k->pointwise_weights(t->dw + i * size, dout + r * t->out, in + r * t->in,
+                         (uint32_t *)(void *)pairs, m, t->out, t->in);
 }
 
 void pointwise_backward_weights(float *g, const float *dout, const float *in,
@@ -120,9 +105,8 @@ void pointwise_backward_weights(float *g, const float *dout, const float *in,
     const struct nn_kernels *k = nn_kernels();
     size_t wide = pointwise_panels(t->in), size = t->out * wide;
 
-    parallel_for(
-        NN_PARTS, 1, pointwise_backward_weights_part,
-        &(struct pointwise_backward_weights_part){ t, k, dout, in, size });
+    parallel_each(pointwise_backward_weights_part, NN_PARTS, 1, t, k, dout, in,
+                  size);
     for (size_t o = 0; o < t->out; o++)
         for (size_t i = 0; i < NN_PARTS; i++)
             k->add(g + o * t->in, t->dw + i * size + o * wide, t->in);

@@ -22,22 +22,12 @@ void max_pool_plan(struct max_pool *m, struct nn_plan *p, size_t batch,
         m->which = nn_plan_floats(p, batch * m->oh * m->ow * channels);
 }
 
-struct max_pool_forward_part {
-    const struct nn_kernels *k;
-    float *out;
-    struct max_pool *m;
-    const float *in;
-    size_t row, image;
-};
-
 /* One row. */
-static void max_pool_forward_part(void *ctx, size_t r)
+PARALLEL(max_pool_forward_part, r, const struct nn_kernels *, k, float *, out,
+         struct max_pool *, m, const float *, in, size_t, row, size_t, image)
 {
-    const struct max_pool_forward_part *c = ctx;
-
-    c->k->max_pool_row(c->out + r * c->row,
-                       c->m->which ? c->m->which + r * c->row : NULL,
-                       c->in + r / c->m->oh * c->image, c->m, r % c->m->oh);
+    k->max_pool_row(out + r * row, m->which ? m->which + r * row : NULL,
+                    in + r / m->oh * image, m, r % m->oh);
 }
 
 void max_pool_forward(float *out, const float *in, struct max_pool *m)
@@ -45,26 +35,17 @@ void max_pool_forward(float *out, const float *in, struct max_pool *m)
     const struct nn_kernels *k = nn_kernels();
     size_t row = m->ow * m->channels, image = m->h * m->w * m->channels;
 
-    parallel_for(m->batch * m->oh, 1, max_pool_forward_part,
-                 &(struct max_pool_forward_part){ k, out, m, in, row, image });
+    parallel_each(max_pool_forward_part, m->batch * m->oh, 1, k, out, m, in,
+                  row, image);
 }
 
-struct max_pool_backward_part {
-    const struct nn_kernels *k;
-    float *din;
-    const struct max_pool *m;
-    const float *dout;
-    size_t image;
-};
-
 /* One row. */
-static void max_pool_backward_part(void *ctx, size_t r)
+PARALLEL(max_pool_backward_part, r, const struct nn_kernels *, k, float *, din,
+         const struct max_pool *, m, const float *, dout, size_t, image)
 {
-    const struct max_pool_backward_part *c = ctx;
-
-    c->k->max_pool_row_backward(
-        c->din + r * c->m->w * c->m->channels, c->dout + r / c->m->h * c->image,
-        c->m->which + r / c->m->h * c->image, c->m, r % c->m->h);
+    k->max_pool_row_backward(din + r * m->w * m->channels,
+                             dout + r / m->h * image,
+                             m->which + r / m->h * image, m, r % m->h);
 }
 
 /* In the forward pass: out = in[which]; windows overlap by a pixel. */
@@ -74,6 +55,6 @@ void max_pool_backward(float *din, const float *dout,
     const struct nn_kernels *k = nn_kernels();
     size_t image = m->oh * m->ow * m->channels;
 
-    parallel_for(m->batch * m->h, 1, max_pool_backward_part,
-                 &(struct max_pool_backward_part){ k, din, m, dout, image });
+    parallel_each(max_pool_backward_part, m->batch * m->h, 1, k, din, m, dout,
+                  image);
 }

@@ -191,53 +191,37 @@ static float *rescale_thread_line(const struct rescale *r)
            parallel_slot() * r->line;
 }
 
-struct rescale_forward_part {
-    const struct nn_kernels *k;
-    float *out;
-    struct rescale *r;
-    const float *in;
-};
-
-static void rescale_forward_part(void *ctx, size_t at)
+PARALLEL(rescale_forward_part, at, const struct nn_kernels *, k, float *, out,
+         struct rescale *, r, const float *, in)
 {
-    const struct rescale_forward_part *c = ctx;
-    size_t n = at / c->r->y.out, o = at % c->r->y.out;
+    size_t n = at / r->y.out, o = at % r->y.out;
 
-    c->k->rescale_line(c->out + (n * c->r->y.out + o) * c->r->x.out * c->r->C,
-                       rescale_thread_line(c->r),
-                       c->in + n * c->r->y.in * c->r->x.in * c->r->C, c->r, o);
+    k->rescale_line(out + (n * r->y.out + o) * r->x.out * r->C,
+                    rescale_thread_line(r), in + n * r->y.in * r->x.in * r->C,
+                    r, o);
 }
 
 void rescale_forward(float *out, const float *in, struct rescale *r)
 {
     const struct nn_kernels *k = nn_kernels();
 
-    parallel_for(r->batch * r->y.out, 1, rescale_forward_part,
-                 &(struct rescale_forward_part){ k, out, r, in });
+    parallel_each(rescale_forward_part, r->batch * r->y.out, 1, k, out, r, in);
 }
 
-struct rescale_backward_part {
-    const struct nn_kernels *k;
-    float *din;
-    struct rescale *r;
-    const float *dout;
-};
-
-static void rescale_backward_part(void *ctx, size_t at)
+PARALLEL(rescale_backward_part, at, const struct nn_kernels *, k, float *, din,
+         struct rescale *, r, const float *, dout)
 {
-    const struct rescale_backward_part *c = ctx;
-    size_t n = at / c->r->y.in, i = at % c->r->y.in;
+    size_t n = at / r->y.in, i = at % r->y.in;
 
-    c->k->rescale_line_backward(
-        c->din + (n * c->r->y.in + i) * c->r->x.in * c->r->C,
-        rescale_thread_line(c->r),
-        c->dout + n * c->r->y.out * c->r->x.out * c->r->C, c->r, i);
+    k->rescale_line_backward(din + (n * r->y.in + i) * r->x.in * r->C,
+                             rescale_thread_line(r),
+                             dout + n * r->y.out * r->x.out * r->C, r, i);
 }
 
 void rescale_backward(float *din, const float *dout, struct rescale *r)
 {
     const struct nn_kernels *k = nn_kernels();
 
-    parallel_for(r->batch * r->y.in, 1, rescale_backward_part,
-                 &(struct rescale_backward_part){ k, din, r, dout });
+    parallel_each(rescale_backward_part, r->batch * r->y.in, 1, k, din, r,
+                  dout);
 }

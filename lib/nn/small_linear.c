@@ -30,25 +30,15 @@ void small_linear_update(struct small_linear *t, const float *w,
     memcpy(t->bias, bias, t->c->out * sizeof *bias);
 }
 
-struct small_linear_forward_part {
-    const struct nn_kernels *k;
-    const struct small_linear *t;
-    const float *in;
-    float *out;
-    const struct conv *c;
-    size_t rows, K, N;
-};
-
-static void small_linear_forward_part(void *ctx, size_t o)
+PARALLEL(small_linear_forward_part, o, const struct nn_kernels *, k,
+         const struct small_linear *, t, const float *, in, float *, out,
+         const struct conv *, c, size_t, rows, size_t, K, size_t, N)
 {
-    const struct small_linear_forward_part *a = ctx;
+    for (size_t r = 0; r < rows; r++) {
+        double sum = k->dot(t->w + o * K, in + r * K, K) + (double)t->bias[o];
+        float *to = out + r * N + o;
 
-    for (size_t r = 0; r < a->rows; r++) {
-        double sum = a->k->dot(a->t->w + o * a->K, a->in + r * a->K, a->K) +
-                     (double)a->t->bias[o];
-        float *to = a->out + r * a->N + o;
-
-        *to = (float)(a->c->add ? sum + (double)*to : sum);
+        *to = (float)(c->add ? sum + (double)*to : sum);
     }
 }
 
@@ -59,9 +49,8 @@ void small_linear_forward(float *out, const float *in,
     const struct conv *c = t->c;
     size_t rows = c->batch * c->h * c->w, K = c->in_data, N = c->out;
 
-    parallel_for(
-        N, N * K > 65536 ? 1 : N, small_linear_forward_part,
-        &(struct small_linear_forward_part){ k, t, in, out, c, rows, K, N });
+    parallel_each(small_linear_forward_part, N, N * K > 65536 ? 1 : N, k, t, in,
+                  out, c, rows, K, N);
     if (c->act != ACT_NONE)
         act_forward(out, out, c->act, rows * N);
 }

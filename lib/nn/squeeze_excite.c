@@ -64,23 +64,15 @@ static void squeeze_excite_fold(float *sum, const float *part, size_t n,
     }
 }
 
-struct spatial_mean_forward_part {
-    const struct nn_kernels *k;
-    float *part;
-    const float *x;
-    size_t P, pixels, C;
-};
-
-static void spatial_mean_forward_part(void *ctx, size_t i)
+PARALLEL(spatial_mean_forward_part, i, const struct nn_kernels *, k,
+         float *, part, const float *, x, size_t, P, size_t, pixels, size_t, C)
 {
-    const struct spatial_mean_forward_part *c = ctx;
-    size_t n = i / c->P, r0 = i % c->P * c->pixels / c->P;
-    size_t r1 = (i % c->P + 1) * c->pixels / c->P;
+    size_t n = i / P, r0 = i % P * pixels / P;
+    size_t r1 = (i % P + 1) * pixels / P;
 
     /* no activation: the map is read only */
-    c->k->act_sums(c->part + i * c->C,
-                   (float *)c->x + (n * c->pixels + r0) * c->C, c->x, ACT_NONE,
-                   r1 - r0, c->C);
+    k->act_sums(part + i * C, (float *)x + (n * pixels + r0) * C, x, ACT_NONE,
+                r1 - r0, C);
 }
 
 void spatial_mean_forward(float *mean, float *part, const float *x, size_t B,
@@ -89,29 +81,20 @@ void spatial_mean_forward(float *mean, float *part, const float *x, size_t B,
     const struct nn_kernels *k = nn_kernels();
     size_t P = squeeze_excite_pieces(pixels);
 
-    parallel_for(
-        B * P, 1, spatial_mean_forward_part,
-        &(struct spatial_mean_forward_part){ k, part, x, P, pixels, C });
+    parallel_each(spatial_mean_forward_part, B * P, 1, k, part, x, P, pixels,
+                  C);
     for (size_t n = 0; n < B; n++)
         squeeze_excite_fold(mean + n * C, part + n * P * C, P, C,
                             1.0f / (float)pixels);
 }
 
-struct spatial_mean_backward_part {
-    float *dx;
-    const float *dmean;
-    size_t C, pixels;
-    float scale;
-};
-
-static void spatial_mean_backward_part(void *ctx, size_t k)
+PARALLEL(spatial_mean_backward_part, k, float *, dx, const float *, dmean,
+         size_t, C, size_t, pixels, float, scale)
 {
-    const struct spatial_mean_backward_part *a = ctx;
-    size_t n = k / a->pixels, i = k % a->pixels;
+    size_t n = k / pixels, i = k % pixels;
 
-    for (size_t c = 0; c < a->C; c++)
-        a->dx[(n * a->pixels + i) * a->C + c] =
-            a->dmean[n * a->C + c] * a->scale;
+    for (size_t c = 0; c < C; c++)
+        dx[(n * pixels + i) * C + c] = dmean[n * C + c] * scale;
 }
 
 void spatial_mean_backward(float *dx, const float *dmean, size_t B,
@@ -119,13 +102,12 @@ void spatial_mean_backward(float *dx, const float *dmean, size_t B,
 {
     float scale = 1.0f / (float)pixels;
 
-    parallel_for(
-        B * pixels, 1, spatial_mean_backward_part,
-        &(struct spatial_mean_backward_part){ dx, dmean, C, pixels, scale });
+    parallel_each(spatial_mean_backward_part, B * pixels, 1, dx, dmean, C,
+                  pixels, scale);
 }
 
 /* The gate of item n from its mean: two small layers. */
-static void squeeze_excite_gate(struct squeeze_excite *s, size_t n)
+PARALLEL(squeeze_excite_gate, n, struct squeeze_excite *, s)
 {
     const struct nn_kernels *k = nn_kernels();
     size_t C = s->channels, H = s->hidden;
@@ -139,32 +121,15 @@ static void squeeze_excite_gate(struct squeeze_excite *s, size_t n)
     k->act_forward(gate, gate, ACT_HARDSIGMOID, C);
 }
 
-struct squeeze_excite_forward_part { struct squeeze_excite *s; };
-
-static void squeeze_excite_forward_part(void *ctx, size_t n)
+PARALLEL(squeeze_excite_scale_part, i, struct squeeze_excite *, s,
+         const struct nn_kernels *, k, float *, y, const float *, x, size_t, P,
+         size_t, C)
 {
-    const struct squeeze_excite_forward_part *c = ctx;
+    size_t n = i / P, r0 = i % P * s->pixels / P;
+    size_t r1 = (i % P + 1) * s->pixels / P;
+    size_t at = (n * s->pixels + r0) * C;
 
-    squeeze_excite_gate(c->s, n);
-}
-
-struct squeeze_excite_scale_part {
-    struct squeeze_excite *s;
-    const struct nn_kernels *k;
-    float *y;
-    const float *x;
-    size_t P, C;
-};
-
-static void squeeze_excite_scale_part(void *ctx, size_t i)
-{
-    const struct squeeze_excite_scale_part *c = ctx;
-    size_t n = i / c->P, r0 = i % c->P * c->s->pixels / c->P;
-    size_t r1 = (i % c->P + 1) * c->s->pixels / c->P;
-    size_t at = (n * c->s->pixels + r0) * c->C;
-
-    c->k->channel_scale(c->y + at, c->x + at, c->s->gate + n * c->C, NULL,
-                        r1 - r0, c->C);
+    k->channel_scale(y + at, x + at, s->gate + n * C, NULL, r1 - r0, C);
 }
 
 void squeeze_excite_forward(float *y, const float *x, struct squeeze_excite *s)
@@ -174,11 +139,9 @@ void squeeze_excite_forward(float *y, const float *x, struct squeeze_excite *s)
 
     spatial_mean_forward(s->mean, s->part, x, B, s->pixels, C);
 
-    parallel_for(B, 1, squeeze_excite_forward_part,
-                 &(struct squeeze_excite_forward_part){ s });
+    parallel_each(squeeze_excite_gate, B, 1, s);
 
-    parallel_for(B * P, 1, squeeze_excite_scale_part,
-                 &(struct squeeze_excite_scale_part){ s, k, y, x, P, C });
+    parallel_each(squeeze_excite_scale_part, B * P, 1, s, k, y, x, P, C);
 }
 
 /* The gate's gradient through its two small layers: dgate -> dmean. */
@@ -217,41 +180,27 @@ static void squeeze_excite_gate_backward(struct squeeze_excite *s)
     }
 }
 
-struct squeeze_excite_backward_part {
-    struct squeeze_excite *s;
-    const struct nn_kernels *k;
-    const float *dy, *x;
-    size_t P, C;
-};
-
-static void squeeze_excite_backward_part(void *ctx, size_t i)
+PARALLEL(squeeze_excite_backward_part, i, struct squeeze_excite *, s,
+         const struct nn_kernels *, k, const float *, dy, const float *, x,
+         size_t, P, size_t, C)
 {
-    const struct squeeze_excite_backward_part *c = ctx;
-    size_t n = i / c->P, r0 = i % c->P * c->s->pixels / c->P;
-    size_t r1 = (i % c->P + 1) * c->s->pixels / c->P;
-    size_t at = (n * c->s->pixels + r0) * c->C;
+    size_t n = i / P, r0 = i % P * s->pixels / P;
+    size_t r1 = (i % P + 1) * s->pixels / P;
+    size_t at = (n * s->pixels + r0) * C;
 
-    c->k->channel_dot(c->s->part + i * c->C, c->dy + at, c->x + at, r1 - r0,
-                      c->C);
+    k->channel_dot(s->part + i * C, dy + at, x + at, r1 - r0, C);
 }
 
-struct squeeze_excite_gather_part {
-    struct squeeze_excite *s;
-    const struct nn_kernels *k;
-    float *dx;
-    const float *dy;
-    size_t P, C;
-};
-
-static void squeeze_excite_gather_part(void *ctx, size_t i)
+PARALLEL(squeeze_excite_gather_part, i, struct squeeze_excite *, s,
+         const struct nn_kernels *, k, float *, dx, const float *, dy,
+         size_t, P, size_t, C)
 {
-    const struct squeeze_excite_gather_part *c = ctx;
-    size_t n = i / c->P, r0 = i % c->P * c->s->pixels / c->P;
-    size_t r1 = (i % c->P + 1) * c->s->pixels / c->P;
-    size_t at = (n * c->s->pixels + r0) * c->C;
+    size_t n = i / P, r0 = i % P * s->pixels / P;
+    size_t r1 = (i % P + 1) * s->pixels / P;
+    size_t at = (n * s->pixels + r0) * C;
 
-    c->k->channel_scale(c->dx + at, c->dy + at, c->s->gate + n * c->C,
-                        c->s->dmean + n * c->C, r1 - r0, c->C);
+    k->channel_scale(dx + at, dy + at, s->gate + n * C, s->dmean + n * C,
+                     r1 - r0, C);
 }
 
 /* In the forward pass this was: y = x gate(mean(x)). */
@@ -261,12 +210,10 @@ void squeeze_excite_backward(float *dx, const float *dy, const float *x,
     const struct nn_kernels *k = nn_kernels();
     size_t C = s->channels, B = s->batch, P = squeeze_excite_pieces(s->pixels);
 
-    parallel_for(B * P, 1, squeeze_excite_backward_part,
-                 &(struct squeeze_excite_backward_part){ s, k, dy, x, P, C });
+    parallel_each(squeeze_excite_backward_part, B * P, 1, s, k, dy, x, P, C);
     for (size_t n = 0; n < B; n++)
         squeeze_excite_fold(s->dgate + n * C, s->part + n * P * C, P, C, 1.0f);
     squeeze_excite_gate_backward(s);
 
-    parallel_for(B * P, 1, squeeze_excite_gather_part,
-                 &(struct squeeze_excite_gather_part){ s, k, dx, dy, P, C });
+    parallel_each(squeeze_excite_gather_part, B * P, 1, s, k, dx, dy, P, C);
 }

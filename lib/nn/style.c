@@ -127,22 +127,15 @@ static void style_demodulate(struct style_conv *s)
         }
 }
 
-struct style_scale_images_part {
-    const struct nn_kernels *k;
-    float *y;
-    const float *x, *st;
-    size_t pixels, P, C;
-};
-
-static void style_scale_images_part(void *ctx, size_t part)
+PARALLEL(style_scale_images_part, part, const struct nn_kernels *, k,
+         float *, y, const float *, x, const float *, st, size_t, pixels,
+         size_t, P, size_t, C)
 {
-    const struct style_scale_images_part *c = ctx;
-    size_t n = part / c->P, i = part % c->P;
-    size_t r0 = i * c->pixels / c->P, r1 = (i + 1) * c->pixels / c->P;
-    size_t at = (n * c->pixels + r0) * c->C;
+    size_t n = part / P, i = part % P;
+    size_t r0 = i * pixels / P, r1 = (i + 1) * pixels / P;
+    size_t at = (n * pixels + r0) * C;
 
-    c->k->channel_scale(c->y + at, c->x + at, c->st + n * c->C, NULL, r1 - r0,
-                        c->C);
+    k->channel_scale(y + at, x + at, st + n * C, NULL, r1 - r0, C);
 }
 
 /* y = x st, a vector per image of `pixels` rows. */
@@ -152,28 +145,19 @@ static void style_scale_images(float *y, const float *x, const float *st,
     const struct nn_kernels *k = nn_kernels();
     size_t P = style_part_count(pixels);
 
-    parallel_for(
-        B * P, 1, style_scale_images_part,
-        &(struct style_scale_images_part){ k, y, x, st, pixels, P, C });
+    parallel_each(style_scale_images_part, B * P, 1, k, y, x, st, pixels, P, C);
 }
 
-struct style_conv_forward_part {
-    const struct nn_kernels *k;
-    struct style_conv *s;
-    const float *bias, *noise;
-    size_t pixels, P, C;
-    float gain;
-};
-
-static void style_conv_forward_part(void *ctx, size_t part)
+PARALLEL(style_conv_forward_part, part, const struct nn_kernels *, k,
+         struct style_conv *, s, const float *, bias, const float *, noise,
+         size_t, pixels, size_t, P, size_t, C, float, gain)
 {
-    const struct style_conv_forward_part *c = ctx;
-    size_t n = part / c->P, i = part % c->P;
-    size_t r0 = i * c->pixels / c->P, r1 = (i + 1) * c->pixels / c->P;
-    size_t at = (n * c->pixels + r0) * c->C;
+    size_t n = part / P, i = part % P;
+    size_t r0 = i * pixels / P, r1 = (i + 1) * pixels / P;
+    size_t at = (n * pixels + r0) * C;
 
-    c->k->style_finish(c->s->y + at, c->s->u + at, c->s->d + n * c->C, c->bias,
-                       c->noise + r0, c->gain, r1 - r0, c->C);
+    k->style_finish(s->y + at, s->u + at, s->d + n * C, bias, noise + r0, gain,
+                    r1 - r0, C);
 }
 
 void style_conv_forward(const float *x, const float *latent,
@@ -193,28 +177,19 @@ void style_conv_forward(const float *x, const float *latent,
         rescale_forward(s->xu, s->xs, &s->grow);
     conv_forward(s->u, s->xu, &s->conv);
 
-    parallel_for(s->batch * P, 1, style_conv_forward_part,
-                 &(struct style_conv_forward_part){ k, s, bias, noise, pixels,
-                                                    P, C, gain });
+    parallel_each(style_conv_forward_part, s->batch * P, 1, k, s, bias, noise,
+                  pixels, P, C, gain);
 }
 
-struct style_finish_backward_part {
-    const struct nn_kernels *k;
-    float *du;
-    struct style_conv *s;
-    const float *dy, *noise;
-    size_t pixels, P, n, C;
-};
-
-static void style_finish_backward_part(void *ctx, size_t i)
+PARALLEL(style_finish_backward_part, i, const struct nn_kernels *, k,
+         float *, du, struct style_conv *, s, const float *, dy,
+         const float *, noise, size_t, pixels, size_t, P, size_t, n, size_t, C)
 {
-    const struct style_finish_backward_part *c = ctx;
-    size_t r0 = i * c->pixels / c->P, r1 = (i + 1) * c->pixels / c->P;
-    size_t at = (c->n * c->pixels + r0) * c->C;
+    size_t r0 = i * pixels / P, r1 = (i + 1) * pixels / P;
+    size_t at = (n * pixels + r0) * C;
 
-    c->k->style_backward(c->du + at, c->s->part + i * 3 * c->C, c->dy + at,
-                         c->s->y + at, c->s->u + at, c->s->d + c->n * c->C,
-                         c->noise + r0, r1 - r0, c->C);
+    k->style_backward(du + at, s->part + i * 3 * C, dy + at, s->y + at,
+                      s->u + at, s->d + n * C, noise + r0, r1 - r0, C);
 }
 
 /* One image: du from dy; bias, noise gain; dd (out), the gradient of d. */
@@ -226,9 +201,8 @@ static void style_finish_backward(float *du, float *dd, const float *dy,
     const float *noise = param_w(s->ps, s->noise);
     float *db = param_g(s->ps, s->bias), *dgain = param_g(s->ps, s->gain);
 
-    parallel_for(P, 1, style_finish_backward_part,
-                 &(struct style_finish_backward_part){ k, du, s, dy, noise,
-                                                       pixels, P, n, C });
+    parallel_each(style_finish_backward_part, P, 1, k, du, s, dy, noise, pixels,
+                  P, n, C);
     for (size_t c = 0; c < C; c++) {
         double sum[3] = { 0 };
 
@@ -265,21 +239,14 @@ static void style_demodulate_backward(const float *dd, size_t n,
     }
 }
 
-struct style_conv_backward_part {
-    struct style_conv *s;
-    const struct nn_kernels *k;
-    const float *dxs, *x;
-    size_t low, P, n;
-};
-
-static void style_conv_backward_part(void *ctx, size_t i)
+PARALLEL(style_conv_backward_part, i, struct style_conv *, s,
+         const struct nn_kernels *, k, const float *, dxs, const float *, x,
+         size_t, low, size_t, P, size_t, n)
 {
-    const struct style_conv_backward_part *c = ctx;
-    size_t r0 = i * c->low / c->P, r1 = (i + 1) * c->low / c->P;
-    size_t at = (c->n * c->low + r0) * c->s->in;
+    size_t r0 = i * low / P, r1 = (i + 1) * low / P;
+    size_t at = (n * low + r0) * s->in;
 
-    c->k->channel_dot(c->s->part + i * c->s->in, c->dxs + at, c->x + at,
-                      r1 - r0, c->s->in);
+    k->channel_dot(s->part + i * s->in, dxs + at, x + at, r1 - r0, s->in);
 }
 
 void style_conv_backward(float *dx, float *dlatent, const float *dy,
@@ -302,9 +269,7 @@ void style_conv_backward(float *dx, float *dlatent, const float *dy,
     /* xs = x st */
     for (size_t n = 0; n < B; n++) {
 
-        parallel_for(
-            P, 1, style_conv_backward_part,
-            &(struct style_conv_backward_part){ s, k, dxs, x, low, P, n });
+        parallel_each(style_conv_backward_part, P, 1, s, k, dxs, x, low, P, n);
         for (size_t i = 0; i < P; i++)
             for (size_t c = 0; c < s->in; c++)
                 s->dst[n * s->in + c] += s->part[i * s->in + c];
@@ -365,22 +330,16 @@ void to_rgb_release(struct to_rgb *t)
     conv_release(&t->modulation);
 }
 
-struct to_rgb_forward_part {
-    const struct nn_kernels *k;
-    struct to_rgb *t;
-    const float *x, *b;
-    size_t pixels, P, C;
-};
-
-static void to_rgb_forward_part(void *ctx, size_t at)
+PARALLEL(to_rgb_forward_part, at, const struct nn_kernels *, k,
+         struct to_rgb *, t, const float *, x, const float *, b, size_t, pixels,
+         size_t, P, size_t, C)
 {
-    const struct to_rgb_forward_part *c = ctx;
-    size_t n = at / c->P, i = at % c->P;
-    size_t r0 = n * c->pixels + i * c->pixels / c->P;
-    size_t r1 = n * c->pixels + (i + 1) * c->pixels / c->P;
+    size_t n = at / P, i = at % P;
+    size_t r0 = n * pixels + i * pixels / P;
+    size_t r1 = n * pixels + (i + 1) * pixels / P;
 
-    c->k->rgb_forward(c->t->rgb + 3 * r0, c->x + r0 * c->C,
-                      c->t->scaled + n * 3 * c->C, c->b, r1 - r0, c->C);
+    k->rgb_forward(t->rgb + 3 * r0, x + r0 * C, t->scaled + n * 3 * C, b,
+                   r1 - r0, C);
 }
 
 void to_rgb_forward(const float *x, const float *latent,
@@ -399,27 +358,19 @@ void to_rgb_forward(const float *x, const float *latent,
     else
         rescale_forward(t->rgb, previous, &t->grow);
 
-    parallel_for(t->batch * P, 1, to_rgb_forward_part,
-                 &(struct to_rgb_forward_part){ k, t, x, b, pixels, P, C });
+    parallel_each(to_rgb_forward_part, t->batch * P, 1, k, t, x, b, pixels, P,
+                  C);
 }
 
-struct to_rgb_backward_part {
-    const struct nn_kernels *k;
-    float *dx;
-    struct to_rgb *t;
-    const float *drgb, *x;
-    size_t n, pixels, P, C;
-};
-
-static void to_rgb_backward_part(void *ctx, size_t i)
+PARALLEL(to_rgb_backward_part, i, const struct nn_kernels *, k, float *, dx,
+         struct to_rgb *, t, const float *, drgb, const float *, x, size_t, n,
+         size_t, pixels, size_t, P, size_t, C)
 {
-    const struct to_rgb_backward_part *c = ctx;
-    size_t r0 = c->n * c->pixels + i * c->pixels / c->P;
-    size_t r1 = c->n * c->pixels + (i + 1) * c->pixels / c->P;
+    size_t r0 = n * pixels + i * pixels / P;
+    size_t r1 = n * pixels + (i + 1) * pixels / P;
 
-    c->k->rgb_backward(c->dx + r0 * c->C, c->t->part + i * 3 * c->C,
-                       c->drgb + 3 * r0, c->x + r0 * c->C,
-                       c->t->scaled + c->n * 3 * c->C, r1 - r0, c->C);
+    k->rgb_backward(dx + r0 * C, t->part + i * 3 * C, drgb + 3 * r0, x + r0 * C,
+                    t->scaled + n * 3 * C, r1 - r0, C);
 }
 
 /* In the forward pass: rgb = (W st) x + b + grow(previous). */
@@ -435,9 +386,8 @@ void to_rgb_backward(float *dx, float *dlatent, float *dprevious,
     memset(t->dst, 0, t->batch * C * sizeof *t->dst);
     for (size_t n = 0; n < t->batch; n++) {
 
-        parallel_for(P, 1, to_rgb_backward_part,
-                     &(struct to_rgb_backward_part){ k, dx, t, drgb, x, n,
-                                                     pixels, P, C });
+        parallel_each(to_rgb_backward_part, P, 1, k, dx, t, drgb, x, n, pixels,
+                      P, C);
         for (size_t j = 0; j < 3 * C; j++) {
             double sum = 0;
 

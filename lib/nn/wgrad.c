@@ -80,17 +80,22 @@ void wgrad_plan(struct wgrad *g, const struct conv *c,
     nn_plan_scratch(c->plan, NN_PARTS * g->words * sizeof(uint32_t));
 }
 
-/* Rows `from` to `to` of all images' outputs, one after another. */
-static void wgrad_sum(float *dw, const void *dout, const void *in,
-                      uint32_t *room, const struct wgrad *g, size_t from,
-                      size_t to)
+/* Part i of the rows of all images' outputs, one after another. */
+PARALLEL(wgrad_sum, i, const struct wgrad *, g, const void *, dout,
+         const void *, in)
 {
+    const size_t all = g->images * g->oh, to = (i + 1) * all / NN_PARTS;
+    const size_t each = g->kernel * g->kernel * g->in * g->wide;
     const size_t out_image = g->oh * g->ow * g->out *
                              (g->half_out ? sizeof(uint16_t) : sizeof(float));
     const size_t in_image = g->h * g->w * g->in_row *
                             (g->half_in ? sizeof(uint16_t) : sizeof(float));
 
-    memset(dw, 0, g->kernel * g->kernel * g->in * g->wide * sizeof *dw);
+    uint32_t *room = (uint32_t *)(void *)g->plan->scratch + i * g->words;
+    float *dw = g->dw + i * each;
+    size_t from = i * all / NN_PARTS;
+
+    memset(dw, 0, each * sizeof *dw);
     while (from < to) {
         const size_t image = from / g->oh, y = from % g->oh;
         size_t rows = to - from < g->oh - y ? to - from : g->oh - y;
@@ -119,7 +124,7 @@ static void wgrad_sum_parts(float *sum, const struct wgrad *g, size_t i,
 }
 
 /* Input channel i: all its weights' parts, into the checkpoint's layout. */
-static void wgrad_scatter(float *dw, const struct wgrad *g, size_t i)
+PARALLEL(wgrad_scatter, i, float *, dw, const struct wgrad *, g)
 {
     const size_t taps = g->kernel * g->kernel;
     float sum[WGRAD_TAPS * PAIRS_PANEL];
@@ -135,38 +140,8 @@ static void wgrad_scatter(float *dw, const struct wgrad *g, size_t i)
     }
 }
 
-struct wgrad_add_part {
-    struct wgrad *g;
-    const void *dout, *in;
-    uint32_t *room;
-    size_t each, all;
-};
-
-static void wgrad_add_part(void *ctx, size_t i)
-{
-    const struct wgrad_add_part *c = ctx;
-
-    wgrad_sum(c->g->dw + i * c->each, c->dout, c->in, c->room + i * c->g->words,
-              c->g, i * c->all / NN_PARTS, (i + 1) * c->all / NN_PARTS);
-}
-
-struct wgrad_scatter_part { float *dw; struct wgrad *g; };
-
-static void wgrad_scatter_part(void *ctx, size_t i)
-{
-    const struct wgrad_scatter_part *c = ctx;
-
-    wgrad_scatter(c->dw, c->g, i);
-}
-
 void wgrad_add(float *dw, const void *dout, const void *in, struct wgrad *g)
 {
-    const size_t all = g->images * g->oh;
-    const size_t each = g->kernel * g->kernel * g->in * g->wide;
-    uint32_t *room = (uint32_t *)(void *)g->plan->scratch;
-
-    parallel_for(NN_PARTS, 1, wgrad_add_part,
-                 &(struct wgrad_add_part){ g, dout, in, room, each, all });
-
-    parallel_for(g->in, 1, wgrad_scatter_part, &(struct wgrad_scatter_part){ dw, g });
+    parallel_each(wgrad_sum, NN_PARTS, 1, g, dout, in);
+    parallel_each(wgrad_scatter, g->in, 1, dw, g);
 }

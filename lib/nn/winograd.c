@@ -65,29 +65,21 @@ static void winograd_weight(double u[36], const float *w)
                            t[i][2] * G[j][2];
 }
 
-struct winograd_update_part {
-    const float *w;
-    struct winograd *g;
-    size_t in, out;
-};
-
-static void winograd_update_part(void *ctx, size_t o)
+PARALLEL(winograd_update_part, o, const float *, w, struct winograd *, g,
+         size_t, in, size_t, out)
 {
-    const struct winograd_update_part *c = ctx;
-
-    for (size_t i = 0; i < c->in; i++) {
+    for (size_t i = 0; i < in; i++) {
         double u[36];
 
-        winograd_weight(u, c->w + (o * c->in + i) * 9);
+        winograd_weight(u, w + (o * in + i) * 9);
         /* piece by piece, each as gemm_pack lays it out: panels of 32
          * columns */
-        size_t first = i / c->g->piece * c->g->piece;
-        size_t terms =
-            c->in - first < c->g->piece ? c->in - first : c->g->piece;
-        size_t at = first * ((c->out + 31) / 32 * 32) +
+        size_t first = i / g->piece * g->piece;
+        size_t terms = in - first < g->piece ? in - first : g->piece;
+        size_t at = first * ((out + 31) / 32 * 32) +
                     (o / 32 * terms + i - first) * 32 + o % 32;
         for (size_t k = 0; k < 36; k++)
-            c->g->u[k * c->g->u_size + at] = (float)u[k];
+            g->u[k * g->u_size + at] = (float)u[k];
     }
 }
 
@@ -97,8 +89,7 @@ void winograd_update(struct winograd *g, const float *w, const float *bias)
 
     memcpy(g->bias, bias, out * sizeof *bias);
 
-    parallel_for(out, 1, winograd_update_part,
-                 &(struct winograd_update_part){ w, g, in, out });
+    parallel_each(winograd_update_part, out, 1, w, g, in, out);
 }
 
 /* The number of tile i of those that are wanted. */
@@ -138,23 +129,14 @@ static void winograd_group(float *out, const float *in,
     }
 }
 
-struct winograd_forward_part {
-    struct winograd *g;
-    float *out;
-    const float *in;
-    size_t all;
-};
-
 /* One chunk. */
-static void winograd_forward_part(void *ctx, size_t k)
+PARALLEL(winograd_forward_part, k, struct winograd *, g, float *, out,
+         const float *, in, size_t, all)
 {
-    const struct winograd_forward_part *c = ctx;
-    size_t t = k * c->g->tiles;
-    float *v =
-        (float *)(void *)c->g->plan->scratch + parallel_slot() * c->g->work;
+    size_t t = k * g->tiles;
+    float *v = (float *)(void *)g->plan->scratch + parallel_slot() * g->work;
 
-    winograd_group(c->out, c->in, c->g, v, t,
-                   c->all - t < c->g->tiles ? c->all - t : c->g->tiles);
+    winograd_group(out, in, g, v, t, all - t < g->tiles ? all - t : g->tiles);
 }
 
 void winograd_forward(float *out, const float *in, struct winograd *g)
@@ -162,6 +144,6 @@ void winograd_forward(float *out, const float *in, struct winograd *g)
     size_t all = g->list ? g->listed
                          : g->batch * ((g->w + 3) / 4) * ((g->h + 3) / 4);
 
-    parallel_for((all + g->tiles - 1) / g->tiles, 1, winograd_forward_part,
-                 &(struct winograd_forward_part){ g, out, in, all });
+    parallel_each(winograd_forward_part, (all + g->tiles - 1) / g->tiles, 1, g,
+                  out, in, all);
 }

@@ -271,14 +271,11 @@ static void backdrop_pixel(uint8_t *out, const struct matting *m,
     }
 }
 
-struct backdrop_fill_part { struct matting *m; struct backdrop *b; size_t n; };
-
-static void backdrop_fill_part(void *ctx, size_t i)
+PARALLEL(backdrop_fill_part, i, struct matting *, m, struct backdrop *, b,
+         size_t, n)
 {
-    const struct backdrop_fill_part *o = ctx;
-
-    if (backdrop_hidden(o->m, i))
-        backdrop_pixel(o->m->back + 3 * i, o->m, o->b, i % o->n, i / o->n);
+    if (backdrop_hidden(m, i))
+        backdrop_pixel(m->back + 3 * i, m, b, i % n, i / n);
 }
 
 int backdrop_fill(struct matting *m, struct error *err)
@@ -296,8 +293,7 @@ int backdrop_fill(struct matting *m, struct error *err)
     }
     backdrop_compare(b, (int)n);
 
-    parallel_for(n * n, 1, backdrop_fill_part,
-                 &(struct backdrop_fill_part){ m, b, n });
+    parallel_each(backdrop_fill_part, n * n, 1, m, b, n);
     free(b);
     return 0;
 }

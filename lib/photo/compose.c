@@ -173,29 +173,21 @@ static void compose_run(float *rgb, float *alpha, const float *photo,
     }
 }
 
-struct texture_compose_part {
-    const struct texture_field *field;
-    float *rgb, *alpha;
-    const float *photo;
-    size_t width;
-};
-
 /* One row. */
-static void texture_compose_part(void *ctx, size_t y)
+PARALLEL(texture_compose_part, y, const struct texture_field *, field,
+         float *, rgb, float *, alpha, const float *, photo, size_t, width)
 {
-    const struct texture_compose_part *c = ctx;
-
     field4 line[COMPOSE_PLACES] = { { 0 } };
 
-    for (size_t x = 0; x < c->width; x += COMPOSE_RUN) {
-        const size_t i = y * c->width + x, left = c->width - x;
+    for (size_t x = 0; x < width; x += COMPOSE_RUN) {
+        const size_t i = y * width + x, left = width - x;
 
-        if (c->field->at)
+        if (field->at)
             compose_field_line(
-                line, c->field,
-                compose_tap_make(y, c->field->height, TEXTURE_FIELD_STEP), x);
-        compose_run(c->rgb + 3 * i, c->alpha + i, c->photo + TEXTURE_PHOTO * i,
-                    line, left < COMPOSE_RUN ? left : COMPOSE_RUN);
+                line, field,
+                compose_tap_make(y, field->height, TEXTURE_FIELD_STEP), x);
+        compose_run(rgb + 3 * i, alpha + i, photo + TEXTURE_PHOTO * i, line,
+                    left < COMPOSE_RUN ? left : COMPOSE_RUN);
     }
 }
 
@@ -203,9 +195,8 @@ void texture_compose(float *rgb, float *alpha, const float *photo,
                      const struct texture_field *field, size_t height,
                      size_t width)
 {
-    parallel_for(
-        height, 1, texture_compose_part,
-        &(struct texture_compose_part){ field, rgb, alpha, photo, width });
+    parallel_each(texture_compose_part, height, 1, field, rgb, alpha, photo,
+                  width);
 }
 
 /* ---- backward ---------------------------------------------------------- */

@@ -95,18 +95,14 @@ static bool lookup_run(float *photo, const struct lookup *k, size_t x0,
     return true;
 }
 
-struct texture_lookup_part { float *photo; size_t size; struct lookup k; };
-
 /* One row. */
-static void texture_lookup_part(void *ctx, size_t y)
+PARALLEL(texture_lookup_part, y, float *, photo, size_t, size, struct lookup, k)
 {
-    const struct texture_lookup_part *c = ctx;
+    for (size_t x = 0; x < size; x += LOOKUP_RUN) {
+        const size_t n = size - x < LOOKUP_RUN ? size - x : LOOKUP_RUN;
+        float *to = photo + TEXTURE_PHOTO * (y * size + x);
 
-    for (size_t x = 0; x < c->size; x += LOOKUP_RUN) {
-        const size_t n = c->size - x < LOOKUP_RUN ? c->size - x : LOOKUP_RUN;
-        float *to = c->photo + TEXTURE_PHOTO * (y * c->size + x);
-
-        if (!lookup_run(to, &c->k, x, n, y))
+        if (!lookup_run(to, &k, x, n, y))
             memset(to, 0, TEXTURE_PHOTO * n * sizeof *to);
     }
 }
@@ -117,34 +113,24 @@ void texture_lookup(float *photo, const struct texture *t,
 {
     const struct lookup k = lookup_make(t, v, place, alpha, size);
 
-    parallel_for(size, 1, texture_lookup_part,
-                 &(struct texture_lookup_part){ photo, size, k });
+    parallel_each(texture_lookup_part, size, 1, photo, size, k);
 }
 
-struct lookup_apply_part {
-    const struct lookup *k;
-    const struct texture_field *field;
-    float *color, *alpha;
-    float step;
-    size_t channels;
-};
-
 /* One row. */
-static void lookup_apply_part(void *ctx, size_t y)
+PARALLEL(lookup_apply_part, y, const struct lookup *, k,
+         const struct texture_field *, field, float *, color, float *, alpha,
+         float, step, size_t, channels)
 {
-    const struct lookup_apply_part *c = ctx;
-
-    for (size_t x = 0; x < c->k->size; x += LOOKUP_RUN) {
-        const size_t at = y * c->k->size + x, left = c->k->size - x;
+    for (size_t x = 0; x < k->size; x += LOOKUP_RUN) {
+        const size_t at = y * k->size + x, left = k->size - x;
         const size_t n = left < LOOKUP_RUN ? left : LOOKUP_RUN;
         float photo[TEXTURE_PHOTO * LOOKUP_RUN];
 
-        if (!lookup_run(photo, c->k, x, n, y))
+        if (!lookup_run(photo, k, x, n, y))
             continue;
-        if (c->field)
-            texture_field_row(photo, c->field, c->step, x, n, y);
-        texture_mix(c->color + c->channels * at, c->channels, c->alpha + at,
-                    photo, n);
+        if (field)
+            texture_field_row(photo, field, step, x, n, y);
+        texture_mix(color + channels * at, channels, alpha + at, photo, n);
     }
 }
 
@@ -154,9 +140,8 @@ static void lookup_apply(float *color, size_t channels, float *alpha,
                          const struct lookup *k,
                          const struct texture_field *field, float step)
 {
-    parallel_for(
-        k->size, 1, lookup_apply_part,
-        &(struct lookup_apply_part){ k, field, color, alpha, step, channels });
+    parallel_each(lookup_apply_part, k->size, 1, k, field, color, alpha, step,
+                  channels);
 }
 
 void texture_apply(float *color, size_t channels, float *alpha,

@@ -98,23 +98,21 @@ static void margin_spread(struct margin *g, enum layer layer)
             g->cell[OFF * i + (size_t)c] /= g->cell[OFF * i];
 }
 
-struct margin_add_part { struct margin *g; enum layer layer; };
-
 /* One row. */
-static void margin_add_part(void *ctx, size_t y)
+PARALLEL(margin_add_part, y, struct margin *, g, enum layer, layer)
 {
-    const struct margin_add_part *o = ctx;
-    struct matting *m = o->g->m;
-    const size_t n = m->n, s = o->g->side;
-    uint8_t *to = o->layer == LAYER_ALPHA ? m->alpha
-                  : o->layer == LAYER_BACK ? m->back : m->rgb;
-    const size_t channels = o->layer == LAYER_ALPHA ? 1 : 3;
+    struct matting *m = g->m;
+    const size_t n = m->n, s = g->side;
+    uint8_t *to = layer == LAYER_ALPHA  ? m->alpha
+                  : layer == LAYER_BACK ? m->back
+                                        : m->rgb;
+    const size_t channels = layer == LAYER_ALPHA ? 1 : 3;
     float tx, ty;
     const size_t v = pyramid_between(&ty, y, n, s);
 
     for (size_t x = 0; x < n; x++) {
         const size_t u = pyramid_between(&tx, x, n, s);
-        const float *a = o->g->cell + OFF * (v * s + u) + 1, *b = a + OFF * s;
+        const float *a = g->cell + OFF * (v * s + u) + 1, *b = a + OFF * s;
 
         for (size_t c = 0; c < channels && !m->inside[y * n + x]; c++) {
             uint8_t *at = to + channels * (y * n + x) + c;
@@ -152,8 +150,7 @@ int margin_fill(struct matting *m, struct error *err)
         return error_set(err, EX_OSERR, "no memory beyond the photograph");
     for (int layer = 0; layer < LAYERS; layer++) {
         margin_spread(&g, layer);
-        parallel_for(m->n, 1, margin_add_part,
-                     &(struct margin_add_part){ &g, layer });
+        parallel_each(margin_add_part, m->n, 1, &g, layer);
     }
     margin_compose(m);
     free(g.cell);

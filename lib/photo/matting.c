@@ -225,23 +225,19 @@ static void matting_prepare_state(struct matting_cell *c, int state)
     c->spread[state] = variance - variance * variance * matting_dot(g, d);
 }
 
-struct matting_prepare_part { struct matting_work *k; };
-
-static void matting_prepare_part(void *ctx, size_t i)
+PARALLEL(matting_prepare_part, i, struct matting_work *, k)
 {
-    const struct matting_prepare_part *a = ctx;
-    struct matting_cell *c = a->k->cell + i;
+    struct matting_cell *c = k->cell + i;
 
     for (int side = 0; side < SIDES; side++)
-        matting_normal(&c->side[side], a->k->moment[side] + i * MOMENTS);
+        matting_normal(&c->side[side], k->moment[side] + i * MOMENTS);
     for (int state = 0; state < STATES; state++)
         matting_prepare_state(c, state);
 }
 
 static void matting_prepare(struct matting_work *k)
 {
-    parallel_for(CELLS * CELLS, 1, matting_prepare_part,
-                 &(struct matting_prepare_part){ k });
+    parallel_each(matting_prepare_part, CELLS * CELLS, 1, k);
 }
 
 /* ---- the posterior ------------------------------------------------------ */
@@ -430,27 +426,21 @@ static void matting_pixel(struct matting *m, const struct matting_work *k,
         matting_layer(m, a, b, t, c, i);
 }
 
-struct matting_pixels_part {
-    struct matting *m;
-    const struct matting_work *k;
-};
-
 /* One row. */
-static void matting_pixels_part(void *ctx, size_t y)
+PARALLEL(matting_pixels_part, y, struct matting *, m,
+         const struct matting_work *, k)
 {
-    const struct matting_pixels_part *c = ctx;
     struct matting_row row;
 
     row.column = 0;
     memset(row.made, 0, sizeof row.made);
-    for (size_t x = 0; x < c->m->n; x++)
-        matting_pixel(c->m, c->k, &row, x, y);
+    for (size_t x = 0; x < m->n; x++)
+        matting_pixel(m, k, &row, x, y);
 }
 
 static void matting_pixels(struct matting *m, const struct matting_work *k)
 {
-    parallel_for(m->n, 1, matting_pixels_part,
-                 &(struct matting_pixels_part){ m, k });
+    parallel_each(matting_pixels_part, m->n, 1, m, k);
 }
 
 /* ---- together ----------------------------------------------------------- */

@@ -60,40 +60,31 @@ void place_view_make(struct splat_place_view *v, const float source[12],
     }
 }
 
-struct place_channels_part {
-    const float *mean, *cam, *seen, *uv;
-    float *out;
-    const struct splat_place_view *v;
-};
-
-static void place_channels_part(void *ctx, size_t i)
+PARALLEL(place_channels_part, i, const float *, mean, const float *, cam,
+         const float *, seen, const float *, uv, float *, out,
+         const struct splat_place_view *, v)
 {
-    const struct place_channels_part *c = ctx;
-    const float *m = c->mean + 3 * i;
-    float x =
-        c->cam[0] * m[0] + c->cam[1] * m[1] + c->cam[2] * m[2] + c->cam[3];
-    float y =
-        c->cam[4] * m[0] + c->cam[5] * m[1] + c->cam[6] * m[2] + c->cam[7];
-    float z =
-        c->cam[8] * m[0] + c->cam[9] * m[1] + c->cam[10] * m[2] + c->cam[11];
+    const float *m = mean + 3 * i;
+    float x = cam[0] * m[0] + cam[1] * m[1] + cam[2] * m[2] + cam[3];
+    float y = cam[4] * m[0] + cam[5] * m[1] + cam[6] * m[2] + cam[7];
+    float z = cam[8] * m[0] + cam[9] * m[1] + cam[10] * m[2] + cam[11];
     float f = CAMERA_FOCAL / fmaxf(z, CAMERA_NEAR);
 
     x *= f;
     y *= f;
-    c->out[3 * i] = c->seen[i] * (2 * c->uv[2 * i] - 1 - c->v->A[0] * x -
-                                  c->v->A[1] * y - c->v->b[0]);
-    c->out[3 * i + 1] =
-        c->seen[i] * (2 * c->uv[2 * i + 1] - 1 - c->v->A[2] * x -
-                      c->v->A[3] * y - c->v->b[1]);
-    c->out[3 * i + 2] = c->seen[i];
+    out[3 * i] =
+        seen[i] * (2 * uv[2 * i] - 1 - v->A[0] * x - v->A[1] * y - v->b[0]);
+    out[3 * i + 1] =
+        seen[i] * (2 * uv[2 * i + 1] - 1 - v->A[2] * x - v->A[3] * y - v->b[1]);
+    out[3 * i + 2] = seen[i];
 }
 
 void place_channels(float *out, const float *mean, const float *uv,
                     const float *seen, const struct splat_place_view *v,
                     const float cam[12], size_t N)
 {
-    parallel_for(N, N > 65536 ? 1 : N, place_channels_part,
-                 &(struct place_channels_part){ mean, cam, seen, uv, out, v });
+    parallel_each(place_channels_part, N, N > 65536 ? 1 : N, mean, cam, seen,
+                  uv, out, v);
 }
 
 void place_channels_backward(float *dmean, const float *dout,
@@ -112,29 +103,23 @@ void place_channels_backward(float *dmean, const float *dout,
     }
 }
 
-struct place_of_source_part {
-    float *uv, *seen;
-    const float *cam, *mean, *scale;
-};
-
-static void place_of_source_part(void *ctx, size_t i)
+PARALLEL(place_of_source_part, i, float *, uv, float *, seen,
+         const float *, cam, const float *, mean, const float *, scale)
 {
-    const struct place_of_source_part *c = ctx;
-    const float *s = c->scale + 3 * i, *at = c->uv + 2 * i;
+    const float *s = scale + 3 * i, *at = uv + 2 * i;
     float z;
 
-    camera_project(c->uv + 2 * i, &z, c->cam, 1, c->mean + 3 * i, 1);
+    camera_project(uv + 2 * i, &z, cam, 1, mean + 3 * i, 1);
     const float r = PLACE_REACH * fmaxf(s[0], fmaxf(s[1], s[2])) *
                     CAMERA_FOCAL / (2 * z);
 
     if (!(z > CAMERA_NEAR && at[0] >= -r && at[0] <= 1 + r && at[1] >= -r &&
           at[1] <= 1 + r))
-        c->seen[i] = 0;
+        seen[i] = 0;
 }
 
 void place_of_source(float *uv, float *seen, const float *mean,
                      const float *scale, const float cam[12], size_t N)
 {
-    parallel_for(N, 1, place_of_source_part,
-                 &(struct place_of_source_part){ uv, seen, cam, mean, scale });
+    parallel_each(place_of_source_part, N, 1, uv, seen, cam, mean, scale);
 }

@@ -18,7 +18,7 @@ static float pack_color(const struct gaussians *g, size_t i, int c)
 
 /* Everything but the 16-bit colours of Gaussian i: the quaternion normalised
  * unless DGR, opacity as its logarithm, which is what the exponent adds to. */
-static void pack_one(struct splat *s, const struct gaussians *g, size_t i)
+PARALLEL(pack_one, i, struct splat *, s, const struct gaussians *, g)
 {
     struct splat_state *st = s->state;
     const float *q = g->quat + 4 * i;
@@ -60,25 +60,16 @@ static void pack_one(struct splat *s, const struct gaussians *g, size_t i)
                 c < s->opt.channels ? pack_color(g, i, c) : 0;
 }
 
-struct pack_fixed_part {
-    float *most;
-    const struct gaussians *g;
-    struct splat_state *st;
-    int C;
-};
-
-static void pack_fixed_part(void *ctx, size_t i)
+PARALLEL(pack_fixed_part, i, float *, most, const struct gaussians *, g,
+         struct splat_state *, st, int, C)
 {
-    const struct pack_fixed_part *a = ctx;
-
     for (int e = 0; e < 32; e++) {
         /* element e of a row: lane e/8, low or high half of the lane */
         int c = e / 8 * 4 + e % 4 + (e % 8 >= 4 ? 16 : 0);
-        float x = c < a->C && a->most[c] > 0
-                      ? pack_color(a->g, i, c) / a->most[c] * 32767
-                      : 0;
+        float x = c < C && most[c] > 0 ? pack_color(g, i, c) / most[c] * 32767
+                                       : 0;
 
-        a->st->fixed[i * 32 + (size_t)e] = (int16_t)lrintf(x);
+        st->fixed[i * 32 + (size_t)e] = (int16_t)lrintf(x);
     }
 }
 
@@ -98,17 +89,8 @@ static void pack_fixed(struct splat *s, const struct gaussians *g)
     for (int c = 0; c < SPLAT_MAX_CHANNELS; c++)
         st->fixed_scale[c] = most[c] / (32767.0f * 32767.0f);
 
-    parallel_for(g->n, g->n > 10000 ? 1 : g->n, pack_fixed_part,
-                 &(struct pack_fixed_part){ most, g, st, C });
-}
-
-struct pack_gaussians_part { struct splat *s; const struct gaussians *g; };
-
-static void pack_gaussians_part(void *ctx, size_t i)
-{
-    const struct pack_gaussians_part *c = ctx;
-
-    pack_one(c->s, c->g, i);
+    parallel_each(pack_fixed_part, g->n, g->n > 10000 ? 1 : g->n, most, g, st,
+                  C);
 }
 
 void pack_gaussians(struct splat *s, const struct gaussians *g)
@@ -116,8 +98,7 @@ void pack_gaussians(struct splat *s, const struct gaussians *g)
     struct splat_state *st = s->state;
     size_t n = (g->n + PAD - 1) / PAD * PAD + PAD;
 
-    parallel_for(g->n, g->n > 10000 ? 1 : g->n, pack_gaussians_part,
-                 &(struct pack_gaussians_part){ s, g });
+    parallel_each(pack_one, g->n, g->n > 10000 ? 1 : g->n, s, g);
     for (size_t i = g->n; i < n; i++)
         st->cloud.top[i] = -1e30f;
     if (st->fixed)

@@ -33,19 +33,20 @@ static void reference_sum_pixel(double *image, double *alpha, double *depth,
         *depth = weight > 0 ? sum_z / weight : 0;
 }
 
-/* Row y of the picture; found has room for the longest list. */
-static void reference_draw_row(double *image, double *alpha, double *depth,
-                               uint8_t *ambiguous, const struct traversal *w,
-                               struct contribution *found, int y)
+/* Row y of the picture; room (parallel_width(), longest) for lists. */
+PARALLEL(reference_draw_row, y, double *, image, double *, alpha,
+         double *, depth, uint8_t *, ambiguous, const struct traversal *, w,
+         struct contribution *, room, size_t, longest)
 {
+    struct contribution *found = room + parallel_slot() * longest;
     const struct reference *t = w->scene;
 
     for (int x = 0; x < t->width; x++) {
-        size_t at = (size_t)y * (size_t)t->width + (size_t)x;
+        size_t at = y * (size_t)t->width + (size_t)x;
         uint8_t flag = 0;
         double T;
         size_t count =
-            traversal_pixel(found, &T, ambiguous ? &flag : NULL, w, x, y);
+            traversal_pixel(found, &T, ambiguous ? &flag : NULL, w, x, (int)y);
 
         reference_sum_pixel(image + at * (size_t)t->channels,
                             alpha ? alpha + at : NULL,
@@ -55,22 +56,6 @@ static void reference_draw_row(double *image, double *alpha, double *depth,
     }
 }
 
-struct reference_rows {
-    double *image, *alpha, *depth;
-    uint8_t *ambiguous;
-    struct traversal *w;
-    struct contribution *found; /* (parallel_width(), longest) */
-    size_t longest;
-};
-
-/* Row y. */
-static void reference_row_part(void *ctx, size_t y)
-{
-    const struct reference_rows *c = ctx;
-
-    reference_draw_row(c->image, c->alpha, c->depth, c->ambiguous, c->w,
-                       c->found + parallel_slot() * c->longest, (int)y);
-}
 
 /* Rows in parallel: no pixel depends on another. */
 int reference_forward(double *image, double *alpha, double *depth,
@@ -81,14 +66,15 @@ int reference_forward(double *image, double *alpha, double *depth,
 
     if (traversal_init(&w, t, err))
         return -1;
-    struct reference_rows c = {image, alpha, depth, ambiguous, &w, NULL,
-                               traversal_longest(&w) + 1};
-    c.found = calloc((size_t)parallel_width() * c.longest, sizeof *c.found);
-    if (c.found)
-        parallel_for((size_t)t->height, 1, reference_row_part, &c);
+    const size_t longest = traversal_longest(&w) + 1;
+    struct contribution *found =
+        calloc((size_t)parallel_width() * longest, sizeof *found);
+    if (found)
+        parallel_each(reference_draw_row, (size_t)t->height, 1, image, alpha,
+                      depth, ambiguous, &w, found, longest);
     traversal_release(&w);
-    if (!c.found)
+    if (!found)
         return error_set(err, EX_OSERR, "out of memory");
-    free(c.found);
+    free(found);
     return 0;
 }

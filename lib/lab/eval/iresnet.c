@@ -176,21 +176,14 @@ size_t iresnet_size(const struct iresnet *n)
 
 /* ---- forward ------------------------------------------------------------ */
 
-struct iresnet_normalise_part {
-    float *y;
-    const float *x, *m, *w, *v, *o;
-    size_t C;
-};
-
 /* One row. */
-static void iresnet_normalise_part(void *ctx, size_t r)
+PARALLEL(iresnet_normalise_part, r, float *, y, const float *, x,
+         const float *, m, const float *, w, const float *, v, const float *, o,
+         size_t, C)
 {
-    const struct iresnet_normalise_part *a = ctx;
-
-    for (size_t c = 0; c < a->C; c++)
-        a->y[r * a->C + c] =
-            (a->x[r * a->C + c] - a->m[c]) * (a->w[c] / sqrtf(a->v[c] + EPS)) +
-            a->o[c];
+    for (size_t c = 0; c < C; c++)
+        y[r * C + c] =
+            (x[r * C + c] - m[c]) * (w[c] / sqrtf(v[c] + EPS)) + o[c];
 }
 
 /* y (rows,C) = batch norm of x with the running statistics.  Before a padded
@@ -202,27 +195,21 @@ static void iresnet_normalise(float *y, const float *x,
     const float *w = param_w(b->ps, b->weight), *o = param_w(b->ps, b->bias);
     const float *m = param_w(b->ps, b->mean), *v = param_w(b->ps, b->var);
 
-    parallel_for(rows, 1, iresnet_normalise_part,
-                 &(struct iresnet_normalise_part){ y, x, m, w, v, o, C });
+    parallel_each(iresnet_normalise_part, rows, 1, y, x, m, w, v, o, C);
 }
 
-struct iresnet_prelu_part { float *x; const float *slope; size_t C; };
-
 /* One row. */
-static void iresnet_prelu_part(void *ctx, size_t r)
+PARALLEL(iresnet_prelu_part, r, float *, x, const float *, slope, size_t, C)
 {
-    const struct iresnet_prelu_part *a = ctx;
-
-    for (size_t c = 0; c < a->C; c++)
-        if (a->x[r * a->C + c] < 0)
-            a->x[r * a->C + c] *= a->slope[c];
+    for (size_t c = 0; c < C; c++)
+        if (x[r * C + c] < 0)
+            x[r * C + c] *= slope[c];
 }
 
 /* x < 0 is multiplied by its channel's slope, in place. */
 static void iresnet_prelu(float *x, const float *slope, size_t rows, size_t C)
 {
-    parallel_for(rows, 1, iresnet_prelu_part,
-                 &(struct iresnet_prelu_part){ x, slope, C });
+    parallel_each(iresnet_prelu_part, rows, 1, x, slope, C);
 }
 
 /* n->x -> n->x */

@@ -129,19 +129,11 @@ static struct face_place face_find(const struct head *h,
     return best;
 }
 
-struct face_find_all_part {
-    struct face_place *place;
-    const struct head *h;
-    const struct scan *scan;
-    float *move;
-    const struct landmark_map *m;
-};
-
-static void face_find_all_part(void *ctx, size_t i)
+PARALLEL(face_find_all_part, i, struct face_place *, place,
+         const struct head *, h, const struct scan *, scan, float *, move,
+         const struct landmark_map *, m)
 {
-    const struct face_find_all_part *c = ctx;
-
-    c->place[i] = face_find(c->h, c->scan, c->move, (size_t)c->m->vertex[i]);
+    place[i] = face_find(h, scan, move, (size_t)m->vertex[i]);
 }
 
 /* place (468) for all landmarks. */
@@ -161,8 +153,7 @@ static int face_find_all(struct face_place *place, const struct head *h,
     for (size_t k = 0; k < FACE_MOTIONS; k++)
         face_displacement(move + 3 * h->V * k, &id, face_motion[k]);
 
-    parallel_for(N, 1, face_find_all_part,
-                 &(struct face_find_all_part){ place, h, scan, move, m });
+    parallel_each(face_find_all_part, N, 1, place, h, scan, move, m);
     identity_release(&id);
     free(move);
     return place[0].corner ? 0 : error_set(err, EX_DATAERR, "head has no "

@@ -94,9 +94,11 @@ struct fit_pull {
 };
 
 /* The mean over a person's calm frames, without any offset. */
-static void fit_pull_person(struct fit_pull *s, const struct face_fit *f,
-                            const struct fit_person *p)
+PARALLEL(fit_pull_person, person, struct fit_pull *, each,
+         const struct face_fit *, f)
 {
+    const struct fit_person *p = &f->person[person];
+    struct fit_pull *s = &each[person];
     double x[N][3], uv[2], j[2][3];
     size_t calm = 0;
 
@@ -175,15 +177,6 @@ static void fit_pull_own(struct fit_person *p, struct fit_pull *s,
     fit_pull_solve(p->own, s, FIT_OWN * seen);
 }
 
-struct fit_offsets_part { struct fit_pull *s; struct face_fit *f; };
-
-static void fit_offsets_part(void *ctx, size_t k)
-{
-    const struct fit_offsets_part *c = ctx;
-
-    fit_pull_person(&c->s[k], c->f, &c->f->person[k]);
-}
-
 int fit_offsets(struct face_fit *f, struct error *err)
 {
     /* what a point seen from the front at the usual distance weighs */
@@ -194,9 +187,7 @@ int fit_offsets(struct face_fit *f, struct error *err)
         return error_set(err, EX_OSERR, "out of memory");
     struct fit_pull *sum = s + f->people;
     memset(sum, 0, sizeof *sum);
-
-    parallel_for(f->people, 1, fit_offsets_part,
-                 &(struct fit_offsets_part){ s, f });
+    parallel_each(fit_pull_person, f->people, 1, s, f);
     for (size_t k = 0; k < f->people; k++)
         for (size_t i = 0; i < N; i++) {
             for (size_t c = 0; c < 9; c++)

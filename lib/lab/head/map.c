@@ -141,28 +141,21 @@ struct map_basis {
     float *row;
 };
 
-struct map_fit_part {
-    const struct map_basis *T, *F;
-    double *A, *B;
-    const float *weight;
-    size_t len, n, cols;
-    double slip;
-};
-
-static void map_fit_part(void *ctx, size_t i)
+PARALLEL(map_fit_part, i, const struct map_basis *, T,
+         const struct map_basis *, F, double *, A, double *, B,
+         const float *, weight, size_t, len, size_t, n, size_t, cols,
+         double, slip)
 {
-    const struct map_fit_part *c = ctx;
-    const float *t = c->T->row + i * c->len;
+    const float *t = T->row + i * len;
 
     for (size_t j = 0; j <= i; j++)
-        for (size_t k = 0; k < c->len; k++)
-            c->A[i * c->n + j] +=
-                (double)c->weight[k / 3] * t[k] * c->T->row[j * c->len + k];
-    c->A[i * c->n + i] += c->slip * c->slip;
-    for (size_t j = 0; j < c->cols; j++)
-        for (size_t k = 0; k < c->len; k++)
-            c->B[i * c->cols + j] +=
-                (double)c->weight[k / 3] * t[k] * c->F->row[j * c->len + k];
+        for (size_t k = 0; k < len; k++)
+            A[i * n + j] += (double)weight[k / 3] * t[k] * T->row[j * len + k];
+    A[i * n + i] += slip * slip;
+    for (size_t j = 0; j < cols; j++)
+        for (size_t k = 0; k < len; k++)
+            B[i * cols + j] +=
+                (double)weight[k / 3] * t[k] * F->row[j * len + k];
 }
 
 /* out (n_to,n_from) = the least squares of sum_v w_v |T c - F|^2 + slip^2
@@ -182,9 +175,7 @@ static int map_fit(float *out, double *left, const struct map_basis *T,
         return -1;
     }
 
-    parallel_for(
-        n, 1, map_fit_part,
-        &(struct map_fit_part){ T, F, A, B, weight, len, n, cols, slip });
+    parallel_each(map_fit_part, n, 1, T, F, A, B, weight, len, n, cols, slip);
     cholesky_solve_columns(B, A, n, cols);
     for (size_t i = 0; i < n * cols; i++)
         out[i] = (float)B[i];

@@ -333,18 +333,15 @@ static void skin_eigen(double *g, double *v, size_t n)
         jacobi_sweep(g, v, n);
 }
 
-struct skin_find_parts_part { const float *x; double *g; size_t d, every, n; };
-
-static void skin_find_parts_part(void *ctx, size_t i)
+PARALLEL(skin_find_parts_part, i, const float *, x, double *, g, size_t, d,
+         size_t, every, size_t, n)
 {
-    const struct skin_find_parts_part *c = ctx;
-
     for (size_t j = 0; j <= i; j++) {
         float sum = 0;
-        const float *a = c->x + i * c->d, *b = c->x + j * c->d;
-        for (size_t p = 0; p + 2 < c->d; p += 3 * c->every)
+        const float *a = x + i * d, *b = x + j * d;
+        for (size_t p = 0; p + 2 < d; p += 3 * every)
             sum += a[p] * b[p] + a[p + 1] * b[p + 1] + a[p + 2] * b[p + 2];
-        c->g[i * c->n + j] = c->g[j * c->n + i] = (double)sum;
+        g[i * n + j] = g[j * n + i] = (double)sum;
     }
 }
 
@@ -362,8 +359,7 @@ float *skin_find_parts(const float *x, size_t n, size_t d, size_t every,
     }
     double *v = g + n * n;
 
-    parallel_for(n, 1, skin_find_parts_part,
-                 &(struct skin_find_parts_part){ x, g, d, every, n });
+    parallel_each(skin_find_parts_part, n, 1, x, g, d, every, n);
     skin_eigen(g, v, n);
     for (int k = 0; k < parts; k++) {
         size_t best = 0;

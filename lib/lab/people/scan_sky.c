@@ -188,18 +188,11 @@ static void sky_look_along(struct look *l, struct scan_assets *a,
     sky_look_at_piece(l, &a->torso, k);
 }
 
-struct sky_all {
-    struct scan_assets *a;
-    struct scan_rack *const *rack;
-    struct look *look;          /* (parallel_width()) */
-};
-
-/* Direction k. */
-static void sky_measure_part(void *ctx, size_t k)
+/* Direction k; look (parallel_width()). */
+PARALLEL(sky_measure_part, k, struct look *, look, struct scan_assets *, a,
+         struct scan_rack *const *, rack)
 {
-    const struct sky_all *c = ctx;
-
-    sky_look_along(&c->look[parallel_slot()], c->a, c->rack, 3, (int)k);
+    sky_look_along(&look[parallel_slot()], a, rack, 3, (int)k);
 }
 
 int sky_measure(struct scan_assets *a, struct error *err)
@@ -226,8 +219,7 @@ int sky_measure(struct scan_assets *a, struct error *err)
     for (size_t i = 0; look && i < threads; i++)
         failed = sky_look_init(&look[i], max) || failed;
     if (!failed)
-        parallel_for(SKY_DIRECTIONS, 1, sky_measure_part,
-                     &(struct sky_all){a, rack, look});
+        parallel_each(sky_measure_part, SKY_DIRECTIONS, 1, look, a, rack);
     for (size_t i = 0; look && i < threads; i++)
         sky_look_release(&look[i]);
     free(look);

@@ -92,18 +92,12 @@ static void adam_update_tensor(const struct adam *a, float *restrict w,
     }
 }
 
-struct adam_move_average_part {
-    const struct params *ps;
-    struct adam *a;
-    float keep;
-};
-
-static void adam_move_average_part(void *ctx, size_t k)
+PARALLEL(adam_move_average_part, k, const struct params *, ps, struct adam *, a,
+         float, keep)
 {
-    const struct adam_move_average_part *c = ctx;
-    const struct param *p = &c->ps->tensor[k];
-    float *restrict e = c->a->average + p->offset;
-    const float *restrict w = c->ps->w + p->offset;
+    const struct param *p = &ps->tensor[k];
+    float *restrict e = a->average + p->offset;
+    const float *restrict w = ps->w + p->offset;
 
     if (p->frozen) { /* running statistics are averages already */
         memcpy(e, w, p->count * sizeof *e);
@@ -111,7 +105,7 @@ static void adam_move_average_part(void *ctx, size_t k)
     }
 #pragma omp simd
     for (size_t i = 0; i < p->count; i++)
-        e[i] = c->keep * e[i] + (1 - c->keep) * w[i];
+        e[i] = keep * e[i] + (1 - keep) * w[i];
 }
 
 /* One step of the exponential average, faster in the first steps. */
@@ -120,25 +114,17 @@ static void adam_move_average(struct adam *a, const struct params *ps)
     double t = (double)a->step;
     float keep = (float)fmin(a->decay, (1 + t) / (10 + t));
 
-    parallel_for(ps->count, 1, adam_move_average_part,
-                 &(struct adam_move_average_part){ ps, a, keep });
+    parallel_each(adam_move_average_part, ps->count, 1, ps, a, keep);
 }
 
-struct adam_update_part {
-    struct params *ps;
-    struct adam *a;
-    double scale;
-    float step, root2;
-};
-
-static void adam_update_part(void *ctx, size_t k)
+PARALLEL(adam_update_part, k, struct params *, ps, struct adam *, a,
+         double, scale, float, step, float, root2)
 {
-    const struct adam_update_part *c = ctx;
-    const struct param *p = &c->ps->tensor[k];
+    const struct param *p = &ps->tensor[k];
     if (!p->frozen)
-        adam_update_tensor(c->a, c->ps->w + p->offset, c->a->m + p->offset,
-                           c->a->v + p->offset, c->ps->g + p->offset, p->count,
-                           (float)c->scale, c->step, c->root2);
+        adam_update_tensor(a, ps->w + p->offset, a->m + p->offset,
+                           a->v + p->offset, ps->g + p->offset, p->count,
+                           (float)scale, step, root2);
 }
 
 void adam_update(struct adam *a, struct params *ps, double rate, double norm)
@@ -150,8 +136,7 @@ void adam_update(struct adam *a, struct params *ps, double rate, double norm)
     float step = (float)(rate / (1 - pow(a->beta1, t)));
     float root2 = (float)(1 / sqrt(1 - pow(a->beta2, t)));
 
-    parallel_for(ps->count, 1, adam_update_part,
-                 &(struct adam_update_part){ ps, a, scale, step, root2 });
+    parallel_each(adam_update_part, ps->count, 1, ps, a, scale, step, root2);
     if (a->average)
         adam_move_average(a, ps);
 }

@@ -278,56 +278,39 @@ void fan_release(struct fan *f)
 
 /* ---- half and twice ----------------------------------------------------- */
 
-struct fan_pool_sum_part {
-    const float *x;
-    float *y;
-    size_t n, C;
-    float scale;
-};
-
 /* One row. */
-static void fan_pool_sum_part(void *ctx, size_t r)
+PARALLEL(fan_pool_sum_part, r, const float *, x, float *, y, size_t, n,
+         size_t, C, float, scale)
 {
-    const struct fan_pool_sum_part *o = ctx;
-    const float *a = o->x + (r / o->n * 4 * o->n + r % o->n * 2) * o->C;
-    const float *b = a + 2 * o->n * o->C;
+    const float *a = x + (r / n * 4 * n + r % n * 2) * C;
+    const float *b = a + 2 * n * C;
 
-    for (size_t c = 0; c < o->C; c++)
-        o->y[r * o->C + c] =
-            o->scale * (a[c] + a[o->C + c] + b[c] + b[o->C + c]);
+    for (size_t c = 0; c < C; c++)
+        y[r * C + c] = scale * (a[c] + a[C + c] + b[c] + b[C + c]);
 }
 
 /* y (n,n,C) = scale * the sums of 2x2 pixels of x (2n,2n,C). */
 static void fan_pool_sum(float *y, const float *x, size_t n, size_t C,
                          float scale)
 {
-    parallel_for(n * n, 1, fan_pool_sum_part,
-                 &(struct fan_pool_sum_part){ x, y, n, C, scale });
+    parallel_each(fan_pool_sum_part, n * n, 1, x, y, n, C, scale);
 }
 
-struct fan_upsample_add_part {
-    const float *x;
-    float *y;
-    size_t n, C;
-    float scale;
-};
-
 /* One row. */
-static void fan_upsample_add_part(void *ctx, size_t r)
+PARALLEL(fan_upsample_add_part, r, const float *, x, float *, y, size_t, n,
+         size_t, C, float, scale)
 {
-    const struct fan_upsample_add_part *o = ctx;
-    const float *a = o->x + (r / (4 * o->n) * o->n + r % (2 * o->n) / 2) * o->C;
+    const float *a = x + (r / (4 * n) * n + r % (2 * n) / 2) * C;
 
-    for (size_t c = 0; c < o->C; c++)
-        o->y[r * o->C + c] += o->scale * a[c];
+    for (size_t c = 0; c < C; c++)
+        y[r * C + c] += scale * a[c];
 }
 
 /* y (2n,2n,C) += scale * x (n,n,C), each pixel four times. */
 static void fan_upsample_add(float *y, const float *x, size_t n, size_t C,
                              float scale)
 {
-    parallel_for(4 * n * n, 1, fan_upsample_add_part,
-                 &(struct fan_upsample_add_part){ x, y, n, C, scale });
+    parallel_each(fan_upsample_add_part, 4 * n * n, 1, x, y, n, C, scale);
 }
 
 /* ---- forward ------------------------------------------------------------ */
