@@ -31,15 +31,6 @@ void camera_origin(float o[3], const float cam[12])
                  cam[8 + i] * cam[11]);
 }
 
-void camera_ray(float d[3], const float cam[12], float size, float u, float v)
-{
-    float f = camera_focal(size), c = 0.5f * size;
-    float x = (u - c) / f, y = (v - c) / f;
-
-    for (int i = 0; i < 3; i++)
-        d[i] = cam[i] * x + cam[4 + i] * y + cam[8 + i];
-}
-
 void camera_project(float *uv, float *z, const float cam[12], float size,
                     const float *x, size_t N)
 {
@@ -57,39 +48,6 @@ void camera_project(float *uv, float *z, const float cam[12], float size,
     }
 }
 
-void camera_project_d(double *uv, double *z, const double cam[12], double size,
-                      const double *x, size_t N)
-{
-    double f = (double)CAMERA_FOCAL * size * 0.5, c = 0.5 * size;
-
-    for (size_t n = 0; n < N; n++) {
-        double p[3], near = (double)CAMERA_NEAR;
-
-        for (int i = 0; i < 3; i++)
-            p[i] = cam[4 * i] * x[3 * n] + cam[4 * i + 1] * x[3 * n + 1] +
-                   cam[4 * i + 2] * x[3 * n + 2] + cam[4 * i + 3];
-        double w = f / (p[2] > near ? p[2] : near);
-        uv[2 * n] = c + w * p[0];
-        uv[2 * n + 1] = c + w * p[1];
-        if (z)
-            z[n] = p[2];
-    }
-}
-
-/* Gradient of one point's u, v and z with respect to its camera coordinates
- * p; 0 when it is not in front. */
-static int camera_point_backward(double dp[3], double du, double dv, double dz,
-                                 const double p[3], double f)
-{
-    if (p[2] <= (double)CAMERA_NEAR)
-        return 0;
-    double w = f / p[2];
-    dp[0] = w * du;
-    dp[1] = w * dv;
-    dp[2] = dz - (dp[0] * p[0] + dp[1] * p[1]) / p[2];
-    return 1;
-}
-
 void camera_project_backward(float *dx, float dcam[12], const float *duv,
                              const float *dz, const float cam[12], float size,
                              const float *x, size_t N)
@@ -98,13 +56,13 @@ void camera_project_backward(float *dx, float dcam[12], const float *duv,
 
     for (size_t n = 0; n < N; n++) {
         const float *xn = x + 3 * n;
-        float pf[3];
+        float p[3];
 
-        camera_apply(pf, cam, xn);
-        double p[3] = {pf[0], pf[1], pf[2]}, dp[3];
-        if (!camera_point_backward(dp, duv[2 * n], duv[2 * n + 1],
-                                   dz ? dz[n] : 0, p, f))
+        camera_apply(p, cam, xn);
+        if (p[2] <= CAMERA_NEAR)
             continue;
+        double w = f / p[2], dp[3] = {w * duv[2 * n], w * duv[2 * n + 1]};
+        dp[2] = (dz ? dz[n] : 0) - (dp[0] * p[0] + dp[1] * p[1]) / p[2];
         for (int i = 0; i < 3; i++) {
             if (dx)
                 dx[3 * n + i] += (float)(cam[i] * dp[0] +
@@ -117,32 +75,4 @@ void camera_project_backward(float *dx, float dcam[12], const float *duv,
     }
     for (int i = 0; dcam && i < 12; i++)
         dcam[i] += (float)sum[i];
-}
-
-void camera_project_backward_d(double *dx, double dcam[12], const double *duv,
-                               const double *dz, const double cam[12],
-                               double size, const double *x, size_t N)
-{
-    double f = (double)CAMERA_FOCAL * size * 0.5;
-
-    for (size_t n = 0; n < N; n++) {
-        const double *xn = x + 3 * n;
-        double p[3], dp[3];
-
-        for (int i = 0; i < 3; i++)
-            p[i] = cam[4 * i] * xn[0] + cam[4 * i + 1] * xn[1] +
-                   cam[4 * i + 2] * xn[2] + cam[4 * i + 3];
-        if (!camera_point_backward(dp, duv[2 * n], duv[2 * n + 1],
-                                   dz ? dz[n] : 0, p, f))
-            continue;
-        for (int i = 0; i < 3; i++) {
-            if (dx)
-                dx[3 * n + i] += cam[i] * dp[0] + cam[4 + i] * dp[1] +
-                                 cam[8 + i] * dp[2];
-            if (dcam)
-                dcam[4 * i + 3] += dp[i];
-            for (int j = 0; dcam && j < 3; j++)
-                dcam[4 * i + j] += dp[i] * xn[j];
-        }
-    }
 }

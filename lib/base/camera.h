@@ -25,9 +25,6 @@ void camera_frontal(float cam[12], float z);
 void camera_apply(float out[3], const float cam[12], const float x[3]);
 /* Camera centre in the head's frame: -R^T t. */
 void camera_origin(float o[3], const float cam[12]);
-/* Direction in the head's frame of the ray through pixel position (u, v) of a
- * picture of `size` pixels; not normalised: its camera z is 1. */
-void camera_ray(float d[3], const float cam[12], float size, float u, float v);
 
 /* Pixel positions uv (N,2) and camera depths z (N, or NULL) of x (N,3) in a
  * picture of `size` pixels.  A point at or behind CAMERA_NEAR is divided by
@@ -39,12 +36,5 @@ void camera_project(float *uv, float *z, const float cam[12], float size,
 void camera_project_backward(float *dx, float dcam[12], const float *duv,
                              const float *dz, const float cam[12], float size,
                              const float *x, size_t N);
-/* Double-precision references of the two. */
-void camera_project_d(double *uv, double *z, const double cam[12], double size,
-                      const double *x, size_t N);
-/* And of the backward. */
-void camera_project_backward_d(double *dx, double dcam[12], const double *duv,
-                               const double *dz, const double cam[12],
-                               double size, const double *x, size_t N);
 
 #endif

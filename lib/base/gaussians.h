@@ -89,15 +89,4 @@ static inline float gaussians_seen(const struct gaussians *g, size_t i)
                          g->mean + 3 * i);
 }
 
-/* The confidence in what the photograph shows of Gaussian i of g, where it is
- * now, in a frame whose camera lies that way: gaussians_seen times
- * gaussian_shown. */
-static inline float gaussians_sure(const struct gaussians *g, size_t i,
-                                   const float toward[2])
-{
-    const float seen = gaussians_seen(g, i);
-
-    return g->tilt ? seen * gaussian_shown(g->tilt + 2 * i, toward) : seen;
-}
-
 #endif

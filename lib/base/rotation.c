@@ -376,37 +376,6 @@ void rotation_quat_d(double R[9], const double q[4])
                       u + 1);
 }
 
-void rotation_quat(float R[9], const float q[4])
-{
-    double qd[4], Rd[9];
-
-    rotation_numbers_widen(qd, q, 4);
-    rotation_quat_d(Rd, qd);
-    rotation_numbers_narrow(R, Rd, 9);
-}
-
-void rotation_quat_backward_d(double dq[4], const double dR[9],
-                              const double q[4])
-{
-    double n = sqrt(q[0] * q[0] + rotation_dot(q + 1, q + 1));
-    double u[4], du[4], skew[3], outer[3], along = 0;
-    double trace = dR[0] + dR[4] + dR[8], d = n > TINY ? n : TINY;
-
-    for (int i = 0; i < 4; i++)
-        u[i] = q[i] / d;
-    rotation_skew_backward(skew, dR);
-    rotation_outer_backward(outer, dR, u + 1);
-    du[0] = 2 * rotation_dot(skew, u + 1);
-    for (int i = 0; i < 3; i++)
-        du[1 + i] = 2 * u[0] * skew[i] + 2 * outer[i] -
-                    4 * trace * u[1 + i];
-    if (n > TINY)
-        for (int i = 0; i < 4; i++)
-            along += du[i] * u[i];
-    for (int i = 0; i < 4; i++)
-        dq[i] += (du[i] - along * u[i]) / d;
-}
-
 double rotation_distance(const float A[9], const float B[9])
 {
     double Ad[9], Bd[9], C[9], q[4];

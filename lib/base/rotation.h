@@ -46,12 +46,7 @@ void rotation_log(float r[3], const float R[9]);
 void rotation_log_d(double r[3], const double R[9]);
 
 /* R from q = w,x,y,z of any length (divided by max(|q|, 1e-12)). */
-void rotation_quat(float R[9], const float q[4]);
-/* The same in double precision. */
 void rotation_quat_d(double R[9], const double q[4]);
-/* dq (4) += gradient, given dR (3,3). */
-void rotation_quat_backward_d(double dq[4], const double dR[9],
-                              const double q[4]);
 /* Unit quaternion w,x,y,z with w >= 0 of a rotation. */
 void rotation_to_quat(float q[4], const float R[9]);
 

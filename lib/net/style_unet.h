@@ -62,9 +62,5 @@ void style_unet_forward(float *image, const float *feat,
 /* dfeat is written, or NULL. */
 void style_unet_backward(float *dfeat, const float *dimage,
                          struct style_unet *s);
-/* The latent style (B,latent) and, before the sigmoid, the picture. */
-const float *style_unet_latent(const struct style_unet *s);
-/* The picture before the sigmoid, (B,out,out,3). */
-const float *style_unet_logits(const struct style_unet *s);
 
 #endif

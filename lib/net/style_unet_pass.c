@@ -133,16 +133,6 @@ void style_unet_forward(float *image, const float *feat, struct style_unet *s)
     memcpy(image, s->image, s->batch * n * sizeof *image);
 }
 
-const float *style_unet_latent(const struct style_unet *s)
-{
-    return s->style[7];
-}
-
-const float *style_unet_logits(const struct style_unet *s)
-{
-    return s->level[s->levels - 1].rgb.rgb;
-}
-
 /* ---- backward ------------------------------------------------------------ */
 
 /* d(x scale + shift): dscale = d x, then d = d scale. */

@@ -60,49 +60,6 @@ void place_view_make(struct splat_place_view *v, const float source[12],
     }
 }
 
-PARALLEL(place_channels_part, i, const float *, mean, const float *, cam,
-         const float *, seen, const float *, uv, float *, out,
-         const struct splat_place_view *, v)
-{
-    const float *m = mean + 3 * i;
-    float x = cam[0] * m[0] + cam[1] * m[1] + cam[2] * m[2] + cam[3];
-    float y = cam[4] * m[0] + cam[5] * m[1] + cam[6] * m[2] + cam[7];
-    float z = cam[8] * m[0] + cam[9] * m[1] + cam[10] * m[2] + cam[11];
-    float f = CAMERA_FOCAL / fmaxf(z, CAMERA_NEAR);
-
-    x *= f;
-    y *= f;
-    out[3 * i] =
-        seen[i] * (2 * uv[2 * i] - 1 - v->A[0] * x - v->A[1] * y - v->b[0]);
-    out[3 * i + 1] =
-        seen[i] * (2 * uv[2 * i + 1] - 1 - v->A[2] * x - v->A[3] * y - v->b[1]);
-    out[3 * i + 2] = seen[i];
-}
-
-void place_channels(float *out, const float *mean, const float *uv,
-                    const float *seen, const struct splat_place_view *v,
-                    const float cam[12], size_t N)
-{
-    parallel_each(place_channels_part, N, N > 65536 ? 1 : N, mean, cam, seen,
-                  uv, out, v);
-}
-
-void place_channels_backward(float *dmean, const float *dout,
-                             const float *mean, const float *seen,
-                             const struct splat_place_view *v,
-                             const float cam[12], size_t N)
-{
-    for (size_t i = 0; i < N; i++) {
-        /* out = seen (2 uv - 1 - A x - b) */
-        float du = -seen[i] * dout[3 * i], dv = -seen[i] * dout[3 * i + 1];
-        float dndc[2] = {v->A[0] * du + v->A[2] * dv,
-                         v->A[1] * du + v->A[3] * dv};
-
-        camera_project_backward(dmean + 3 * i, NULL, dndc, NULL, cam, 2,
-                                mean + 3 * i, 1);
-    }
-}
-
 PARALLEL(place_of_source_part, i, float *, uv, float *, seen,
          const float *, cam, const float *, mean, const float *, scale)
 {

@@ -23,19 +23,6 @@
 void place_view_make(struct splat_place_view *v, const float source[12],
                      const float cam[12]);
 
-/* What the renderer blends for a frame: out (N,3).
- *   mean (N,3)  driven centres, head units     cam (3,4)  the frame's camera
- *   uv (N,2)    places, 0..1 across the source picture
- *   seen (N)    0..1, the confidence in it */
-void place_channels(float *out, const float *mean, const float *uv,
-                    const float *seen, const struct splat_place_view *v,
-                    const float cam[12], size_t N);
-/* dmean (N,3) += gradient of dout (N,3); the view is held. */
-void place_channels_backward(float *dmean, const float *dout,
-                             const float *mean, const float *seen,
-                             const struct splat_place_view *v,
-                             const float cam[12], size_t N);
-
 /* uv (N,2) of centres mean (N,3) as the source's camera sees them; what it
  * does not see, all of it outside of the picture by standard deviations scale
  * (N,3), has its seen (N) set to 0. */

@@ -79,32 +79,6 @@ int reference_init(struct reference *t, const struct gaussians *g,
     return 0;
 }
 
-int reference_add_places(struct reference *t, const struct gaussians *g,
-                         const struct splat_place_view *view,
-                         struct error *err)
-{
-    size_t C = (size_t)t->channels;
-    double *color = calloc(t->n * (C + 3) + 1, sizeof *color);
-
-    t->uv = calloc(2 * t->n + 1, sizeof *t->uv);
-    t->sure = calloc(t->n + 1, sizeof *t->sure);
-    if (!color || !t->uv || !t->sure) {
-        free(color);
-        return error_set(err, EX_OSERR, "out of memory");
-    }
-    for (size_t i = 0; i < t->n; i++) {
-        memcpy(color + i * (C + 3), t->color + i * C, C * sizeof *color);
-        t->sure[i] = gaussians_sure(g, i, view->toward);
-        for (size_t k = 0; k < 2; k++)
-            t->uv[2 * i + k] = 2 * (double)g->uv[2 * i + k] - 1;
-    }
-    free(t->color);
-    t->color = color;
-    t->channels += 3;
-    t->view = *view;
-    return 0;
-}
-
 void reference_release(struct reference *t)
 {
     free(t->uv);

@@ -30,13 +30,6 @@ int reference_init(struct reference *t, const struct gaussians *g,
 /* Free what it holds; zeroed then. */
 void reference_release(struct reference *t);
 
-/* Have the pictures end in three channels of places, and color's rows with
- * them: channels grows by 3.  g is that of reference_init, without branches.
- * What color holds of places is made anew whenever it is drawn. */
-int reference_add_places(struct reference *t, const struct gaussians *g,
-                         const struct splat_place_view *view,
-                         struct error *err);
-
 /* One Gaussian on the screen. */
 struct reference_point {
     bool front;            /* z > near */

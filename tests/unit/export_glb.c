@@ -23,6 +23,15 @@ static float *glb_fill(struct random *r, size_t n, double lo, double hi)
     return x;
 }
 
+static void quat_matrix(float R[9], const float q[4])
+{
+    double Rd[9], qd[4] = {q[0], q[1], q[2], q[3]};
+
+    rotation_quat_d(Rd, qd);
+    for (int i = 0; i < 9; i++)
+        R[i] = (float)Rd[i];
+}
+
 /* ---- Gaussians ---------------------------------------------------------- */
 
 static void splats_round_trip(struct random *r)
@@ -50,8 +59,8 @@ static void splats_round_trip(struct random *r)
             color = fmax(color, fabs(back.color[3 * i + k] -
                                      s.color[5 * i + k]));
         }
-        rotation_quat(A, s.quat + 4 * i);
-        rotation_quat(B, back.quat + 4 * i);
+        quat_matrix(A, s.quat + 4 * i);
+        quat_matrix(B, back.quat + 4 * i);
         turn = fmax(turn, rotation_distance(A, B));
     }
     check("Gaussians: centres", mean, 0);
@@ -128,7 +137,7 @@ static void node_apply(double M[12], const double t[3], const float q[4])
     float R[9];
     double out[12];
 
-    rotation_quat(R, wxyz);
+    quat_matrix(R, wxyz);
     for (int i = 0; i < 3; i++) {
         out[4 * i + 3] = M[4 * i + 3];
         for (int j = 0; j < 3; j++) {

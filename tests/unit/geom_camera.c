@@ -7,6 +7,7 @@
 #include "lib/base/camera.h"
 #include "lib/base/rotation.h"
 #include "tests/check.h"
+#include "tests/unit/camera_double.h"
 
 /* Frontal camera at z = 12, S = 512: f = 3072.  The point (0.5, 0.25, 0.4) has
  * camera coordinates (0.5, -0.25, 11.6): u = 256 + 3072 * 0.5 / 11.6. */

@@ -38,6 +38,35 @@ static void places_release(struct testscene *t)
     testscene_release(t);
 }
 
+/* t's reference, whose pictures end in three channels of places; size pixels a
+ * side. */
+static int places_reference(struct reference *r, const struct testscene *t,
+                            int channels, int size, struct error *err)
+{
+    const struct splat_camera cam = splat_camera_square(t->cam, size, 12);
+    const struct gaussians *g = &t->g;
+    const size_t C = (size_t)channels;
+    double *color;
+
+    if (reference_init(r, g, &cam, size, size, channels, SPLAT_GSPLAT, 0, err))
+        return -1;
+    color = scene_grab(r->n * (C + 3), sizeof *color);
+    r->uv = scene_grab(2 * r->n, sizeof *r->uv);
+    r->sure = scene_grab(r->n, sizeof *r->sure);
+    for (size_t i = 0; i < r->n; i++) {
+        memcpy(color + i * (C + 3), r->color + i * C, C * sizeof *color);
+        r->sure[i] = gaussians_seen(g, i) *
+                     gaussian_shown(g->tilt + 2 * i, view.toward);
+        for (size_t k = 0; k < 2; k++)
+            r->uv[2 * i + k] = 2 * (double)g->uv[2 * i + k] - 1;
+    }
+    free(r->color);
+    r->color = color;
+    r->channels += 3;
+    r->view = view;
+    return 0;
+}
+
 static void random_numbers(float *g, size_t n, uint64_t seed)
 {
     struct random r;
@@ -67,16 +96,13 @@ static void draw_places(float *image, float *place, const struct testscene *t,
 /* Largest difference of places from double where no cut-off is doubtful. */
 static double places_error(const float *place, const struct testscene *t)
 {
-    struct splat_camera cam = splat_camera_square(t->cam, SIZE, 12);
     struct reference truth;
     struct error err = {0};
     size_t P = SIZE * SIZE;
     double *want = scene_grab(P * 4, sizeof *want), worst = 0;
     uint8_t *skip = scene_grab(P, 1);
 
-    if (reference_init(&truth, &t->g, &cam, SIZE, SIZE, 1, SPLAT_GSPLAT, 0,
-                       &err) ||
-        reference_add_places(&truth, &t->g, &view, &err) ||
+    if (places_reference(&truth, t, 1, SIZE, &err) ||
         reference_forward(want, NULL, NULL, skip, &truth, &err))
         exit(1);
     for (size_t p = 0; p < P; p++)
@@ -264,7 +290,6 @@ static float *kernel_gradients(const struct testscene *t, size_t C,
 static double *reference_gradients_of(const struct testscene *t, size_t C,
                                       const struct splat_picture_gradients *d)
 {
-    struct splat_camera cam = splat_camera_square(t->cam, SIZE, 12);
     size_t n = t->g.n, P = SIZE * SIZE, K = C + 3;
     double *all = scene_grab(n * (COLOR + C) + 12, sizeof *all);
     double *color = scene_grab(n * K, sizeof *color);
@@ -282,9 +307,7 @@ static double *reference_gradients_of(const struct testscene *t, size_t C,
                                  : d->place[p * 3 + c - C];
         ga[p] = d->alpha[p];
     }
-    if (reference_init(&truth, &t->g, &cam, SIZE, SIZE, (int)C, SPLAT_GSPLAT,
-                       0, &err) ||
-        reference_add_places(&truth, &t->g, &view, &err) ||
+    if (places_reference(&truth, t, (int)C, SIZE, &err) ||
         reference_backward(&to, &truth, g, ga, &err))
         exit(1);
     for (size_t i = 0; i < n; i++)
@@ -395,14 +418,11 @@ static void finite_differences(void)
                                     .rt = rt};
 
     places_scene(&scene, FEW, 11);
-    struct splat_camera cam = splat_camera_square(scene.cam, SMALL, 12);
 
     random_numbers(f, SMALL * SMALL * K, 5);
     for (size_t i = 0; i < SMALL * SMALL * K; i++)
         g[i] = f[i];
-    if (reference_init(&t, &scene.g, &cam, SMALL, SMALL, 1, SPLAT_GSPLAT, 0,
-                       &err) ||
-        reference_add_places(&t, &scene.g, &view, &err))
+    if (places_reference(&t, &scene, 1, SMALL, &err))
         exit(1);
     t.alpha_cut = 1e-14;            /* cut-offs out of the way */
     t.t_cut = 0;

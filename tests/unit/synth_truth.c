@@ -13,6 +13,7 @@
 #include "lib/lab/people/scan_scene.h"
 #include "lib/lab/people/synth.h"
 #include "tests/check.h"
+#include "tests/unit/camera_double.h"
 
 enum { S = 192 };
 #define CLEAR (-0.2f)           /* above it nothing turns with the shoulders */

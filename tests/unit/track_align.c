@@ -10,6 +10,7 @@
 #include "lib/base/rotation.h"
 #include "lib/track/align.h"
 #include "tests/check.h"
+#include "tests/unit/camera_double.h"
 #include "tests/unit/sphere_head.h"
 
 #define SIZE 512                /* of the portrait window */
