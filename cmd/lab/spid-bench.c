@@ -48,6 +48,7 @@ static const struct stage {
     { "branches", bench_branches },
     { "train", bench_train },
     { "pipeline", bench_pipeline },
+    { "shared", bench_shared },
 };
 
 /* By its name, or the program ends. */

@@ -47,6 +47,17 @@ PY
     [ "$(head -c 4 cost.png | tail -c 3)" = PNG ]
 }
 
+@test "shared times programs alone and beside others, and leaves none running" {
+    TMPDIR=$PWD spid-bench -j 1 -s 0.1 --tsv -o shared.tsv shared
+    for program in "spid-motion" "spid-animate --star"; do
+        awk -F '\t' -v p="$program, " '
+            index($2, p) == 1 { ms[$3] = $5 }
+            END { exit !(ms["alone"] > 0 && ms["beside 1 busy loop"] > 0) }' shared.tsv
+    done
+    ! compgen -G "spid-bench-*"
+    ! pgrep -f "$PWD/spid-bench-"
+}
+
 @test "misuse is exit 64, a model that is not there 66" {
     status 64 spid-bench
     status 64 spid-bench --json --tsv motion

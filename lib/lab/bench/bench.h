@@ -120,6 +120,9 @@ int bench_flame(struct bench *b, struct error *err);
 int bench_branches(struct bench *b, struct error *err);
 /* The whole of Phase B as spid animate runs it, SpiD and SpiD*. */
 int bench_pipeline(struct bench *b, struct error *err);
+/* Whole programs beside busy ones, on more threads than there are processors,
+ * and at nice 19. */
+int bench_shared(struct bench *b, struct error *err);
 /* Training steps of encoder, refiner and the whole system, in parts. */
 int bench_train(struct bench *b, struct error *err);
 

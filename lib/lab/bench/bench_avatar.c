@@ -7,7 +7,10 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
+#include <unistd.h>
 
+#include "formats/framesink.h"
+#include "lib/base/file.h"
 #include "lib/lab/people/synth.h"
 
 /* A person's clip: pictures, true motion, the shape folded. */
@@ -82,6 +85,40 @@ void bench_person_close(struct bench_person *p)
     free(p->mask);
     free(p->verts);
     baked_move_release(&p->move);
+}
+
+/* ---- files ------------------------------------------------------------- */
+
+int bench_folder(char *dir, struct error *err)
+{
+    file_temporary(dir, "spid-bench-XXXXXX");
+    if (mkdtemp(dir))
+        return 0;
+    error_set(err, EX_CANTCREAT, "%s: cannot be made", dir);
+    dir[0] = 0;
+    return -1;
+}
+
+int bench_person_write(const struct bench_person *p, const char *path,
+                       size_t frames, struct error *err)
+{
+    const size_t values = (size_t)PERSON_SIZE * PERSON_SIZE * 3;
+    struct framesink *out =
+        framesink_open(&(struct framesink_options){.path = path}, err);
+
+    for (size_t i = 0; out && i < frames; i++) {
+        const struct framesink_frame f = {
+            .width = PERSON_SIZE, .height = PERSON_SIZE, .channels = 3,
+            .rgb = p->rgb + i % PERSON_FRAMES * values, .frame = i,
+            .time = (double)i / PERSON_FPS
+        };
+
+        if (framesink_write(out, &f, err)) {
+            framesink_abandon(out);
+            return -1;
+        }
+    }
+    return out ? framesink_finish(out, err) : -1;
 }
 
 /* ---- flame ------------------------------------------------------------- */

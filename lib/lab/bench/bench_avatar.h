@@ -41,6 +41,14 @@ int bench_person_open(struct bench_person *p, struct bench *b,
 /* Free what it holds. */
 void bench_person_close(struct bench_person *p);
 
+/* dir [FILE_TEMPORARY] = a new folder for temporary files, "" when there is
+ * none; whoever asks removes it.  EX_CANTCREAT. */
+int bench_folder(char *dir, struct error *err);
+/* The clip, again and again until there are so many frames, as a picture or
+ * video of that name. */
+int bench_person_write(const struct bench_person *p, const char *path,
+                       size_t frames, struct error *err);
+
 /* The model's weights, on the paper's grid: 296 and 32. */
 int bench_person_avatar(struct bench_person *p, enum nn_type type,
                         struct error *err);

@@ -181,31 +181,11 @@ out:
 /* The clip as a video in a directory of our own. */
 static int pipeline_make_video(struct pipe *p, struct error *err)
 {
-    file_temporary(p->dir, "spid-bench-XXXXXX");
-    if (!mkdtemp(p->dir)) {
-        error_set(err, EX_CANTCREAT, "%s: no room for a video", p->dir);
-        p->dir[0] = 0;
+    if (bench_folder(p->dir, err))
         return -1;
-    }
     snprintf(p->clip, sizeof p->clip, "%s/clip.mp4", p->dir);
     snprintf(p->made, sizeof p->made, "%s/made.mp4", p->dir);
-    const struct framesink_options to = {.path = p->clip,
-                                         .format = FRAMESINK_VIDEO};
-    struct framesink *out = framesink_open(&to, err);
-
-    for (size_t i = 0; out && i < PERSON_FRAMES; i++) {
-        const struct framesink_frame f = {
-            .width = PERSON_SIZE, .height = PERSON_SIZE, .channels = 3,
-            .rgb = p->l->person.rgb + i * FRAME_VALUES,
-            .frame = i, .time = (double)i / PERSON_FPS
-        };
-
-        if (framesink_write(out, &f, err)) {
-            framesink_abandon(out);
-            return -1;
-        }
-    }
-    return out ? framesink_finish(out, err) : -1;
+    return bench_person_write(&p->l->person, p->clip, PERSON_FRAMES, err);
 }
 
 /* Every worker's renderer again, without cut-offs. */
