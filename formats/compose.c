@@ -56,8 +56,8 @@ void compose_planes_c(uint8_t *const plane[3], const uint8_t *rgb, size_t n,
         }
 }
 
-void compose_rgb_c(uint8_t *rgb, const uint8_t *luma, const int32_t *u,
-                   const int32_t *v, size_t n, const int32_t m[3][4])
+void compose_rgb_c(uint8_t *rgb, const uint8_t *luma, const int16_t *u,
+                   const int16_t *v, size_t n, const int32_t m[3][4])
 {
     for (size_t i = 0; i < n; i++, rgb += 3)
         for (int j = 0; j < 3; j++) {

@@ -27,7 +27,7 @@ typedef void compose_planes_fn(uint8_t *const plane[3], const uint8_t *rgb,
 /* rgb (n,3): channel j = clamp((m[j][0] y + m[j][1] u + m[j][2] v + m[j][3]) >>
  * 16) of luma y (n) and chroma u, v (n): the reverse. */
 typedef void compose_rgb_fn(uint8_t *rgb, const uint8_t *luma,
-                            const int32_t *u, const int32_t *v, size_t n,
+                            const int16_t *u, const int16_t *v, size_t n,
                             const int32_t m[3][4]);
 
 /* Plainly, one number at a time: for what is left of a row, and for tests. */
@@ -43,8 +43,8 @@ void compose_widen_c(float *out, const uint16_t *x, size_t n);
 void compose_planes_c(uint8_t *const plane[3], const uint8_t *rgb, size_t n,
                       const int32_t m[3][4]);
 /* ... and compose_rgb_fn. */
-void compose_rgb_c(uint8_t *rgb, const uint8_t *luma, const int32_t *u,
-                   const int32_t *v, size_t n, const int32_t m[3][4]);
+void compose_rgb_c(uint8_t *rgb, const uint8_t *luma, const int16_t *u,
+                   const int16_t *v, size_t n, const int32_t m[3][4]);
 
 compose_fn compose_baseline;
 compose_quantise_fn compose_quantise_baseline;

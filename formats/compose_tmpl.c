@@ -225,19 +225,20 @@ static inline void compose_store_pixels(uint8_t *rgb, const __m128i c[3])
                                   _mm_shuffle_epi8(c[2], last[1])));
 }
 
-void ISA(compose_rgb)(uint8_t *rgb, const uint8_t *luma, const int32_t *u,
-                      const int32_t *v, size_t n, const int32_t m[3][4])
+void ISA(compose_rgb)(uint8_t *rgb, const uint8_t *luma, const int16_t *u,
+                      const int16_t *v, size_t n, const int32_t m[3][4])
 {
     size_t i = 0;
 
     for (; i + 8 <= n; i += 8) {
         const vi y = (vi)_mm256_cvtepu8_epi32(
             _mm_loadl_epi64((const __m128i *)(luma + i)));
-        vi a, b;
+        const vi a = (vi)_mm256_cvtepi16_epi32(
+            _mm_loadu_si128((const __m128i *)(u + i)));
+        const vi b = (vi)_mm256_cvtepi16_epi32(
+            _mm_loadu_si128((const __m128i *)(v + i)));
         __m128i c[3];
 
-        memcpy(&a, u + i, sizeof a);
-        memcpy(&b, v + i, sizeof b);
         for (int j = 0; j < 3; j++)
             c[j] = compose_clamp_bytes((m[j][0] * y + m[j][1] * a +
                                         m[j][2] * b + m[j][3]) >> 16);
@@ -246,8 +247,8 @@ void ISA(compose_rgb)(uint8_t *rgb, const uint8_t *luma, const int32_t *u,
     compose_rgb_c(rgb + 3 * i, luma + i, u + i, v + i, n - i, m);
 }
 #else
-void ISA(compose_rgb)(uint8_t *rgb, const uint8_t *luma, const int32_t *u,
-                      const int32_t *v, size_t n, const int32_t m[3][4])
+void ISA(compose_rgb)(uint8_t *rgb, const uint8_t *luma, const int16_t *u,
+                      const int16_t *v, size_t n, const int32_t m[3][4])
 {
     compose_rgb_c(rgb, luma, u, v, n, m);
 }

@@ -12,6 +12,7 @@
 #include "formats/image.h"
 #include "formats/panorama.h"
 #include "formats/video.h"
+#include "formats/y4m.h"
 
 /* What a reader of videos begins with: the functions of the module it is
  * of. */
@@ -42,11 +43,12 @@ struct media_module {
     struct video_reader *(*camera_open)(const char *path, struct error *err);
 };
 
-/* video.so, with ffmpeg's libraries: video files in and out, addresses
- * in. */
+/* video.so, with ffmpeg's libraries: video files in and out, addresses in.
+ * Planes that Y4M has a name for become colours by the program's to_rgb
+ * (y4m_rows_to_rgb). */
 struct video_module {
     struct video_reader *(*open)(const char *path, bool bt601,
-                                 struct error *err);
+                                 y4m_rows_fn *to_rgb, struct error *err);
     struct video_writer *(*create)(const char *path,
                                    const struct video_options *opt,
                                    struct error *err);

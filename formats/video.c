@@ -33,7 +33,7 @@ struct video_reader *video_open(const char *path, bool bt601,
         const struct video_module *m = module_video(err);
 
         if (m)
-            return m->open(path, bt601, err);
+            return m->open(path, bt601, y4m_rows_to_rgb, err);
     }
     error_prefix(err, "%s", path);
     return NULL;

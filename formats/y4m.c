@@ -264,59 +264,51 @@ static size_t y4m_chroma_at(size_t i, double site, size_t n, int *weight)
     return k;
 }
 
-/* A row of chroma between two of a plane's, in 1/4 levels. */
-struct chroma {
-    const uint8_t *upper, *lower;
-    int weight;                 /* of the lower, in 1/4 */
-};
+#define CHROMA_RUN 256          /* pixels of a row at a time; even */
+#define CHROMA_HALF (CHROMA_RUN / 2)
+#define CHROMA_ROOM (CHROMA_HALF + 16)  /* and their neighbours; whole vectors */
 
-/* Its sample i of n, clamped inside. */
-static int y4m_chroma_sample(const struct chroma *c, size_t i, size_t n)
+/* A run's samples of a row of chroma where one is of two pixels: from the one
+ * before `first` to the one after the run, the row's ends repeated. */
+static void y4m_chroma_samples(uint8_t *out, const uint8_t *row, size_t width,
+                               size_t first)
 {
-    i = i < n ? i : n - 1;
-    return c->upper[i] * (4 - c->weight) + c->lower[i] * c->weight;
+    const size_t left = width - first;
+    const size_t n = left < CHROMA_HALF + 1 ? left : CHROMA_HALF + 1;
+
+    out[0] = row[first ? first - 1 : 0];
+    memcpy(out + 1, row + first, n);
+    out[n + 1] = row[width - 1];
 }
 
-/* The row at luma row v. */
-static struct chroma y4m_chroma_row(const uint8_t *plane, const struct y4m *y,
-                                    size_t v)
-{
-    const size_t cw = y4m_chroma_width(y);
-    struct chroma c = {.weight = 0};
-
-    if (y->chroma == Y4M_420)
-        v = y4m_chroma_at(v, y->site_y, y4m_chroma_height(y), &c.weight);
-    c.upper = plane + v * cw;
-    c.lower = c.weight ? c.upper + cw : c.upper;
-    return c;
-}
-
-/* Part of it (luma columns u0, which is even, to u1) at luma resolution, in
- * 1/16 levels from the middle: where chroma is halved, the first of two pixels
- * lies between its sample and the one before, the second between that and the
- * next. */
-static void y4m_chroma_widen(int32_t *out, const struct chroma *c,
-                             const struct y4m *y, size_t u0, size_t u1)
+/* Chroma of luma row v from column u0 (even) on, in 1/16 levels from the
+ * middle: a run, of which what is past the row's end is anything.  Where chroma
+ * is halved, the first of two pixels lies between its sample and the one
+ * before, the second between that and the next. */
+static void y4m_chroma_run(int16_t *out, const uint8_t *plane, int step,
+                           const struct y4m *y, size_t v, size_t u0)
 {
     const size_t cw = y4m_chroma_width(y);
     const int before = (int)lrint(2 * y->site_x), after = 2 - before;
-    const int middle = 128 * 16;
+    uint8_t upper[CHROMA_ROOM] = {0}, lower[CHROMA_ROOM] = {0};
+    int16_t c[CHROMA_ROOM];
+    int weight = 0;             /* of the lower row, in 1/4 */
 
+    if (y->chroma == Y4M_420)
+        v = y4m_chroma_at(v, y->site_y, y4m_chroma_height(y), &weight);
+    plane += (ptrdiff_t)v * step;
     if (y->chroma == Y4M_444) {
-        for (size_t u = u0; u < u1; u++)
-            *out++ = 4 * y4m_chroma_sample(c, u, cw) - middle;
+        for (size_t i = 0; i < CHROMA_RUN && u0 + i < cw; i++)
+            out[i] = (int16_t)(16 * (plane[u0 + i] - 128));
         return;
     }
-    int left = y4m_chroma_sample(c, u0 ? u0 / 2 - 1 : 0, cw);
-    int own = y4m_chroma_sample(c, u0 / 2, cw);
-    for (size_t u = u0; u < u1; u += 2) {
-        const int right = y4m_chroma_sample(c, u / 2 + 1, cw);
-
-        *out++ = left * before + own * (4 - before) - middle;
-        if (u + 1 < u1)
-            *out++ = own * (4 - after) + right * after - middle;
-        left = own;
-        own = right;
+    y4m_chroma_samples(upper, plane, cw, u0 / 2);
+    y4m_chroma_samples(lower, weight ? plane + step : plane, cw, u0 / 2);
+    for (int i = 0; i < CHROMA_ROOM; i++)
+        c[i] = (int16_t)(upper[i] * (4 - weight) + lower[i] * weight - 4 * 128);
+    for (int i = 0; i < CHROMA_HALF; i++) {
+        out[2 * i] = (int16_t)(c[i] * before + c[i + 1] * (4 - before));
+        out[2 * i + 1] = (int16_t)(c[i + 1] * (4 - after) + c[i + 2] * after);
     }
 }
 
@@ -337,28 +329,34 @@ static void y4m_inverse_weights(int32_t w[3][4], const struct y4m *y)
     memcpy(w, of, sizeof of);
 }
 
-#define CHROMA_RUN 256          /* pixels of a row at a time; even */
+void y4m_rows_to_rgb(uint8_t *rgb, size_t stride,
+                     const uint8_t *const plane[3], const int step[3],
+                     const struct y4m *y)
+{
+    int16_t u[CHROMA_RUN] = {0}, v[CHROMA_RUN] = {0};
+    int32_t m[3][4];
+
+    y4m_inverse_weights(m, y);
+    for (size_t i = 0; i < y->height; i++, rgb += stride)
+        for (size_t x = 0; x < y->width; x += CHROMA_RUN) {
+            const size_t left = y->width - x;
+
+            if (y->chroma != Y4M_MONO) {
+                y4m_chroma_run(u, plane[1], step[1], y, i, x);
+                y4m_chroma_run(v, plane[2], step[2], y, i, x);
+            }
+            compose_table()->rgb(rgb + 3 * x,
+                                 plane[0] + (ptrdiff_t)i * step[0] + x, u, v,
+                                 left < CHROMA_RUN ? left : CHROMA_RUN, m);
+        }
+}
 
 void y4m_to_rgb(uint8_t *rgb, const uint8_t *planes, const struct y4m *y)
 {
-    const size_t W = y->width, H = y->height;
-    const size_t plane = y4m_chroma_width(y) * y4m_chroma_height(y);
-    const uint8_t *cb = planes + W * H, *cr = cb + plane;
-    int32_t m[3][4], u[CHROMA_RUN] = {0}, v[CHROMA_RUN] = {0};
+    const size_t N = y->width * y->height, width = y4m_chroma_width(y);
+    const uint8_t *cb = planes + N, *cr = cb + width * y4m_chroma_height(y);
+    const int step[3] = {(int)y->width, (int)width, (int)width};
 
-    y4m_inverse_weights(m, y);
-    for (size_t i = 0; i < H; i++)
-        for (size_t x = 0; x < W; x += CHROMA_RUN) {
-            const size_t end = x + CHROMA_RUN < W ? x + CHROMA_RUN : W;
-            const size_t at = i * W + x;
-
-            if (plane) {
-                const struct chroma b = y4m_chroma_row(cb, y, i);
-                const struct chroma r = y4m_chroma_row(cr, y, i);
-
-                y4m_chroma_widen(u, &b, y, x, end);
-                y4m_chroma_widen(v, &r, y, x, end);
-            }
-            compose_table()->rgb(rgb + 3 * at, planes + at, u, v, end - x, m);
-        }
+    y4m_rows_to_rgb(rgb, 3 * y->width, (const uint8_t *[3]){planes, cb, cr},
+                    step, y);
 }

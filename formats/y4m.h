@@ -33,5 +33,11 @@ size_t y4m_frame_bytes(const struct y4m *y);
 void y4m_from_rgb(uint8_t *planes, const uint8_t *rgb, const struct y4m *y);
 /* rgb [H,W,3] from planes; chroma is interpolated linearly at its site. */
 void y4m_to_rgb(uint8_t *rgb, const uint8_t *planes, const struct y4m *y);
+/* The same from planes that lie apart, plane k's rows step[k] bytes from one to
+ * the next, to rows of rgb that are `stride` bytes apart. */
+typedef void y4m_rows_fn(uint8_t *rgb, size_t stride,
+                         const uint8_t *const plane[3], const int step[3],
+                         const struct y4m *y);
+y4m_rows_fn y4m_rows_to_rgb;
 
 #endif

@@ -14,7 +14,6 @@
 #include <libavutil/cpu.h>
 #include <libavutil/display.h>
 #include <libavutil/mastering_display_metadata.h>
-#include <libswscale/swscale.h>
 
 #include "formats/door.h"
 #include "formats/video/table.h"
@@ -26,11 +25,11 @@
 struct reader {
     struct video_reader base;
     char *path;
-    bool bt601, live;           /* live: an address */
+    bool live;                  /* an address */
     time_t since;               /* when a packet was asked for */
     AVFormatContext *file;
     AVCodecContext *codec;
-    struct SwsContext *convert;
+    struct video_colours colours;
     AVPacket *packet;
     AVFrame *frame;
     AVFrame *next;              /* the first of another size, while the filter
@@ -200,7 +199,7 @@ static void reader_close(struct video_reader *v)
         module_filter(NULL)->close(r->weave);
     door_release(&r->door);
     free(r->upright.rgb);
-    sws_freeContext(r->convert);
+    video_colours_release(&r->colours);
     av_frame_free(&r->frame);
     av_frame_free(&r->next);
     av_packet_free(&r->packet);
@@ -324,26 +323,6 @@ static int reader_next(struct reader *r)
     return reader_woven(r);
 }
 
-/* swscale's table of the matrix that the frame says, or that players take. */
-static const int *reader_matrix(const struct reader *r)
-{
-    const enum AVColorSpace says = r->frame->colorspace;
-    int space = SWS_CS_ITU601;
-
-    if (r->bt601)
-        return sws_getCoefficients(space);
-    if (says == AVCOL_SPC_BT709)
-        space = SWS_CS_ITU709;
-    else if (says == AVCOL_SPC_BT2020_NCL || says == AVCOL_SPC_BT2020_CL)
-        space = SWS_CS_BT2020;
-    else if (says == AVCOL_SPC_SMPTE240M)
-        space = SWS_CS_SMPTE240M;
-    else if ((says == AVCOL_SPC_UNSPECIFIED || says == AVCOL_SPC_RGB) &&
-             video_is_hd(r->frame->width, r->frame->height))
-        space = SWS_CS_ITU709;
-    return sws_getCoefficients(space);
-}
-
 /* How a camera or telephone was held, by the nearest of the eight ways. */
 static enum orientation reader_orientation(const struct reader *r)
 {
@@ -408,34 +387,6 @@ static struct door_tag reader_tag(const struct reader *r)
     return t;
 }
 
-/* r->rows = the frame as RGB of these bits, `stride` bytes a row. */
-static int reader_convert(struct reader *r, int bits, size_t stride,
-                          struct error *err)
-{
-    const AVFrame *f = r->frame;
-    uint8_t *to[4] = {r->rows};
-    const int line[4] = {(int)stride};
-    const int full = f->color_range == AVCOL_RANGE_JPEG;
-    const int *matrix = reader_matrix(r);
-
-    r->convert = sws_getCachedContext(r->convert, f->width, f->height,
-                                      (enum AVPixelFormat)f->format, f->width,
-                                      f->height,
-                                      bits == 8 ? AV_PIX_FMT_RGB24
-                                                : AV_PIX_FMT_RGB48,
-                                      SWS_BICUBIC, NULL, NULL, NULL);
-    if (!r->convert)
-        return error_set(err, EX_DATAERR, "%s: frame %zu: pixels of an "
-                         "unknown kind", r->path, r->count);
-    sws_setColorspaceDetails(r->convert, matrix, full, matrix, 1, 0, 1 << 16,
-                             1 << 16);
-    if (sws_scale(r->convert, (const uint8_t *const *)f->data, f->linesize, 0,
-                  f->height, to, line) != f->height)
-        return error_set(err, EX_DATAERR, "%s: frame %zu: cannot be turned "
-                         "into RGB", r->path, r->count);
-    return 0;
-}
-
 /* Room for a frame, a vector's width past each row's end. */
 static int reader_make_rows(struct reader *r, size_t bytes, struct error *err)
 {
@@ -495,11 +446,15 @@ static int reader_pass(struct reader *r, const uint8_t **rgb, size_t *width,
     const size_t pixel = 3 * (size_t)tag.pixels.bits / 8;
     const size_t stride = (pixel * w + 63) / 64 * 64;
     const uint8_t *first;
+    const char *why;
 
     if (door_check_size(w, h, r->path, err) ||
-        reader_make_rows(r, stride * h + 64, err) ||
-        reader_convert(r, tag.pixels.bits, stride, err))
+        reader_make_rows(r, stride * h + 64, err))
         return -1;
+    if ((why = video_to_rgb(r->rows, stride, tag.pixels.bits, r->frame,
+                            &r->colours)))
+        return error_set(err, EX_DATAERR, "%s: frame %zu: %s", r->path,
+                         r->count, why);
     first = r->rows;
     if (c->left + c->right < w && c->top + c->bottom < h) {
         first += c->top * stride + c->left * pixel;
@@ -544,7 +499,7 @@ static const struct video_reading reader_functions = {
 };
 
 struct video_reader *reader_open(const char *path, bool bt601,
-                                 struct error *err)
+                                 y4m_rows_fn *to_rgb, struct error *err)
 {
     const bool live = video_is_live(path);
     struct stat st;
@@ -566,7 +521,8 @@ struct video_reader *reader_open(const char *path, bool bt601,
         r->packet = av_packet_alloc();
         r->frame = av_frame_alloc();
         r->next = av_frame_alloc();
-        r->bt601 = bt601;
+        r->colours = (struct video_colours){.bt601 = bt601,
+                                            .to_rgb = to_rgb};
         r->live = live;
     }
     if (!r || !r->path || !r->packet || !r->frame || !r->next) {

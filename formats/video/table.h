@@ -4,9 +4,10 @@
 
 #include "formats/module.h"
 
-/* What formats/video.h promises of video_open. */
+/* What formats/video.h promises of video_open; to_rgb: the program's
+ * y4m_rows_to_rgb. */
 struct video_reader *reader_open(const char *path, bool bt601,
-                                 struct error *err);
+                                 y4m_rows_fn *to_rgb, struct error *err);
 /* video_create's. */
 struct video_writer *writer_create(const char *path,
                                    const struct video_options *opt,
@@ -25,6 +26,19 @@ struct AVFormatContext;
 struct AVStream;
 bool video_is_cut(const struct AVFormatContext *file,
                   const struct AVStream *stream);
+
+/* A clip's way to RGB. */
+struct video_colours {
+    bool bt601;                 /* whatever the file says */
+    y4m_rows_fn *to_rgb;        /* the program's */
+    struct SwsContext *swscale; /* for what is no planes of Y4M's */
+};
+/* rgb, `stride` bytes a row of 8 or 16 bits a value, from a frame: by to_rgb
+ * where Y4M has a name for its planes, else by swscale.  NULL, or why not. */
+struct AVFrame;
+const char *video_to_rgb(uint8_t *rgb, size_t stride, int bits,
+                         const struct AVFrame *f, struct video_colours *c);
+void video_colours_release(struct video_colours *c);
 
 /* What a container's crop rectangle leaves out on each side, pixels as
  * stored. */

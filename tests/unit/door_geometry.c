@@ -128,13 +128,33 @@ static void test_aspects(void)
     square_size("m.mp4", 56, 80);
 }
 
-/* A crop rectangle in the stream is followed to the pixel. */
+/* The first frame of a clip as a picture of this name. */
+static void clip_show(const char *clip, const char *name)
+{
+    struct image im = media_frame(clip, 0);
+    FILE *out = fopen(folder_at(name), "wb");
+
+    if (im.rgb && out) {
+        fprintf(out, "P6 %zu %zu 255\n", im.width, im.height);
+        fwrite(im.rgb, 3, im.width * im.height, out);
+    }
+    if (out)
+        fclose(out);
+    image_release(&im);
+}
+
+/* A crop rectangle in the stream is followed to the pixel; each has chroma of
+ * its own, which halved would lean on what is cut off. */
 static void test_crop(void)
 {
+    check_that("a clip in 4:4:4",
+               media_run("ffmpeg -v error -y -i base.mp4 -pix_fmt yuv444p -c:v "
+                         "libx264 -qp 8 444.mp4"));
+    clip_show("444.mp4", "444.ppm");
     check_that("a crop rectangle",
-               media_run("ffmpeg -v error -y -i base.mp4 -c copy -bsf:v "
+               media_run("ffmpeg -v error -y -i 444.mp4 -c copy -bsf:v "
                          "h264_metadata=crop_left=6:crop_right=10:crop_top=4:"
-                         "crop_bottom=10 c.mp4 && convert frame.ppm "
+                         "crop_bottom=10 c.mp4 && convert 444.ppm "
                          "-crop 32x50+6+4 +repage want.ppm"));
     media_check("is cut to the pixel", media_frame("c.mp4", 0),
                 media_picture("want.ppm"), 0);
@@ -184,8 +204,9 @@ static void test_fields(void)
                media_run("ffmpeg -v error -y -f lavfi -i testsrc2=s=64x48:r=50:"
                          "d=0.4 -vf interlace=lowpass=0 -c:v libx264 -flags "
                          "+ildct+ilme -x264opts tff=1 -qp 8 i.mp4 && ffmpeg -v "
-                         "error -y -i i.mp4 -vf bwdif=send_frame,scale "
-                         "-sws_flags bicubic -frames:v 5 -update 1 -f image2 want.ppm"));
+                         "error -y -i i.mp4 -vf bwdif=send_frame,zscale=min=470bg:"
+                         "m=gbr:rin=tv:r=pc:cin=left:f=bilinear,format=gbrp "
+                         "-frames:v 5 -update 1 -f image2 want.ppm"));
     media_check("is woven", media_frame("i.mp4", 4),
                 media_picture("want.ppm"), 2);
     check_that("and complete",
@@ -226,16 +247,7 @@ int main(void)
         folder_remove();
         return 77;
     }
-    struct image f = media_frame("base.mp4", 0);
-    FILE *out = fopen(folder_at("frame.ppm"), "wb");
-
-    if (f.rgb && out) {
-        fprintf(out, "P6 %zu %zu 255\n", f.width, f.height);
-        fwrite(f.rgb, 3, f.width * f.height, out);
-    }
-    if (out)
-        fclose(out);
-    image_release(&f);
+    clip_show("base.mp4", "frame.ppm");
     test_photographs();
     test_matrices();
     test_aspects();

@@ -109,15 +109,15 @@ static void test_rgb(void)
                                     {76309, -874, -2183, -1188176},
                                     {76309, 8653, 0, -1188176}};
     static uint8_t luma[N], a[3 * N + 8], b[3 * N + 8];
-    static int32_t u[N], v[N];
+    static int16_t u[N], v[N];
     struct random r;
     int apart = 0;
 
     random_init(&r, 9, "rgb");
     for (size_t i = 0; i < N; i++) {
         luma[i] = (uint8_t)random_below(&r, 256);
-        u[i] = (int32_t)random_below(&r, 4096) - 2048;
-        v[i] = (int32_t)random_below(&r, 4096) - 2048;
+        u[i] = (int16_t)(random_below(&r, 4096) - 2048);
+        v[i] = (int16_t)(random_below(&r, 4096) - 2048);
     }
     for (size_t n = 0; n <= N; n = n < 40 ? n + 1 : n + 331) {
         memset(a, 0xa5, sizeof a);

@@ -1,14 +1,14 @@
 /* One colour through videos that ffmpeg writes by either matrix, tagged or
  * not, small and high definition: what video_read gives is within 4 levels
- * (H.264 4:2:0).  And an HD video of our own writing, read by ffmpeg as BT.709.
- * Skipped without ffmpeg and its H.264 encoder. */
+ * (H.264 4:2:0), and of any planes what Y4M of them gives.  And an HD video of
+ * our own writing, read by ffmpeg as BT.709.  Skipped without ffmpeg and its
+ * H.264 encoder. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "formats/video.h"
-#include "tests/check.h"
-#include "tests/folder.h"
+#include "tests/unit/media.h"
 
 static const int colour[3] = { 192, 128, 96 };
 static void colours_compare(const char *what, const uint8_t *rgb, size_t pixels)
@@ -89,7 +89,8 @@ static void to_ffmpeg(const char *dir)
         pclose(p);
 }
 
-/* A clip of a telephone that was held upright: as ffmpeg turns it. */
+/* A clip of a telephone that was held upright: as ffmpeg turns it and zimg makes
+ * colours of it, chroma at its place, which is the bottom of two rows then. */
 static void colours_turned(const char *dir)
 {
     static uint8_t seen[3 * 64 * 48];
@@ -108,8 +109,8 @@ static void colours_turned(const char *dir)
     if (system(command) != 0)
         return;
     snprintf(command, sizeof command, "ffmpeg -v error -i %s -frames:v 1 -vf "
-             "scale=in_color_matrix=bt601:in_range=tv,format=rgb24 -f rawvideo "
-             "-", path);
+             "zscale=min=470bg:m=gbr:rin=tv:r=pc:cin=bottom:f=bilinear,"
+             "format=gbrp,format=rgb24 -f rawvideo -", path);
     FILE *p = popen(command, "r");
     bool there = p && fread(seen, 1, sizeof seen, p) == sizeof seen;
     struct video_reader *v = video_open(path, false, &err);
@@ -125,6 +126,19 @@ static void colours_turned(const char *dir)
     video_close(v);
     if (p)
         pclose(p);
+}
+
+/* A file's planes become the colours that Y4M of them has, to the bit. */
+static void colours_planes(const char *format, const char *codec)
+{
+    check_that("the same planes twice",
+               media_run("ffmpeg -v error -y -f lavfi -i testsrc2=d=0.1 "
+                         "-vf scale=75:49:out_color_matrix=bt709,format=%s "
+                         "-colorspace bt709 -c:v %s planes.mkv && ffmpeg -v "
+                         "error -y -i planes.mkv -strict -1 planes.y4m", format,
+                         codec));
+    media_check(format, media_frame("planes.mkv", 1),
+                media_frame("planes.y4m", 1), 0);
 }
 
 int main(void)
@@ -148,5 +162,10 @@ int main(void)
     from_ffmpeg(folder, "hd-601.mkv", "1280x720", "bt601", tags601);
     to_ffmpeg(folder);
     colours_turned(folder);
+    colours_planes("yuv420p", "mpeg2video");
+    colours_planes("yuv420p", "mpeg1video");
+    colours_planes("yuv422p", "ffv1");
+    colours_planes("yuvj422p", "ffv1");
+    colours_planes("yuv444p", "libvpx-vp9");
     return folder_remove() || check_status();
 }
