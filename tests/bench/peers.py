@@ -1,26 +1,44 @@
 #!/usr/bin/env python3
-"""The toolkit's networks beside the same networks in eager PyTorch: one run,
-the same number of threads, least times, and their ratio.
+"""The toolkit beside other people's programs: one run, the same number of
+threads, and the ratio of times.
 
-    tests/bench/peers.py [--seconds S] [--threads N] [--bench PROGRAM]
-        [STAGE...]
+    tests/bench/peers.py [--seconds S] [--threads N] [--programs DIR]
+        [--photo FILE --clip FILE] [STAGE...]
 
-Exits 77 when PyTorch is not installed.  Weights are random: time does not
-depend on them.  Nothing here is needed to build or test the toolkit.
+motion, refine: E_m and the full StyleUNet beside the same networks in eager
+PyTorch, least times.  Weights are random: time does not depend on them.
+splat: the photograph's Gaussians beside npm's @playcanvas/splat-transform,
+whose shaders SwiftShader runs on the processor (the one that Debian's chromium
+brings, or $VK_ICD_FILENAMES): it draws averages of pictures, of which more take
+longer.  video: reading the clip and writing H.264 (x264, veryfast, CRF 20, one
+thread) beside ffmpeg, processor time.
+Exits 77 when what a stage compares with is not installed.  Nothing here is
+needed to build or test the toolkit.
 """
 import argparse
 import json
+import math
+import os
+import re
+import shutil
 import subprocess
 import sys
+import tempfile
 import time
 
+
+def skip(what):
+    print("peers: skipped: " + what)
+    sys.exit(77)
+
+
 try:
+    import numpy
     import torch
     from torch import nn
     from torch.nn import functional as F
 except ImportError:
-    print("peers: skipped: python3 has no torch (Debian: python3-torch)")
-    sys.exit(77)
+    skip("python3 has no torch (Debian: python3-torch)")
 
 
 # ---- the motion encoder: MobileNetV3-small and six linear heads ------------
@@ -233,7 +251,8 @@ def torch_ms(net, shape, seconds):
 
 
 def ours(args):
-    out = subprocess.run([args.bench, "--json", "-j", str(args.threads), "-s",
+    out = subprocess.run([os.path.join(args.programs, "spid-bench"), "--json",
+                          "-j", str(args.threads), "-s",
                           str(4 * args.seconds), *args.stages],
                          check=True, stdout=subprocess.PIPE).stdout
     return {(r["stage"], r["config"].split(",")[0].split()[0], r["knob"]):
@@ -241,15 +260,115 @@ def ours(args):
             if r["threads"] == args.threads}
 
 
+# ---- whole programs ---------------------------------------------------------
+
+def stage_ms(args, stage, program, *rest):
+    """Run one of the toolkit's programs; median milliseconds of its stage."""
+    with tempfile.TemporaryDirectory() as folder:
+        stats = os.path.join(folder, "stats")
+        subprocess.run([os.path.join(args.programs, program), "-q", "--stats",
+                        stats, *rest], check=True)
+        with open(stats) as f:
+            return next(float(row.split("\t")[4]) for row in f
+                        if row.startswith(stage + "\t"))
+
+
+def splat_peer(args, folder, ply, view):
+    """Seconds of two averages, of two and six pictures: four pictures."""
+    R, t = view[:, :3], view[:, 3]
+    at = -R.T @ t
+    vec = lambda v: ",".join("%.6f" % x for x in v)
+    tool = os.path.join(os.path.dirname(args.programs), "npm", "node_modules",
+                        "@playcanvas", "splat-transform", "bin", "cli.mjs")
+    env = {"VK_ICD_FILENAMES": "/usr/lib/chromium/vk_swiftshader_icd.json",
+           **os.environ}
+    if not os.path.exists(tool) or \
+            not os.path.exists(env["VK_ICD_FILENAMES"]):
+        skip("no splat-transform (make deps-tests) or no SwiftShader")
+    took = []
+    for n in 2, 6:
+        begun = time.monotonic()
+        subprocess.run(
+            ["node", tool, "-q", "-w", "-g", "0", ply,
+             os.path.join(folder, "peer.webp"), "--camera", vec(at),
+             "--camera-end", vec(at + 1e-5), "--look-at=" + vec(at + 12 * R[2]),
+             "--up", vec(-R[1]), "--fov",
+             "%.6f" % math.degrees(2 * math.atan(1 / 12)), "--resolution",
+             "512x512", "--near", "0.2", "--motion-samples", str(n)],
+            check=True, env=env, stderr=subprocess.DEVNULL)
+        took.append(time.monotonic() - begun)
+    return 1e3 * (took[1] - took[0]) / 4
+
+
+def compare_splat(args, folder):
+    at = lambda name: os.path.join(folder, name)
+    run = lambda program, *rest: subprocess.run(
+        [os.path.join(args.programs, program), "-q", *rest], check=True)
+    run("spid-shape", args.photo, "-o", at("me"))
+    run("spid-branches", "--bake=" + at("me"), "-o", at("avatar"))
+    run("spid-motion", args.clip, "-o", at("motion"))
+    run("spid-flame", "-i", at("avatar"), at("motion"), "-o", at("mesh"))
+    run("spid-branches", "-i", at("avatar"), at("mesh"), "-o", at("frames"))
+    run("spid-export", at("avatar"), "--ply", at("face.ply"))
+    run("spid-dump", "--npy", folder, at("avatar"))
+    view = numpy.load(at("GAUS.view.npy")).reshape(3, 4)
+    yield ("512x512, %d Gaussians, 3 channels" %
+           numpy.load(at("GAUS.opacity.npy")).size,
+           stage_ms(args, "splat", "spid-splat", "--no-photo", "-j",
+                    str(args.threads), at("frames"), "-o", "/dev/null"),
+           splat_peer(args, folder, at("face.ply"), view))
+
+
+def ffmpeg_ms(clip, *rest):
+    """Milliseconds of processor time of a frame."""
+    if not shutil.which("ffmpeg"):
+        skip("no ffmpeg")
+    log = subprocess.run(["ffmpeg", "-hide_banner", "-nostdin", "-y",
+                          "-benchmark", *rest[:2], "-i", clip, *rest[2:]],
+                         check=True, stderr=subprocess.PIPE, text=True).stderr
+    spent = re.search(r"bench: utime=([\d.]+)s stime=([\d.]+)s", log)
+    frames = int(re.findall(r"frame= *(\d+)", log)[-1])
+    return 1e3 * sum(map(float, spent.groups())) / frames
+
+
+def compare_video(args, folder):
+    at = lambda name: os.path.join(folder, name)
+    made = [args.photo, args.clip, "--star", "-j", "1"]
+
+    yield ("decode a frame", stage_ms(args, "decode", "spid-animate", *made,
+                                      "-o", at("made.y4m")),
+           ffmpeg_ms(args.clip, "-threads", "1", "-f", "null", "-"))
+    yield ("encode a frame", stage_ms(args, "encode", "spid-animate", *made,
+                                      "-o", at("made.mp4")),
+           ffmpeg_ms(at("made.y4m"), "-threads", "1", "-c:v", "libx264",
+                     "-preset", "veryfast", "-crf", "20", "-threads", "1",
+                     at("peer.mp4")))
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("--seconds", type=float, default=5,
                         help="for each network (5)")
     parser.add_argument("--threads", type=int, default=2)
-    parser.add_argument("--bench", default="build/bin/spid-bench")
+    parser.add_argument("--programs", default="build/bin")
+    parser.add_argument("--photo", default="examples/photo.jpg")
+    parser.add_argument("--clip", help="of splat and video")
     parser.add_argument("stages", nargs="*", default=["motion", "refine"],
-                        help="motion (E_m) or refine (StyleUNet); both")
+                        help="motion, refine (both), splat or video")
     args = parser.parse_args()
+    args.programs = os.path.abspath(args.programs)
+    for stage, compare, peer in (
+            ("splat", compare_splat, "splat-transform on SwiftShader"),
+            ("video", compare_video, "ffmpeg")):
+        if stage not in args.stages:
+            continue
+        args.stages.remove(stage)
+        with tempfile.TemporaryDirectory() as folder:
+            for what, own, other in compare(args, folder):
+                print("%s: %.2f ms, %s %.2f: %.4g times" % (
+                    what, own, peer, other, other / own))
+    if not args.stages:
+        return
     torch.set_num_threads(args.threads)
     torch.set_flush_denormal(True)
     torch.manual_seed(1)
