@@ -1,7 +1,7 @@
 /* What tests ask of cameras and programs do not: the projection and its
  * gradients in double, and rays. */
-#ifndef TESTS_UNIT_CAMERA_DOUBLE_H
-#define TESTS_UNIT_CAMERA_DOUBLE_H
+#ifndef SPID_TESTS_CAMERA_DOUBLE_H
+#define SPID_TESTS_CAMERA_DOUBLE_H
 
 #include "lib/base/camera.h"
 
