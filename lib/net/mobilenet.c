@@ -215,6 +215,17 @@ int mobilenet_init(struct mobilenet *m, struct params *ps, const char *prefix,
     return 0;
 }
 
+int mobilenet_copy(struct mobilenet *m, const struct mobilenet *of,
+                   struct error *err)
+{
+    *m = *of;
+    m->impl = malloc(sizeof *m->impl);
+    if (!m->impl)
+        return error_set(err, EX_OSERR, "out of memory");
+    *m->impl = *of->impl;
+    return 0;
+}
+
 void mobilenet_release(struct mobilenet *m)
 {
     struct mobilenet_impl *im = m->impl;

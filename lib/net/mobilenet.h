@@ -21,6 +21,10 @@ struct mobilenet {
 /* Fails (EX_CONFIG) when the variant is unknown. */
 int mobilenet_init(struct mobilenet *m, struct params *ps, const char *prefix,
                    const char *variant, struct error *err);
+/* The same layers on the same tensors, to be planned and released on their own;
+ * `of` has not been planned yet.  EX_OSERR. */
+int mobilenet_copy(struct mobilenet *m, const struct mobilenet *of,
+                   struct error *err);
 /* Pictures of height x width. */
 int mobilenet_plan(struct mobilenet *m, size_t batch, size_t height,
                    size_t width, struct nn_options opt, struct error *err);

@@ -4,6 +4,7 @@
 
 #include <string.h>
 
+#include "lib/base/parallel.h"
 #include "lib/nn/conv.h"
 #include "lib/nn/kernels.h"
 
@@ -25,7 +26,8 @@ int motion_encoder_init(struct motion_encoder *m, struct params *ps,
     memset(m, 0, sizeof *m);
     m->ps = ps;
     nn_name(name, "%sencoder.", prefix);
-    if (mobilenet_init(&m->net, ps, name, variant, err))
+    if (mobilenet_init(&m->net, ps, name, variant, err) ||
+        mobilenet_copy(&m->second, &m->net, err))
         return -1;
     for (int i = 0; i < 6; i++) {
         size_t dims[2] = { heads[i].n, m->net.features };
@@ -86,21 +88,35 @@ int motion_encoder_plan(struct motion_encoder *m, size_t batch,
     m->dpooled = nn_plan_floats(&m->plan, batch * m->net.features);
     m->out = nn_plan_floats(&m->plan, batch * MOTION_OUT);
     m->dout = nn_plan_floats(&m->plan, batch * MOTION_OUT);
-    if (nn_plan_finish(&m->plan, err))
+    /* more crops are for training, whose layers have work for all threads */
+    m->apart = batch == 2 && opt.mode == NN_INFER;
+    if (nn_plan_finish(&m->plan, err) ||
+        (m->apart && mobilenet_plan(&m->second, 1, S, S, opt, err)))
         return -1;
-    return mobilenet_plan(&m->net, batch, S, S, opt, err);
+    return mobilenet_plan(&m->net, m->apart ? 1 : batch, S, S, opt, err);
 }
 
 void motion_encoder_update(struct motion_encoder *m)
 {
     mobilenet_update(&m->net);
+    if (m->apart)
+        mobilenet_update(&m->second);
 }
 
 void motion_encoder_release(struct motion_encoder *m)
 {
     mobilenet_release(&m->net);
+    mobilenet_release(&m->second);
     nn_plan_release(&m->plan);
     memset(m, 0, sizeof *m);
+}
+
+/* Of two crops, crop n's features. */
+PARALLEL(motion_encoder_crop, n, struct motion_encoder *, m, const float *, rgb)
+{
+    mobilenet_forward(m->pooled + n * m->net.features,
+                      rgb + n * 3 * MOTION_ENCODER_SIZE * MOTION_ENCODER_SIZE,
+                      n ? &m->second : &m->net);
 }
 
 void motion_encoder_forward(float *out, const float *rgb,
@@ -109,7 +125,10 @@ void motion_encoder_forward(float *out, const float *rgb,
     const struct nn_kernels *k = nn_kernels();
     size_t F = m->net.features;
 
-    mobilenet_forward(m->pooled, rgb, &m->net);
+    if (m->apart)
+        parallel_each(motion_encoder_crop, 2, 1, m, rgb);
+    else
+        mobilenet_forward(m->pooled, rgb, &m->net);
     for (size_t n = 0; n < m->batch; n++) {
         float *row = m->out + n * MOTION_OUT;
 

@@ -25,6 +25,9 @@ enum motion_out {
 
 struct motion_encoder {
     struct mobilenet net;
+    struct mobilenet second;      /* of two crops the second one's, so that
+                                   * each has a thread; NN_INFER only */
+    bool apart;                   /* planned so */
     struct params *ps;
     size_t head_w[6], head_b[6];  /* tensor indices in ps */
     struct sure_head sure;        /* zeroed: none */
