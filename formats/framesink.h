@@ -10,6 +10,7 @@
 
 #include "lib/base/error.h"
 #include "lib/base/relative_pose.h"
+#include "lib/stream/feat.h"
 #include "lib/stream/stream.h"
 
 enum framesink_format {
@@ -85,7 +86,7 @@ struct framesink_frame {
                              * photograph shows (lib/photo) */
     const float *place;     /* [height, width, 3] or NULL, FEAT only: blended
                              * places, and their view: A and b */
-    float map[6];
+    float map[FEAT_MAP];
     bool turned;            /* FEAT only: it says how the head has turned */
     float turn[RELATIVE_POSE_SIZE];
     uint64_t frame;

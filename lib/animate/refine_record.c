@@ -25,9 +25,7 @@ int refine_read_record(struct refine_input *in, const struct record *rec,
         .packed = f.packed, .pixels = f.pixels, .photo = f.photo,
         .place = f.place
     };
-    if (f.place) {
-        memcpy(in->view.A, f.map, sizeof in->view.A);
-        memcpy(in->view.b, f.map + 4, sizeof in->view.b);
-    }
+    if (f.place)
+        memcpy(&in->view, f.map, FEAT_MAP * sizeof *f.map);
     return 0;
 }

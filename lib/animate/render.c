@@ -81,9 +81,12 @@ static int render_fast(struct render *r, const struct splat_camera *cam,
 {
     struct splat_place_view *v = &r->canvas.view;
 
-    place_view_make(v, r->scene.view, cam->rt);
-    for (int i = 0; i < 4; i++)         /* of a picture with this focal's */
-        v->A[i] *= CAMERA_FOCAL / r->opt.focal;
+    if (r->scene.neck_moved)
+        place_view_with_shoulders(v, r->scene.view, cam->rt, r->scene.body,
+                                  r->scene.pivot);
+    else
+        place_view_make(v, r->scene.view, cam->rt);
+    place_view_focal(v, r->opt.focal);
     return canvas_draw(&r->canvas, &r->splat, cam,
                        render_shows_photo(r) ? &r->texture : NULL,
                        r->opt.features, err);
@@ -110,8 +113,7 @@ static struct framesink_frame render_frame(const struct render *r,
 
     if (f.photo && r->opt.places) {
         f.place = c->place;
-        memcpy(f.map, c->view.A, sizeof c->view.A);
-        memcpy(f.map + 4, c->view.b, sizeof c->view.b);
+        memcpy(f.map, &c->view, sizeof f.map);
     }
     /* of the stream's camera: another one goes round head and light */
     f.turned = r->scene.has_source && render_camera(r);

@@ -117,21 +117,21 @@ void texture_lookup_backward(float *dplace, float *dalpha,
 {
     const size_t level = texture_level(t, v, size), S = t->side[level];
     const float step = 2.0f / (float)size, half = 0.5f * (float)S;
-    const float *A = v->A, *b = v->b;
 
     for (size_t i = 0; i < size * size; i++) {
         const float *p = place + 3 * i, *d = dphoto + TEXTURE_PHOTO * i;
         float nx = ((float)(i % size) + 0.5f) * step - 1;
         float ny = ((float)(i / size) + 0.5f) * step - 1, duv[2];
+        double at[2];
 
         if (!(p[2] > TEXTURE_LEAST) ||
             !lookup_confidence_backward(dplace + 3 * i, dalpha + i, p,
                                         alpha[i], d[4]))
             continue;
+        splat_place_at(at, v, nx, ny);
         const struct lookup_sample s = lookup_sample_at(
-            t->level[level], S,
-            half * (A[0] * nx + A[1] * ny + b[0] + p[0] / p[2] + 1),
-            half * (A[2] * nx + A[3] * ny + b[1] + p[1] / p[2] + 1));
+            t->level[level], S, half * ((float)at[0] + p[0] / p[2] + 1),
+            half * ((float)at[1] + p[1] / p[2] + 1));
         lookup_position_backward(duv, d, &s);
         lookup_place_backward(dplace + 3 * i, duv, p, half);
     }

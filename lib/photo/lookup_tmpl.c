@@ -37,7 +37,7 @@ static bool ISA(lookup_places)(struct lookup_run *r,
                                const float *place, const float *alpha,
                                size_t n)
 {
-    const float *A = v->A, *b = v->b;
+    const float *A = v->A, *b = v->b, *S = v->shoulders, *neck = v->neck;
     const vf zero = vf_set(0), one = vf_set(1);
     vf most = zero;
 
@@ -62,6 +62,10 @@ static bool ISA(lookup_places)(struct lookup_run *r,
 
         vf_store(r->sure + i, sure);
         most = vf_max(most, sure);
+        vf share = vf_clamp(neck[0] * nx + (neck[1] * r->ny + neck[2]), zero,
+                            one);
+        x += share * (S[0] * nx + (S[1] * r->ny + S[4]));
+        y += share * (S[2] * nx + (S[3] * r->ny + S[5]));
         vf_store(r->u + i, r->half * (A[0] * nx + A[1] * r->ny + x));
         vf_store(r->v + i, r->half * (A[2] * nx + A[3] * r->ny + y));
     }

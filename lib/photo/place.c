@@ -10,6 +10,12 @@
 
 #define PLACE_REACH 3.0f        /* standard deviations that are drawn of any */
 #define PLACE_STEEPEST 0.35f    /* of the view's determinant: 70 degrees */
+/* Heights above the neck's pivot, head units, between which the head's map goes
+ * over into the shoulders'.  Any two give true places; between these lies what
+ * is seen of a neck.  -0.03 and 0.03, 0 and 0.05, -0.07 and 0.07 change no
+ * validation person's decibels by 0.1 (tests/bench/turned.sh). */
+#define PLACE_NECK_TOP 0.1f
+#define PLACE_NECK_BOTTOM 0.03f
 
 /* Top left 2x2 of R R_s^T: how the source's image plane lies in the frame's
  * picture. */
@@ -33,8 +39,10 @@ static void place_origin(float o[2], const float cam[12])
     o[1] = CAMERA_FOCAL * cam[7] / z;
 }
 
-void place_view_make(struct splat_place_view *v, const float source[12],
-                     const float cam[12])
+/* map (6), A before b: from what a frame's camera sees of a plane through the
+ * head, or the shoulders, to where the source's saw it. */
+static void place_map(float map[6], const float source[12],
+                      const float cam[12])
 {
     float P[4], from[2], to[2];
     float scale = fmaxf(cam[11], CAMERA_NEAR) /
@@ -44,20 +52,79 @@ void place_view_make(struct splat_place_view *v, const float source[12],
     float det = P[0] * P[3] - P[1] * P[2];
     /* steeper than that, the map of the steepest plane that is allowed */
     float inv = scale / fmaxf(det, PLACE_STEEPEST);
-    v->A[0] = P[3] * inv;
-    v->A[1] = -P[1] * inv;
-    v->A[2] = -P[2] * inv;
-    v->A[3] = P[0] * inv;
+    map[0] = P[3] * inv;
+    map[1] = -P[1] * inv;
+    map[2] = -P[2] * inv;
+    map[3] = P[0] * inv;
     place_origin(from, source);
     place_origin(to, cam);
-    v->b[0] = from[0] - v->A[0] * to[0] - v->A[1] * to[1];
-    v->b[1] = from[1] - v->A[2] * to[0] - v->A[3] * to[1];
+    map[4] = from[0] - map[0] * to[0] - map[1] * to[1];
+    map[5] = from[1] - map[2] * to[0] - map[3] * to[1];
+}
+
+void place_view_make(struct splat_place_view *v, const float source[12],
+                     const float cam[12])
+{
+    float map[6];
+
+    memset(v, 0, sizeof *v);
+    place_map(map, source, cam);
+    memcpy(v->A, map, sizeof v->A);
+    memcpy(v->b, map + 4, sizeof v->b);
     for (int k = 0; k < 2; k++) {
         const float *axis = source + 4 * k;
 
         v->toward[k] = -(axis[0] * cam[8] + axis[1] * cam[9] +
                          axis[2] * cam[10]);
     }
+}
+
+void place_view_with_shoulders(struct splat_place_view *v,
+                               const float source[12], const float cam[12],
+                               const float body[12], const float pivot[3])
+{
+    float seen[12], head[6], map[6], ends[6], end[4], down[2];
+
+    place_view_make(v, source, cam);
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 4; j++) {
+            seen[4 * i + j] = j == 3 ? cam[4 * i + 3] : 0;
+            for (int k = 0; k < 3; k++)
+                seen[4 * i + j] += cam[4 * i + k] * body[4 * k + j];
+        }
+    place_map(head, source, cam);
+    place_map(map, source, seen);
+    for (int i = 0; i < 6; i++)
+        v->shoulders[i] = map[i] - head[i];
+    /* the neck from its upper end down, in the source's picture */
+    for (int k = 0; k < 3; k++) {
+        ends[k] = pivot[k] + (k == 1 ? PLACE_NECK_TOP : 0);
+        ends[3 + k] = pivot[k] + (k == 1 ? PLACE_NECK_BOTTOM : 0);
+    }
+    camera_project(end, NULL, source, 2, ends, 2);
+    for (int k = 0; k < 2; k++)
+        down[k] = end[2 + k] - end[k];
+    /* a head that looks down sees it short */
+    const float least = (PLACE_NECK_TOP - PLACE_NECK_BOTTOM) * CAMERA_FOCAL /
+                        (2 * fmaxf(source[11], CAMERA_NEAR));
+    const float square = fmaxf(down[0] * down[0] + down[1] * down[1],
+                               least * least);
+    for (int k = 0; k < 2; k++)
+        v->neck[k] = (down[0] * map[k] + down[1] * map[2 + k]) / square;
+    v->neck[2] = (down[0] * (map[4] + 1 - end[0]) +
+                  down[1] * (map[5] + 1 - end[1])) / square;
+}
+
+void place_view_focal(struct splat_place_view *v, float focal)
+{
+    const float by = CAMERA_FOCAL / focal;
+
+    for (int i = 0; i < 4; i++) {
+        v->A[i] *= by;
+        v->shoulders[i] *= by;
+    }
+    v->neck[0] *= by;
+    v->neck[1] *= by;
 }
 
 PARALLEL(place_of_source_part, i, float *, uv, float *, seen,

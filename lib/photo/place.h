@@ -7,7 +7,8 @@
  * affine map (the view), and each Gaussian carries what differs from it (its
  * offset).  So a place is exact across a Gaussian's whole footprint for the
  * plane, and to first order nearly so for the face, while the renderer blends
- * three numbers that are constant in each Gaussian. */
+ * three numbers that are constant in each Gaussian.  Below the neck the view
+ * goes over into the affine map of the shoulders, which stay where they were. */
 #ifndef SPID_PHOTO_PLACE_H
 #define SPID_PHOTO_PLACE_H
 
@@ -22,6 +23,13 @@
  * camera. */
 void place_view_make(struct splat_place_view *v, const float source[12],
                      const float cam[12]);
+/* The same with shoulders: body (3,4) moves them in the head's frame about
+ * pivot (3), as neck_blend_body has it. */
+void place_view_with_shoulders(struct splat_place_view *v,
+                               const float source[12], const float cam[12],
+                               const float body[12], const float pivot[3]);
+/* The same of pictures with another focal length, half pictures. */
+void place_view_focal(struct splat_place_view *v, float focal);
 
 /* uv (N,2) of centres mean (N,3) as the source's camera sees them; what it
  * does not see, all of it outside of the picture by standard deviations scale

@@ -235,23 +235,38 @@ VEC_INLINE void gradient_of_parameters(struct lanes *d,
     }
 }
 
-/* Places pull at the centre, through what the view makes of it: the channels
- * are c (2 uv - 1 - A x - b), dplace their gradients and c the one that
+/* Places pull at the centre (r), through what the view makes of it: the channels
+ * are c (2 uv - 1 - M(x)), dplace their gradients and c the one that
  * splat_project left there. */
 VEC_INLINE void gradient_of_place(struct lanes *d, const vf dplace[2],
-                                  const struct splat_state *st, size_t i)
+                                  const struct splat_state *st, size_t i,
+                                  const vf r[FIELDS])
 {
     const struct view *v = &st->view;
-    const float *A = v->place.A;
+    const float *A = v->place.A, *S = v->place.shoulders, *n = v->place.neck;
+    const vf x = r[FX] * vf_set(2 / (float)v->width) - vf_set(1);
+    const vf y = r[FY] * vf_set(2 / (float)v->height) - vf_set(1);
+    const vf zero = vf_set(0), one = vf_set(1);
+    const vf share = vf_set(n[0]) * x + vf_set(n[1]) * y + vf_set(n[2]);
+    const vm part = vm_and(vf_gt(share, zero), vf_gt(one, share));
+    vf J[4];
     float kept[VEC];
 
+    /* splat_place_slope */
+    for (int k = 0; k < 4; k++) {
+        const float *row = S + k / 2 * 2;
+        const vf more = vf_set(row[0]) * x + vf_set(row[1]) * y +
+                        vf_set(S[4 + k / 2]);
+
+        J[k] = vf_set(A[k]) + vf_clamp(share, zero, one) * vf_set(S[k]) +
+               vf_keep(part, more * vf_set(n[k % 2]));
+    }
     for (size_t k = 0; k < VEC; k++)
         kept[k] = st->place[i + k][2];
     vf sure = vf_load(kept), u = sure * dplace[0], w = sure * dplace[1];
 
-    d->x -= vf_set(2 / (float)v->width) * (vf_set(A[0]) * u + vf_set(A[2]) * w);
-    d->y -=
-        vf_set(2 / (float)v->height) * (vf_set(A[1]) * u + vf_set(A[3]) * w);
+    d->x -= vf_set(2 / (float)v->width) * (J[0] * u + J[2] * w);
+    d->y -= vf_set(2 / (float)v->height) * (J[1] * u + J[3] * w);
 }
 
 /* VEC Gaussians of those drawn, i and on; `left` of them are in the arrays. */
@@ -346,7 +361,7 @@ VEC_INLINE void gradient_of_gaussians(const struct splat *s, size_t first,
             vf place[3] = {m[GRAD_COLOR(0)], m[GRAD_COLOR(1)],
                            m[GRAD_COLOR(2)]};
 
-            gradient_of_place(&d, place, st, i);
+            gradient_of_place(&d, place, st, i, r);
             gradient_add(g->place, place, 3, &here);
         }
         gradient_of_cov(S, &d, r);

@@ -187,11 +187,20 @@ VEC_INLINE void project_channels(struct splat_state *s, size_t i,
     vf x = l->x * vf_set(2 / (float)v->width) - vf_set(1);
     vf y = l->y * vf_set(2 / (float)v->height) - vf_set(1);
     vf sure = project_confidence(s, i), row[4];
+    const float *n = v->place.neck;
+    vf share = vf_clamp(vf_fma(vf_set(n[0]), x,
+                               vf_fma(vf_set(n[1]), y, vf_set(n[2]))),
+                        vf_set(0), vf_set(1));
 
     for (int k = 0; k < 2; k++) {
-        const float *A = v->place.A + 2 * k;
+        const float *A = v->place.A + 2 * k, *S = v->place.shoulders + 2 * k;
         vf at = vf_fma(vf_set(A[0]), x,
                        vf_fma(vf_set(A[1]), y, vf_set(v->place.b[k])));
+        vf more = vf_fma(vf_set(S[0]), x,
+                         vf_fma(vf_set(S[1]), y,
+                                vf_set(v->place.shoulders[4 + k])));
+
+        at = vf_fma(share, more, at);
 
         /* a centre may be anywhere where nothing was seen of it */
         row[k] = vf_keep(vf_gt(sure, vf_set(0)),

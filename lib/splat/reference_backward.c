@@ -202,16 +202,18 @@ static void reference_store_row(double *to, const double *from, size_t i,
         memcpy(to + i * n, from, n * sizeof *to);
 }
 
-/* Gradients of Gaussian i's place channels to its centre's. */
+/* Gradients of the place channels of Gaussian i, at p, to its centre's. */
 static void reference_place_backward(struct screen *s, const double *d_color,
+                                     const struct reference_point *p,
                                      const struct reference *t, size_t i)
 {
     const double *d = d_color + (i + 1) * (size_t)t->channels - 3;
-    const float *A = t->view.A;
-    double u = -t->sure[i] * d[0], v = -t->sure[i] * d[1];
+    double u = -t->sure[i] * d[0], v = -t->sure[i] * d[1], J[4];
 
-    s->x += 2.0 / t->width * (A[0] * u + A[2] * v);
-    s->y += 2.0 / t->height * (A[1] * u + A[3] * v);
+    splat_place_slope(J, &t->view, 2 * p->x / t->width - 1,
+                      2 * p->y / t->height - 1);
+    s->x += 2.0 / t->width * (J[0] * u + J[2] * v);
+    s->y += 2.0 / t->height * (J[1] * u + J[3] * v);
 }
 
 /* Gaussian i's gradients to their rows of g, the camera's added to g's. */
@@ -222,7 +224,7 @@ static void reference_store(const struct reference_gradients *g,
     struct gradient one = {0};
 
     if (t->sure && g->color)
-        reference_place_backward(s, g->color, t, i);
+        reference_place_backward(s, g->color, p, t, i);
     const double center[2] = {s->x, s->y};
 
     if (p->front)

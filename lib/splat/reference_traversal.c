@@ -106,13 +106,14 @@ static int traversal_fill_places(struct traversal *w,
         return error_set(err, EX_OSERR, "out of memory");
     memcpy(w->placed, t->color, t->n * C * sizeof *w->placed);
     for (size_t i = 0; i < t->n; i++) {
-        const float *A = t->view.A, *b = t->view.b;
         double x = 2 * w->point[i].x / t->width - 1;
         double y = 2 * w->point[i].y / t->height - 1;
         double *out = w->placed + (i + 1) * C - 3, sure = t->sure[i];
+        double at[2];
 
-        out[0] = sure * (t->uv[2 * i] - (A[0] * x + A[1] * y + b[0]));
-        out[1] = sure * (t->uv[2 * i + 1] - (A[2] * x + A[3] * y + b[1]));
+        splat_place_at(at, &t->view, x, y);
+        for (int k = 0; k < 2; k++)
+            out[k] = sure * (t->uv[2 * i + (size_t)k] - at[k]);
         out[2] = sure;
     }
     return 0;

@@ -132,6 +132,8 @@ static int scene_copy_arrays(struct scene *s, const struct gaus *g,
     s->g.opacity = s->opacity = scene_copy(g->opacity, n * sizeof *g->opacity);
     if (g->bend)
         s->neck = scene_copy(g->bend, n * sizeof *g->bend);
+    if (g->pivot)
+        memcpy(s->pivot, g->pivot, sizeof s->pivot);
     if (g->jaw)
         s->jaw = scene_copy(g->jaw, 3 * g->jaws * sizeof *g->jaw);
     if (g->branch)
@@ -230,6 +232,7 @@ static void scene_move_shoulders(struct scene *s, const struct gmov *m)
     s->neck_moved = m->body && s->blended_count;
     if (!s->neck_moved)
         return;
+    memcpy(s->body, m->body, sizeof s->body);
     memcpy(f.plane, m->body, sizeof f.plane);
     for (size_t i = s->blended; i < s->blended + s->blended_count; i++)
         if (s->neck[i] != 0)    /* others may have moved otherwise */

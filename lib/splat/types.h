@@ -4,6 +4,7 @@
 #ifndef SPID_SPLAT_TYPES_H
 #define SPID_SPLAT_TYPES_H
 
+#include <math.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -87,16 +88,52 @@ struct splat {
 };
 
 /* How places in the driven picture become places in the source picture, but for
- * each Gaussian's own offset: A x + b, positions from -1 to 1 across a picture.
- * The three place channels of a Gaussian centred at x are c (2 uv - 1 - A x -
- * b), x before y, and c, the confidence in it: seen times gaussian_shown. */
+ * each Gaussian's own offset: M(x), which is A x + b on the head, positions from
+ * -1 to 1 across a picture.  The three place channels of a Gaussian centred at x
+ * are c (2 uv - 1 - M(x)), x before y, and c, the confidence in it: seen times
+ * gaussian_shown. */
 struct splat_place_view {
     float A[4];                   /* rows */
     float b[2];
+    float shoulders[6];           /* what A and b change by for the shoulders,
+                                   * which do not turn with the head, and */
+    float neck[3];                /* their share at (x,y), from 0 to 1: neck[0] x
+                                   * + neck[1] y + neck[2] */
     float toward[2];              /* where this frame's camera is, seen from the
                                    * head along the source camera's axes: sines
                                    * to the right and down (gaussian_shown) */
 };
+#define SPLAT_PLACE_MAP 15      /* numbers of it before toward */
+
+/* at (2): where the view takes a frame's (x,y). */
+static inline void splat_place_at(double at[2],
+                                  const struct splat_place_view *v, double x,
+                                  double y)
+{
+    const float *A = v->A, *S = v->shoulders, *n = v->neck;
+    const double share = fmin(fmax(n[0] * x + n[1] * y + n[2], 0), 1);
+
+    for (int k = 0; k < 2; k++)
+        at[k] = A[2 * k] * x + A[2 * k + 1] * y + v->b[k] +
+                share * (S[2 * k] * x + S[2 * k + 1] * y + S[4 + k]);
+}
+
+/* J (2,2): how that place moves with x and y. */
+static inline void splat_place_slope(double J[4],
+                                     const struct splat_place_view *v,
+                                     double x, double y)
+{
+    const float *S = v->shoulders, *n = v->neck;
+    const double share = n[0] * x + n[1] * y + n[2];
+
+    for (int k = 0; k < 4; k++) {
+        const float *row = S + k / 2 * 2;
+        const double more = row[0] * x + row[1] * y + S[4 + k / 2];
+
+        J[k] = v->A[k] + (share >= 1 ? S[k] : share > 0
+                                  ? share * S[k] + more * n[k % 2] : 0);
+    }
+}
 
 /* Where a frame goes; what is NULL is not drawn, but for image and half, of
  * which there is one. */

@@ -13,7 +13,7 @@
 
 #define FEAT_PHOTO 5    /* numbers of a pixel of photo, */
 #define FEAT_PLACE 3    /* of place, */
-#define FEAT_MAP 6      /* of the places' view */
+#define FEAT_MAP 15     /* of the places' view */
 #define FEAT_TURN 6     /* and of the head's turn */
 
 /* The arrays of a FEAT record; NULL: not there.  After feat_read they lie in
@@ -30,7 +30,7 @@ struct feat {
     const float *photo;     /* (height,width,5), packed (pixels,5): what the
                              * photograph shows (lib/photo) */
     const float *place;     /* (height,width,3) blended places, */
-    const float *map;       /* (6) and their view: A and b */
+    const float *map;       /* (15) and their view (lib/splat/types.h) */
     const float *turn;      /* (6) the head's since the source
                              * (lib/base/relative_pose.h) */
 };

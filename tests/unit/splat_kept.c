@@ -12,7 +12,7 @@ struct kept_pictures {
 static void kept_draw(struct splat *s, struct kept_pictures *p,
                       const struct splat_camera *cam)
 {
-    const struct splat_place_view view = {{1, 0, 0, 1}, {0, 0}, {0, 0}};
+    const struct splat_place_view view = {.A = {1, 0, 0, 1}};
     const struct splat_pictures out = {
         .image = p->image, .alpha = p->alpha, .place = p->place};
     struct error err = {0};

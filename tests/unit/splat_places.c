@@ -6,8 +6,11 @@
 
 enum { SIZE = 40, N = 1200 };
 
-static const struct splat_place_view view = {{0.9f, 0.2f, -0.15f, 1.1f},
-                                             {0.05f, -0.1f}, {0.3f, -0.2f}};
+static const struct splat_place_view view = {
+    .A = {0.9f, 0.2f, -0.15f, 1.1f}, .b = {0.05f, -0.1f},
+    .shoulders = {0.7f, -0.3f, 0.1f, -0.4f, 0.2f, 0.1f},
+    .neck = {0.4f, 1.5f, 0.6f}, .toward = {0.3f, -0.2f}
+};
 
 /* A small scene whose Gaussians have places; a third was not seen. */
 static void places_scene(struct testscene *t, size_t n, uint64_t seed)
@@ -213,7 +216,7 @@ static void places_moving(void)
     float *place = scene_grab(P * 3, sizeof *place);
     float *fresh = scene_grab(P * 3, sizeof *fresh);
     struct splat_pictures out = {.image = image, .place = place};
-    struct splat_place_view first = {{1, 0, 0, 1}, {0, 0}, {0, 0}};
+    struct splat_place_view first = {.A = {1, 0, 0, 1}};
 
     places_scene(&t, N, 43);
     memcpy(home, t.g.mean, 3 * N * sizeof *home);

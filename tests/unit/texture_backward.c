@@ -146,8 +146,11 @@ static void backward_composition(void)
 /* ---- lookup ------------------------------------------------------------- */
 
 static uint8_t rgb8[3 * PIXELS], matte[PIXELS], back[3 * PIXELS];
-static const struct splat_place_view view = {{0.9f, 0.1f, -0.1f, 0.95f},
-                                             {0.02f, -0.03f}, {0, 0}};
+static const struct splat_place_view view = {
+    .A = {0.9f, 0.1f, -0.1f, 0.95f}, .b = {0.02f, -0.03f},
+    .shoulders = {0.1f, 0.05f, -0.1f, 0.1f, 0.02f, 0.01f},
+    .neck = {0.2f, 1, 0.5f}
+};
 static double place[3 * PIXELS], cover[PIXELS];
 static float place_f[3 * PIXELS], cover_f[PIXELS];
 static float dplace[3 * PIXELS], dcover[PIXELS], photo[TEXTURE_PHOTO * PIXELS];
@@ -189,10 +192,9 @@ static void backward_position(double uv[2], size_t j)
     const double n[2] = {(2.0 * (double)(j % S) + 1) / S - 1,
                          (2.0 * (double)(j / S) + 1) / S - 1};
 
+    splat_place_at(uv, &view, n[0], n[1]);
     for (int k = 0; k < 2; k++)
-        uv[k] = 0.5 * S * ((double)view.A[2 * k] * n[0] +
-                           (double)view.A[2 * k + 1] * n[1] +
-                           (double)view.b[k] + p[k] / p[2] + 1);
+        uv[k] = 0.5 * S * (uv[k] + p[k] / p[2] + 1);
 }
 
 /* What pixel i adds to the loss. */

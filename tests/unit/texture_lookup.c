@@ -14,7 +14,7 @@
 
 enum { S = 128, PIXELS = S * S };
 
-static const struct splat_place_view straight = {{1, 0, 0, 1}, {0, 0}, {0, 0}};
+static const struct splat_place_view straight = {.A = {1, 0, 0, 1}};
 
 /* A photograph of somebody in front of something: rgb is person + (1 - matte)
  * back, rounded. */
@@ -179,8 +179,11 @@ static void lookup_set_grey(void)
 
 static void test_identity(void)
 {
-    const struct splat_place_view other = {{1.1f, 0.2f, -0.2f, 1.1f},
-                                           {0.07f, -0.2f}, {0, 0}};
+    const struct splat_place_view other = {
+        .A = {1.1f, 0.2f, -0.2f, 1.1f}, .b = {0.07f, -0.2f},
+        .shoulders = {0.6f, 0.1f, -0.2f, 0.5f, 0.1f, 0.2f},
+        .neck = {0.3f, 2, 0.4f}
+    };
     struct texture t;
 
     lookup_draw_photograph(1);
@@ -198,9 +201,11 @@ static void test_identity(void)
     for (size_t i = 0; i < PIXELS; i++) {
         float x = 2 * ((float)(i % S) + 0.5f) / S - 1;
         float y = 2 * ((float)(i / S) + 0.5f) / S - 1;
+        double at[2];
 
-        place[3 * i] = x - other.A[0] * x - other.A[1] * y - other.b[0];
-        place[3 * i + 1] = y - other.A[2] * x - other.A[3] * y - other.b[1];
+        splat_place_at(at, &other, x, y);
+        place[3 * i] = x - (float)at[0];
+        place[3 * i + 1] = y - (float)at[1];
         place[3 * i + 2] = 1;
         alpha[i] = 1;
     }
@@ -252,7 +257,7 @@ static void straight_colours(void)
 /* A coarser level where the picture is smaller than the photograph. */
 static void test_levels(void)
 {
-    const struct splat_place_view twice = {{2, 0, 0, 2}, {0, 0}, {0, 0}};
+    const struct splat_place_view twice = {.A = {2, 0, 0, 2}};
     struct texture t;
     double worst = 0;
 

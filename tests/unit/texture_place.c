@@ -5,6 +5,7 @@
 
 #include "lib/base/random.h"
 #include "lib/base/camera.h"
+#include "lib/base/neck_blend.h"
 #include "lib/base/rotation.h"
 #include "lib/photo/place.h"
 #include "tests/check.h"
@@ -163,6 +164,53 @@ static void round_trip(void)
     check("scaled, rolled, turned: the place comes back", worst, 3e-6);
 }
 
+/* A head turns by 50 degrees and comes nearer, its shoulders stay: the view
+ * takes theirs, of the plane that faced the source's camera, to where that saw
+ * them, and the head to where it does without shoulders. */
+static void place_shoulders(void)
+{
+    const float look[3] = {0.1f, -0.3f, 0.05f}, pivot[3] = {0, -0.2f, -0.1f};
+    const float turned[3] = {0.15f, 0.6f, 0.05f};
+    float source[12], cam[12], body[12], from[9], mean[3 * N], driven[3 * N];
+    float was[2 * N], is[2 * N], weight[N];
+    struct splat_place_view v, head;
+    struct random r;
+    double low = 0, high = 0;
+    size_t lows = 0, highs = 0;
+
+    random_init(&r, 5, "shoulders");
+    place_turned(source, look, 0.2f, 12);
+    place_turned(cam, turned, 0.1f, 11);
+    for (int i = 0; i < 9; i++)
+        from[i] = source[4 * (i / 3) + i % 3];
+    neck_blend_body(body, pivot, from, cam);
+    place_view_make(&head, source, cam);
+    place_view_with_shoulders(&v, source, cam, body, pivot);
+    place_facing(mean, source, 0, &r);
+    for (size_t i = 0; i < N; i++)
+        weight[i] = 1;
+    neck_blend_points(driven, mean, weight, N, body);
+    camera_project(was, NULL, source, 2, mean, N);
+    camera_project(is, NULL, cam, 2, driven, N);
+    for (size_t i = 0; i < N; i++) {
+        const double x = is[2 * i] - 1, y = is[2 * i + 1] - 1;
+        const double share = v.neck[0] * x + v.neck[1] * y + v.neck[2];
+        double at[2], alone[2];
+
+        splat_place_at(at, &v, x, y);
+        splat_place_at(alone, &head, x, y);
+        for (size_t k = 0; k < 2 && share >= 1; k++)
+            low = fmax(low, fabs(at[k] + 1 - was[2 * i + k]));
+        for (size_t k = 0; k < 2 && share <= 0; k++)
+            high = fmax(high, fabs(at[k] - alone[k]));
+        lows += share >= 1;
+        highs += share <= 0;
+    }
+    check_that("shoulders: below the neck and above", lows > 8 && highs > 8);
+    check("shoulders: theirs where the source saw them", low, 2e-6);
+    check("shoulders: the head's as without", high, 0);
+}
+
 /* From the side and from behind the map stays small. */
 static void place_steep(void)
 {
@@ -210,6 +258,7 @@ int main(void)
 {
     place_planes();
     round_trip();
+    place_shoulders();
     place_steep();
     place_outside();
     return check_status();

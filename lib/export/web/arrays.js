@@ -34,7 +34,9 @@ export function drawnArrays(a, count) {
   if (a.has("back")) g.back = a.picture("back", 3);
   if (a.has("uv")) Object.assign(g, { uv: a.planes("uv"), seen: a.planes("seen"),
                                       tilt: a.planes("tilt"),
-                                      view: a.array("view") });
+                                      view: a.array("view"),
+                                      pivot: a.array("pivot"),
+                                      shoulders: a.array("shoulders") });
   return g;
 }
 

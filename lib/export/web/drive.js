@@ -21,7 +21,7 @@ function stay(pivot, source, cam) {
 }
 
 // [M | p - M p + stay] with M = R^T from (lib/base/neck_blend.c).
-function body(pivot, from, cam, source) {
+export function body(pivot, from, cam, source) {
   const back = stay(pivot, source, cam);
   const out = new Float32Array(12);
   for (let i = 0; i < 3; i++) {

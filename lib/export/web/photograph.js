@@ -5,6 +5,7 @@ import {
 } from "three";
 
 const FOCAL = 12, NEAR = 0.01, STEEPEST = 0.35, LEVELS = 4;
+const NECK = [0.1, 0.03];       // PLACE_NECK_TOP and _BOTTOM of lib/photo/place.c
 
 // person = rgb - (1 - matte) back, no more than the matte allows.
 function cut(rgb, matte, back) {
@@ -60,8 +61,8 @@ export function personLevels(rgb, matte, back) {
   return levels;
 }
 
-// place_view_make of lib/photo/place.c: A (2,2), b (2) and toward (2).
-export function placeView(source, cam) {
+// A (2,2) and b (2): place_map of lib/photo/place.c.
+function placeMap(source, cam) {
   const P = [0, 1, 2, 3].map((e) => [0, 1, 2].reduce((s, k) =>
     s + cam[4 * (e >> 1) + k] * source[4 * (e & 1) + k], 0));
   const origin = (c) => [3, 7].map((i) => FOCAL * c[i] / Math.max(c[11], NEAR));
@@ -69,10 +70,34 @@ export function placeView(source, cam) {
   const inv = scale / Math.max(P[0] * P[3] - P[1] * P[2], STEEPEST);
   const A = [P[3] * inv, -P[1] * inv, -P[2] * inv, P[0] * inv];
   const from = origin(source), to = origin(cam);
+  return [...A, from[0] - A[0] * to[0] - A[1] * to[1],
+          from[1] - A[2] * to[0] - A[3] * to[1]];
+}
+
+// place_view_with_shoulders of lib/photo/place.c: A (2,2), b (2), toward (2),
+// and of the shoulders, which body (3,4) moves about pivot (3), shouldersA,
+// shouldersB and neck (3).
+export function placeView(source, cam, body, pivot) {
   const toward = [0, 1].map((i) => -[0, 1, 2].reduce((s, k) =>
     s + source[4 * i + k] * cam[8 + k], 0));
-  return { A, b: [from[0] - A[0] * to[0] - A[1] * to[1],
-                  from[1] - A[2] * to[0] - A[3] * to[1]], toward };
+  const seen = cam.map((c, e) => [0, 1, 2].reduce((s, k) =>
+    s + cam[(e & ~3) + k] * body[4 * k + (e & 3)], (e & 3) === 3 ? c : 0));
+  const head = placeMap(source, cam), map = placeMap(source, seen);
+  const shoulders = map.map((m, i) => m - head[i]);
+  const [top, bottom] = NECK.map((up) => {
+    const x = [pivot[0], pivot[1] + up, pivot[2]];
+    const p = [0, 4, 8].map((r) =>
+      [0, 1, 2].reduce((s, k) => s + source[r + k] * x[k], source[r + 3]));
+    return [0, 1].map((k) => FOCAL * p[k] / Math.max(p[2], NEAR));
+  });
+  const down = [0, 1].map((k) => bottom[k] - top[k]);
+  const least = (NECK[0] - NECK[1]) * FOCAL / (2 * Math.max(source[11], NEAR));
+  const square = Math.max(down[0] ** 2 + down[1] ** 2, least ** 2);
+  const along = (x, y) => (down[0] * x + down[1] * y) / square;
+  return { A: head.slice(0, 4), b: head.slice(4), toward,
+           shouldersA: shoulders.slice(0, 4), shouldersB: shoulders.slice(4),
+           neck: [along(map[0], map[2]), along(map[1], map[3]),
+                  along(map[4] - top[0], map[5] - top[1])] };
 }
 
 // The level whose pixels are no smaller than three quarters of the picture's.

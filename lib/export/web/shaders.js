@@ -1,6 +1,19 @@
 // The three programs of the graphics card: Gaussians to blended colours and
 // places, those and the photograph to the picture, the mesh as lines.
 
+// Where the view takes a place of the picture (splat_place_at of
+// lib/splat/types.h).
+const viewed = `
+uniform vec4 placeA, shouldersA;
+uniform vec2 placeB, shouldersB;
+uniform vec3 neck;
+vec2 viewed(vec2 n) {
+  float share = clamp(dot(neck, vec3(n, 1.0)), 0.0, 1.0);
+  return vec2(dot(placeA.xy, n), dot(placeA.zw, n)) + placeB +
+         share * (vec2(dot(shouldersA.xy, n), dot(shouldersA.zw, n)) +
+                  shouldersB);
+}`;
+
 // A Gaussian's way to the screen, as lib/splat/reference.c has it; WIDTH
 // texels in a row of a table.
 export const gaussianVertex = `
@@ -12,8 +25,8 @@ uniform vec4 cam[3];
 uniform vec2 size;
 uniform float focal;
 uniform ivec3 branches;
-uniform vec4 placeA;
-uniform vec2 placeB, toward;
+uniform vec2 toward;
+${viewed}
 out vec2 spread;
 flat out vec4 paint;
 flat out vec3 place;
@@ -66,8 +79,7 @@ void main() {
   vec4 t3 = texelFetch(table, at + ivec2(3, 0), 0);
   vec2 n = 12.0 * p.xy / p.z;
   float sure = t1.w * mean.w * shown(t3.zw);
-  place = vec3(sure * (2.0 * t3.xy - 1.0 - placeB -
-                       vec2(dot(placeA.xy, n), dot(placeA.zw, n))), sure);
+  place = vec3(sure * (2.0 * t3.xy - 1.0 - viewed(n)), sure);
 #endif
 }`;
 
@@ -104,8 +116,7 @@ uniform vec2 size;
 uniform float span;
 uniform vec3 background, beyond;
 uniform bool photo, scenery, original;
-uniform vec4 placeA;
-uniform vec2 placeB;
+${viewed}
 out vec4 color;
 
 const float LEAST = 0.004;         /* as in lib/photo/lookup.h */
@@ -153,8 +164,7 @@ void main() {
     vec3 p = texelFetch(wheres, at, 0).xyz;
     if (p.z > LEAST) {
       float sure = clamp(1.6 * p.z / max(own.a, LEAST) - 0.2, 0.0, 1.0);
-      vec2 uv = vec2(dot(placeA.xy, n), dot(placeA.zw, n)) + placeB +
-                p.xy / p.z + 1.0;
+      vec2 uv = viewed(n) + p.xy / p.z + 1.0;
       vec4 seen = bicubic(person, 0.5 * uv * vec2(textureSize(person, 0)));
       own = mix(own, seen, sure);
     }

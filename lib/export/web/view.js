@@ -3,6 +3,7 @@
 // three.js's.
 import * as THREE from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import { body } from "./drive.js";
 import { opaque, personLevels, pickLevel, pictureTexture, placeView }
   from "./photograph.js";
 import { through } from "./rotation.js";
@@ -117,6 +118,8 @@ export class View {
     for (const t of [this.target, this.empty, this.rgb, this.back, ...this.levels ?? []])
       t?.dispose();
     this.source = g.view;
+    this.pivot = g.pivot;
+    this.upright = g.shoulders;
     this.home = distance;
     this.reset();
     this.mouth = true;
@@ -174,9 +177,12 @@ export class View {
       table: uniform(tableTexture(g)),
       cam: uniform([0, 1, 2].map(() => new THREE.Vector4())),
       size: uniform(new THREE.Vector2()), focal: uniform(1),
-      branches: uniform([1, 1, 1]), placeA: uniform(new THREE.Vector4()),
+      branches: uniform([1, 1, 1]), toward: uniform(new THREE.Vector2()),
+      placeA: uniform(new THREE.Vector4()),
       placeB: uniform(new THREE.Vector2()),
-      toward: uniform(new THREE.Vector2()) };
+      shouldersA: uniform(new THREE.Vector4()),
+      shouldersB: uniform(new THREE.Vector2()),
+      neck: uniform(new THREE.Vector3()) };
     const defines = { WIDTH };
     if (this.levels) defines.PLACES = 1;
     const material = rawMaterial(shaders.gaussianVertex,
@@ -200,7 +206,8 @@ export class View {
       size: u.size, span: uniform(1), background: uniform(this.show.background),
       beyond: uniform(this.beyond),
       photo: uniform(false), scenery: uniform(false), original: uniform(false),
-      placeA: u.placeA, placeB: u.placeB };
+      placeA: u.placeA, placeB: u.placeB, shouldersA: u.shouldersA,
+      shouldersB: u.shouldersB, neck: u.neck };
     const quad = new THREE.Mesh(new THREE.PlaneGeometry(2, 2),
       rawMaterial(shaders.screenVertex, shaders.pictureFragment, this.picture));
     quad.frustumCulled = false;
@@ -275,7 +282,8 @@ export class View {
     return spare;
   }
 
-  aim(cam) {
+  // shoulders (3,4): where a frame has them, in the head's frame.
+  aim(cam, shoulders) {
     const u = this.uniforms, p = this.picture, show = this.show;
     u.cam.value.forEach((row, i) => row.fromArray(cam, 4 * i));
     u.focal.value = FOCAL / 2 * this.span;
@@ -286,17 +294,18 @@ export class View {
     p.original.value = Boolean(show.original && this.rgb);
     p.backdrop.value = (p.original.value ? this.rgb : this.back) ?? this.empty;
     if (!this.levels) return;
-    const { A, b, toward } = placeView(this.source, cam);
+    const { A, b, ...rest } = placeView(this.source, cam, shoulders, this.pivot);
     u.placeA.value.fromArray(A);
     u.placeB.value.fromArray(b);
-    u.toward.value.fromArray(toward);
+    for (const name in rest) u[name].value.fromArray(rest[name]);
     p.person.value = pickLevel(this.levels, A, this.span);
   }
 
   // One picture of the drive's camera `cam` as the orbit sees it.
   draw(cam) {
     const { renderer, camera } = this;
-    this.aim(this.through(cam));
+    this.aim(this.through(cam), this.levels &&
+             body(this.pivot, this.upright, cam, this.source));
     renderer.setClearColor(0, 0);
     renderer.setRenderTarget(this.target);
     renderer.clear();
