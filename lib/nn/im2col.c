@@ -36,8 +36,9 @@ void im2col_plan(struct im2col *t, const struct conv *c,
     t->N = (c->out + COLUMNS - 1) / COLUMNS * COLUMNS;
     t->w = nn_plan_floats(p, t->K * t->N);
     t->bias = nn_plan_floats(p, c->out);
-    t->rows = nn_plan_floats(p, rows * t->K);
-    t->sum = nn_plan_floats(p, rows * t->N);
+    t->rows = c->kernel == 1 && c->stride == 1
+                  ? NULL : nn_plan_floats(p, rows * t->K);
+    t->sum = c->add ? nn_plan_floats(p, rows * c->out) : NULL;
 }
 
 /* How many pieces a sum is made in. */
@@ -113,10 +114,10 @@ static void im2col_unfold(const float *in, struct im2col *t, size_t m0,
     parallel_each(im2col_unfold_part, M, 1, t, in, m0);
 }
 
-PARALLEL(im2col_multiply_part, at, struct im2col *, t,
-         const struct nn_kernels *, k, size_t, N, size_t, M)
+PARALLEL(im2col_multiply_part, at, float *, out, const float *, rows,
+         const struct im2col *, t, const struct nn_kernels *, k, size_t, M)
 {
-    const size_t across = (t->N + COLUMNS - 1) / COLUMNS;
+    const size_t N = t->c->out, across = t->N / COLUMNS;
     size_t m0 = at / across * ROWS, n0 = at % across * COLUMNS;
     size_t n = N - n0 < COLUMNS ? N - n0 : COLUMNS;
     size_t m = M - m0 < ROWS ? M - m0 : ROWS;
@@ -124,27 +125,31 @@ PARALLEL(im2col_multiply_part, at, struct im2col *, t,
     for (size_t j = 0; j < im2col_pieces(t); j++) {
         size_t first, terms = im2col_piece(t, j, &first);
 
-        k->gemm(t->sum + m0 * t->N + n0, t->N, t->rows + m0 * t->K + first,
-                t->K, 1, t->w + first * t->N + n0 * terms, m, n, terms, j > 0);
+        k->gemm(out + m0 * N + n0, N, rows + m0 * t->K + first, t->K, 1,
+                t->w + first * t->N + n0 * terms, m, n, terms, j > 0);
     }
 }
 
-/* out (M, out) of the unfolded rows. */
-static void im2col_multiply(float *out, struct im2col *t, size_t M)
+static void im2col_add(float *restrict to, const float *restrict x, size_t n)
 {
-    const struct nn_kernels *k = nn_kernels();
-    size_t N = t->c->out;
+    for (size_t i = 0; i < n; i++)
+        to[i] += x[i];
+}
+
+/* out (M, out) of the unfolded rows. */
+static void im2col_multiply(float *out, const float *rows,
+                            const struct im2col *t, size_t M)
+{
+    const size_t N = t->c->out;
+    float *sum = t->sum ? t->sum : out;
 
     parallel_each(im2col_multiply_part,
-                  (M + ROWS - 1) / ROWS * ((t->N + COLUMNS - 1) / COLUMNS), 1,
-                  t, k, N, M);
-    for (size_t r = 0; r < M; r++) {
-        float *to = out + r * N;
-        const float *from = t->sum + r * t->N;
-
-        for (size_t o = 0; o < N; o++)
-            to[o] = (t->c->add ? to[o] : 0.0f) + (from[o] + t->bias[o]);
-    }
+                  (M + ROWS - 1) / ROWS * (t->N / COLUMNS), 1, sum, rows, t,
+                  nn_kernels(), M);
+    for (size_t r = 0; r < M; r++)
+        im2col_add(sum + r * N, t->bias, N);
+    if (t->sum)
+        im2col_add(out, t->sum, M * N);
 }
 
 void im2col_forward(float *out, const float *in, struct im2col *t)
@@ -155,8 +160,10 @@ void im2col_forward(float *out, const float *in, struct im2col *t)
     for (size_t m = 0; m < pixels; m += BAND) {
         size_t M = pixels - m < BAND ? pixels - m : BAND;
 
-        im2col_unfold(in, t, m, M);
-        im2col_multiply(out + m * c->out, t, M);
+        if (t->rows)
+            im2col_unfold(in, t, m, M);
+        im2col_multiply(out + m * c->out, t->rows ? t->rows : in + m * t->K, t,
+                        M);
     }
     if (c->act != ACT_NONE)
         act_forward(out, out, c->act, pixels * c->out);

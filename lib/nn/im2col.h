@@ -15,8 +15,10 @@ struct im2col {
     size_t K, N;             /* k k in; out rounded up to a panel */
     float *w;                /* packed, piece by piece */
     float *bias;
-    float *rows;             /* (a band of pixels, K) */
-    float *sum;              /* (a band of pixels, N) */
+    float *rows;             /* (a band of pixels, K); NULL: a window is a
+                              * pixel, and they are the input */
+    float *sum;              /* (a band of pixels, out), where it is added to
+                              * the output; else NULL */
 };
 
 /* NN_F32: every sum of 512 terms or more.  NN_FAST: of 2,048 where few pixels
