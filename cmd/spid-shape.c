@@ -13,6 +13,7 @@
 #include "lib/track/encoders.h"
 #include "lib/photo/overlay.h"
 #include "lib/track/source.h"
+#include "lib/track/views.h"
 
 static struct track_options track_options;
 static const char *head_path, *mask_path, *overlay_path;
@@ -37,8 +38,8 @@ static const struct cli_option options[] = {
 static const struct cli_usage usage = {
     "spid-shape", "[--crop X,Y,SIZE] [--face N] [--window X,Y,SIZE] [--mask FILE] "
     "[--overlay FILE.png] [--head FILE] [--precision TYPE] [-o FILE] [-j N] "
-    "[-m MODEL] [-q] [--stats FILE] PICTURE",
-    "make an identity from one picture of a person", options
+    "[-m MODEL] [-q] [--stats FILE] PICTURE [MORE...]",
+    "make an identity from pictures of a person", options
 };
 
 struct program {
@@ -47,6 +48,7 @@ struct program {
     struct encoders nets;
     struct image picture, mask;
     struct source source;
+    struct views views;
 };
 
 /* Model and head. */
@@ -76,19 +78,47 @@ static void shape_read_pictures(struct program *p, const char *path)
     stats_end("decode", begun);
 }
 
+/* One more file of the person. */
+static void shape_add_view(struct program *p, const char *path,
+                           const char *first)
+{
+    struct views_report r;
+    struct error err = {0};
+
+    if (views_add(&p->views, &r, path, &err))
+        die_error(&err);
+    if (r.stranger)
+        warn("%s: another person than in %s (likeness %.2f, expected %.2f at "
+             "least): left out", path, first, r.likeness, VIEWS_ALIKE);
+    else if (!r.taken)
+        notice("%s: no frame with the head turned another way", path);
+    else
+        notice("%s: %zu picture%s (likeness %.2f)", path, r.taken,
+               r.taken == 1 ? "" : "s", r.likeness);
+}
+
 /* The lines that are this program. */
-static void shape_make_identity(struct program *p, const char *path)
+static void shape_make_identity(struct program *p, char **path, int paths)
 {
     struct error err = {0};
     struct source *s = &p->source;
+    struct image *mask = mask_path ? &p->mask : NULL;
     double now;
 
-    if (source_make(s, &p->picture, mask_path ? &p->mask : NULL, &p->head,
-                    &p->nets, &track_options, &err)) {
-        error_prefix(&err, "%s", path);
+    if (source_find(s, &p->picture, mask, &p->head, &p->nets, &track_options,
+                    &err)) {
+        error_prefix(&err, "%s", path[0]);
         die_error(&err);
     }
-    option_faces_tell(path, &s->faces, "face");
+    option_faces_tell(path[0], &s->faces, "face");
+    if (views_init(&p->views, s, &p->head, &p->nets, &track_options, &err))
+        die_error(&err);
+    for (int i = 1; i < paths; i++)
+        shape_add_view(p, path[i], path[0]);
+    if (views_join(&p->views, s, &p->picture, mask, &err)) {
+        error_prefix(&err, "%s", path[0]);
+        die_error(&err);
+    }
     now = stats_begin();
     stats_end("detect", now - s->detect_s);
     stats_end("crop", now - s->crop_s);
@@ -97,10 +127,10 @@ static void shape_make_identity(struct program *p, const char *path)
     stats_end("matte", now - s->matte_s);
     if (s->turned)
         warn("%s: the face lay on its side or upside down: turned by %d "
-             "degrees clockwise", path, 90 * s->turned);
+             "degrees clockwise", path[0], 90 * s->turned);
     if (s->how == SOURCE_HEAD)
         warn("%s: the matte is by the head's outline and the colours alone "
-             "(--mask FILE gives a better one)", path);
+             "(--mask FILE gives a better one)", path[0]);
 }
 
 /* CONF, SRCI, SHAP and MOTN. */
@@ -182,16 +212,17 @@ int main(int argc, char **argv)
     static struct program p;
 
     int first = cli_parse(&usage, argc, argv);
-    if (argc - first != 1)
-        die(EX_USAGE, "%d pictures (expected one)", argc - first);
+    if (argc == first)
+        die(EX_USAGE, "no picture (expected one or more)");
     module_preload((const char *[]){argv[first]}, 1);
     shape_open_model(&p);
     shape_read_pictures(&p, argv[first]);
-    shape_make_identity(&p, argv[first]);
+    shape_make_identity(&p, argv + first, argc - first);
     shape_write_identity(&p);
     if (overlay_path)
         shape_write_overlay(&p);
     stats_write();
+    views_release(&p.views);
     source_release(&p.source);
     image_release(&p.picture);
     image_release(&p.mask);

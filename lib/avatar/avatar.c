@@ -191,6 +191,29 @@ static void avatar_views(struct avatar *a)
         a->drive.source[i] = a->source.cam[4 * (i / 3) + i % 3];
 }
 
+/* The picture and the mesh on it. */
+static void avatar_look(struct avatar *a, const struct avatar_source *src)
+{
+    source_picture_set(&a->picture, src->rgb, src->matte, a->config.rgb_skip);
+    source_mesh_set(&a->source, src->verts, src->rest, src->cam,
+                    !(a->without & WITHOUT_NECK));
+}
+
+/* What further pictures show is noted before the first one is baked. */
+static void avatar_look_further(struct avatar *a,
+                                const struct avatar_source *src)
+{
+    a->dynamic.has_more = false;
+    if (!src->nmore || !a->config.rgb_skip || a->without & WITHOUT_DYNAMIC)
+        return;
+    avatar_look(a, src);
+    dynamic_branch_begin(&a->picture, &a->source, &a->dynamic);
+    for (size_t k = 0; k < src->nmore; k++) {
+        avatar_look(a, src->more + k);
+        dynamic_branch_add(&a->picture, &a->source, &a->dynamic);
+    }
+}
+
 /* Phase A: features once, then every branch writes its part of the set. */
 void avatar_bake(struct avatar *a, const struct avatar_source *src)
 {
@@ -200,9 +223,8 @@ void avatar_bake(struct avatar *a, const struct avatar_source *src)
     struct branch_set mouth = avatar_part(a, &a->all, BRANCH_MOUTH);
     float white[3];
 
-    source_picture_set(&a->picture, src->rgb, src->matte, a->config.rgb_skip);
-    source_mesh_set(&a->source, src->verts, src->rest, src->cam,
-                    !(a->without & WITHOUT_NECK));
+    avatar_look_further(a, src);
+    avatar_look(a, src);
     tilt_find(&a->tilted, &a->picture, &a->source);
     backbone_forward(a->features, a->picture.rgb, &a->backbone);
     /* the dynamic branch first: its decoder may write rows beyond its own,
@@ -213,7 +235,7 @@ void avatar_bake(struct avatar *a, const struct avatar_source *src)
                           &a->plane);
     memset(a->light, 0, sizeof a->light);
     if (a->config.rgb_skip && dynamic.n)
-        dynamic_branch_light(a->light, &a->source, &a->dynamic);
+        memcpy(a->light, a->dynamic.light, sizeof a->light);
     for (int c = 0; c < 3; c++)
         white[c] = lip_lining_share(a->light) *
                    (dynamic.n ? a->dynamic.white[c] : GREY);

@@ -59,6 +59,9 @@ struct avatar_source {
     const float *cam;       /* (3,4) T_s */
     const float *rest;      /* (V,3) the same face at rest (identity_rest), or
                              * NULL: verts */
+    const struct avatar_source *more;   /* (nmore) further pictures of the
+                                         * person; with the prior */
+    size_t nmore;
 };
 
 struct avatar {

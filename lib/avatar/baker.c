@@ -77,10 +77,14 @@ static int baker_check(const struct baker *b, const struct person *p,
         return error_set(err, EX_DATAERR, "identity has no %s record "
                          "(expected an identity, as spid-shape writes it)",
                          p->rgb ? RECORD_MOTN : RECORD_SRCI);
-    if (p->size < size || p->size > PERSON_LARGEST)
-        return error_set(err, EX_DATAERR, "source picture is %zu pixels wide "
-                         "(expected %zu to %d)", p->size, size,
-                         PERSON_LARGEST);
+    for (size_t k = 0; k <= p->nmore; k++) {
+        const size_t own = k ? p->more[k - 1].size : p->size;
+
+        if (own < size || own > PERSON_LARGEST)
+            return error_set(err, EX_DATAERR, "source picture is %zu pixels "
+                             "wide (expected %zu to %d)", own, size,
+                             PERSON_LARGEST);
+    }
     if (p->model[0] && strcmp(p->model, b->hash))
         return error_set(err, EX_DATAERR, "identity was made with model %s "
                          "(expected %s, the model in use)", p->model,
@@ -89,9 +93,8 @@ static int baker_check(const struct baker *b, const struct person *p,
 }
 
 /* The person over black, in [0,1], through GAGAvatar's networks. */
-static int baker_bake_gagavatar(struct baker *b, const uint8_t *rgb,
-                                const uint8_t *matte, const float *verts,
-                                const float cam[12], struct error *err)
+static int baker_bake_gagavatar(struct baker *b, const struct avatar_source *s,
+                                struct error *err)
 {
     const size_t n = 3 * b->config.size * b->config.size;
     float *picture = malloc(n * sizeof *picture);
@@ -99,66 +102,88 @@ static int baker_bake_gagavatar(struct baker *b, const uint8_t *rgb,
     if (!picture)
         return error_set(err, EX_OSERR, "no memory for the source picture");
     for (size_t i = 0; i < n; i++)
-        picture[i] = (float)rgb[i] / 255 *
-                     (matte ? (float)matte[i / 3] / 255 : 1);
-    gagavatar_bake(&b->gagavatar, picture, cam, verts);
+        picture[i] = (float)s->rgb[i] / 255 *
+                     (s->matte ? (float)s->matte[i / 3] / 255 : 1);
+    gagavatar_bake(&b->gagavatar, picture, s->cam, s->verts);
     free(picture);
     return 0;
 }
 
-/* The picture of p, of the model's size, through the posed mesh. */
-static int baker_read_picture(struct baker *b, const struct person *p,
-                              const float *verts, const float *rest,
-                              const float cam[12], struct error *err)
-{
-    const size_t n = p->size * p->size;
-    uint8_t *own = malloc(3 * n);
-    int rc = 0;
+/* A picture as the branches take it, and what they borrow. */
+struct baker_view {
+    struct person small;        /* of the model's size */
+    uint8_t *own;               /* (S,S,3) the person's colours alone */
+    float *verts, *rest;        /* (V,3) */
+    float cam[12];
+};
 
-    if (!own)
+static void baker_view_release(struct baker_view *v)
+{
+    person_release(&v->small);
+    free(v->own);
+    free(v->verts);
+    free(v->rest);
+}
+
+/* The picture of p at the model's size, and the mesh of id on it. */
+static int baker_view_init(struct baker_view *v, struct avatar_source *out,
+                           const struct baker *b, const struct person *p,
+                           const struct identity *id, struct error *err)
+{
+    const size_t size = b->config.size, n = size * size;
+    const size_t mesh = 3 * b->head->V * sizeof(float);
+    struct head_motion pose = p->source.pose;
+
+    memset(v, 0, sizeof *v);
+    v->own = malloc(3 * n);
+    v->verts = malloc(mesh);
+    v->rest = malloc(mesh);
+    if (!v->own || !v->verts || !v->rest)
         return error_set(err, EX_OSERR, "no memory for the source picture");
-    if (p->back)
-        texture_straight(own, p->rgb, p->matte, p->back, n);
+    pose.exp = p->source.exp;
+    head_pose(v->verts, id, &pose);
+    identity_rest(v->rest, id);
+    motion_camera(v->cam, &p->source);
+    if (p->size != size && person_resize(&v->small, p, size, err))
+        return -1;
+    const struct person *at = p->size == size ? p : &v->small;
+
+    if (at->back)
+        texture_straight(v->own, at->rgb, at->matte, at->back, n);
     else
-        memcpy(own, p->rgb, 3 * n);
-    if (baker_is_gagavatar(b))
-        rc = baker_bake_gagavatar(b, own, p->matte, verts, cam, err);
-    else
-        avatar_bake(&b->avatar, &(struct avatar_source){
-            .rgb = own, .matte = p->matte, .verts = verts, .cam = cam,
-            .rest = rest
-        });
-    free(own);
-    return rc;
+        memcpy(v->own, at->rgb, 3 * n);
+    *out = (struct avatar_source){
+        .rgb = v->own, .matte = at->matte, .verts = v->verts, .cam = v->cam,
+        .rest = v->rest
+    };
+    return 0;
 }
 
 int baker_bake(struct baker *b, float *verts, const struct person *p,
                struct error *err)
 {
-    const size_t size = b->config.size;
-    struct person small = {0};
+    struct baker_view view[PERSON_MORE + 1] = {0};
+    struct avatar_source source[PERSON_MORE + 1];
     struct identity id;
-    float cam[12], *rest = malloc(3 * b->head->V * sizeof *rest);
-    int rc;
+    size_t n = 0;
+    int rc = 0;
 
-    if (!rest)
-        return error_set(err, EX_OSERR, "no memory for %zu vertices",
-                         b->head->V);
-    if (baker_check(b, p, err) || person_fold(&id, b->head, p, err)) {
-        free(rest);
+    if (baker_check(b, p, err) || person_fold(&id, b->head, p, err))
         return -1;
-    }
-    head_pose(verts, &id, &p->source.pose);
-    identity_rest(rest, &id);
+    for (; n <= p->nmore && rc == 0; n++)
+        rc = baker_view_init(view + n, source + n, b, n ? p->more + n - 1 : p,
+                             &id, err);
     identity_release(&id);
-    motion_camera(cam, &p->source);
-    if (p->size == size)
-        rc = baker_read_picture(b, p, verts, rest, cam, err);
-    else
-        rc = person_resize(&small, p, size, err) ||
-             baker_read_picture(b, &small, verts, rest, cam, err) ? -1 : 0;
-    person_release(&small);
-    free(rest);
+    source->more = source + 1;
+    source->nmore = p->nmore;
+    if (rc == 0 && baker_is_gagavatar(b))
+        rc = baker_bake_gagavatar(b, source, err);
+    else if (rc == 0)
+        avatar_bake(&b->avatar, source);
+    if (rc == 0)
+        memcpy(verts, view->verts, 3 * b->head->V * sizeof *verts);
+    while (n > 0)
+        baker_view_release(view + --n);
     return rc;
 }
 

@@ -9,6 +9,7 @@
 #include "lib/avatar/completion.h"
 #include "lib/avatar/coverage.h"
 #include "lib/avatar/eyes.h"
+#include "lib/avatar/further.h"
 #include "lib/avatar/light.h"
 #include "lib/avatar/lip_lining.h"
 #include "lib/avatar/white_point.h"
@@ -94,6 +95,7 @@ int dynamic_branch_plan(struct dynamic_branch *b, size_t points,
         {&b->logit, 3 * D, false}, {&b->trust, D, false},
         {&b->skin, D, false}, {&b->hull, D, false},
         {&b->seam, D, false}, {&b->on_teeth, D, false},
+        {&b->first, 4 * D, false}, {&b->more, FURTHER_SUMS * D, false},
         {&b->tmp, COMPLETION_SCRATCH(D), false}
     };
 
@@ -277,13 +279,13 @@ PARALLEL(dynamic_branch_logit_part, i, float *, rgb)
     rgb[i] = attribute_logit(rgb[i]);
 }
 
-/* The prior: visibility, coverage and matte of every densified vertex, into
- * the extra columns of the decoder's input; colours and shifts. */
-static void dynamic_branch_start(const struct source_picture *picture,
-                                 const struct source_mesh *mesh,
-                                 struct dynamic_branch *b)
+/* What the picture shows of every densified vertex: visibility, coverage and
+ * matte, into the extra columns of the decoder's input; colours, trust in them
+ * and shifts. */
+static void dynamic_branch_look(const struct source_picture *picture,
+                                const struct source_mesh *mesh,
+                                struct dynamic_branch *b)
 {
-    const struct eyes_photo photo = {b->pixel, b->trust, b->white};
     const struct white_point_colors seen = {b->pixel, b->trust, b->tmp};
     float eye[3], *rgb = b->logit;
 
@@ -292,12 +294,53 @@ static void dynamic_branch_start(const struct source_picture *picture,
                   mesh->cam, SLACK);
     eyes_hide(b->seen, b->shut, mesh->weights);
     source_picture_sample(b->pixel, picture, b->place, b->count);
-    dynamic_branch_hull(picture, mesh, b);
 
     parallel_each(dynamic_branch_start_part, b->count, 1, b, eye, rgb, picture,
                   mesh);
     white_point(b->white, &seen, mesh->head);
     dynamic_branch_uncover_teeth(mesh, b);
+}
+
+void dynamic_branch_begin(const struct source_picture *picture,
+                          const struct source_mesh *mesh,
+                          struct dynamic_branch *b)
+{
+    dynamic_branch_geometry(mesh, b);
+    dynamic_branch_look(picture, mesh, b);
+    for (size_t k = 0; k < b->count; k++) {
+        memcpy(b->first + 4 * k, b->pixel + 4 * k, 3 * sizeof *b->first);
+        b->first[4 * k + 3] = b->trust[k];
+    }
+    memset(b->more, 0, FURTHER_SUMS * b->count * sizeof *b->more);
+    b->has_more = true;
+}
+
+void dynamic_branch_add(const struct source_picture *picture,
+                        const struct source_mesh *mesh,
+                        struct dynamic_branch *b)
+{
+    const struct further_picture p = {b->pixel, b->trust, b->facing};
+    float gain[3];
+
+    dynamic_branch_geometry(mesh, b);
+    dynamic_branch_look(picture, mesh, b);
+    further_gain(gain, &p, b->first, b->count);
+    further_add(b->more, &p, gain, b->count);
+}
+
+/* The prior: what the picture shows, and the colours that go on from it. */
+static void dynamic_branch_start(const struct source_picture *picture,
+                                 const struct source_mesh *mesh,
+                                 struct dynamic_branch *b)
+{
+    const struct eyes_photo photo = {b->pixel, b->trust, b->white};
+    float *rgb = b->logit;
+
+    dynamic_branch_look(picture, mesh, b);
+    dynamic_branch_hull(picture, mesh, b);
+    light_fit(b->light, b->pixel, mesh->normals, b->trust, b->dense->V, b->tmp);
+    if (b->has_more)
+        further_take(b->pixel, b->trust, rgb, b->facing, b->more, b->count);
     dynamic_branch_set_skin(mesh, b);
     completion_solve(rgb, b->skin, mesh->weights->mirror, b->dense, b->tmp);
     for (size_t i = 0; i < 3 * b->count; i++)
@@ -501,10 +544,4 @@ void dynamic_branch_reach(float *reach, size_t n,
                              fmaxf(b->on_teeth[k], 1e-3f)) *
                        1e-3f * mesh->head->scale;
     }
-}
-
-void dynamic_branch_light(float l[3], const struct source_mesh *mesh,
-                          struct dynamic_branch *b)
-{
-    light_fit(l, b->pixel, mesh->normals, b->trust, b->dense->V, b->tmp);
 }

@@ -55,6 +55,12 @@ struct dynamic_branch {
                                          * in the picture */
     float *trust;                       /* (D) in the sampled colour, */
     float *skin;                        /* (D) and in its being skin */
+    float *first;                       /* (D,4) colour and trust of the first
+                                         * picture */
+    float *more;                        /* (D,FURTHER_SUMS) of further ones
+                                         * (further.h) */
+    bool has_more;
+    float light[3];                     /* l of the first picture (light.h) */
     float shut[2];                      /* how far the source has its eyes
                                          * shut (eyes.h) */
     float white[3];                     /* what is white in the picture; with
@@ -78,6 +84,18 @@ void dynamic_branch_update(struct dynamic_branch *b);
 /* Free what it holds; zeroed then. */
 void dynamic_branch_release(struct dynamic_branch *b);
 
+/* Further pictures of the person, before a forward: begin with the first
+ * picture and its mesh, then add each other with its own.  What they show of a
+ * point adds up, each by how far it shows it, in the first picture's light:
+ * times a gain of each channel by what both show.  The next forward takes it
+ * where its own picture shows less. */
+void dynamic_branch_begin(const struct source_picture *picture,
+                          const struct source_mesh *mesh,
+                          struct dynamic_branch *b);
+void dynamic_branch_add(const struct source_picture *picture,
+                        const struct source_mesh *mesh,
+                        struct dynamic_branch *b);
+
 /* out: the first out->n Gaussians (0: none) and their neck weights, from
  * features F (n,n,Cf), the picture and the mesh on it.  The rows of out's
  * colour and rotation up to the planned points are written. */
@@ -99,10 +117,5 @@ void dynamic_branch_backward(float *dfeatures, struct branch_set *dout,
 void dynamic_branch_reach(float *reach, size_t n,
                           const struct source_mesh *mesh,
                           const struct dynamic_branch *b);
-
-/* l (3): the light on the source, from the colours the last forward found on
- * the mesh's vertices (light.h). */
-void dynamic_branch_light(float l[3], const struct source_mesh *mesh,
-                          struct dynamic_branch *b);
 
 #endif

@@ -64,21 +64,25 @@ int motion_read_landmarks(float lmk[HEAD_LANDMARKS][2],
                                                                        : 1;
 }
 
+void motion_arrays(struct array *a, const struct motion *m, size_t nexp)
+{
+    a[0] = array_make("rot", DTYPE_F32, m->R, 2, 3, 3, 0, 0);
+    a[1] = array_make("trans", DTYPE_F32, m->t, 1, 3, 0, 0, 0);
+    a[2] = array_make("exp", DTYPE_F32, m->exp, 1, nexp, 0, 0, 0);
+    a[3] = array_make("jaw", DTYPE_F32, m->pose.jaw, 1, 3, 0, 0, 0);
+    a[4] = array_make("lid", DTYPE_F32, m->pose.lid, 1, 2, 0, 0, 0);
+    a[5] = array_make("eye", DTYPE_F32, m->pose.eye, 1, 6, 0, 0, 0);
+    a[6] = array_make("crop", DTYPE_F32, m->crop, 1, 3, 0, 0, 0);
+}
+
 int motion_write(struct stream_writer *w, uint64_t frame, double time,
                  const struct motion *m, size_t nexp,
                  const struct array *others, int nothers, struct error *err)
 {
-    struct array a[STREAM_MAX_ARRAYS] = {
-        array_make("rot", DTYPE_F32, m->R, 2, 3, 3, 0, 0),
-        array_make("trans", DTYPE_F32, m->t, 1, 3, 0, 0, 0),
-        array_make("exp", DTYPE_F32, m->exp, 1, nexp, 0, 0, 0),
-        array_make("jaw", DTYPE_F32, m->pose.jaw, 1, 3, 0, 0, 0),
-        array_make("lid", DTYPE_F32, m->pose.lid, 1, 2, 0, 0, 0),
-        array_make("eye", DTYPE_F32, m->pose.eye, 1, 6, 0, 0, 0),
-        array_make("crop", DTYPE_F32, m->crop, 1, 3, 0, 0, 0)
-    };
-    int n = 7;
+    struct array a[STREAM_MAX_ARRAYS];
+    int n = MOTION_ARRAYS;
 
+    motion_arrays(a, m, nexp);
     for (int i = 0; i < nothers && n < STREAM_MAX_ARRAYS; i++)
         a[n++] = others[i];
     return stream_write(w, RECORD_MOTN, frame, time, a, n, err);

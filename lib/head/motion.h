@@ -28,6 +28,10 @@ size_t motion_expressions(const struct record *rec);
  * none; -1 when they are of another shape. */
 int motion_read_landmarks(float lmk[HEAD_LANDMARKS][2],
                           const struct record *rec, struct error *err);
+/* The arrays of m, MOTION_ARRAYS of them, the crop's last; views of m.  A
+ * further picture of a person has all but that one in its SRCI record, too. */
+#define MOTION_ARRAYS 7
+void motion_arrays(struct array *a, const struct motion *m, size_t nexp);
 /* Write m as a MOTN record, others (may be NULL) appended. */
 int motion_write(struct stream_writer *w, uint64_t frame, double time,
                  const struct motion *m, size_t nexp,

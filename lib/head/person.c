@@ -98,6 +98,28 @@ static int person_read_picture(struct person *p, const struct record *rec,
     return 1;
 }
 
+bool person_is_further(const struct record *srci)
+{
+    return record_find(srci, "rot") != NULL;
+}
+
+/* SRCI of a further picture. */
+static int person_read_further(struct person *p, const struct record *rec,
+                               size_t nexp, struct error *err)
+{
+    if (p->nmore == PERSON_MORE)
+        return error_set(err, EX_DATAERR, "identity has more than %d further "
+                         "pictures", PERSON_MORE);
+    struct person *more = realloc(p->more, (p->nmore + 1) * sizeof *more);
+    if (!more)
+        return error_set(err, EX_OSERR, "no memory for an identity");
+    p->more = more;
+    more += p->nmore++;
+    memset(more, 0, sizeof *more);
+    return person_read_picture(more, rec, err) < 0 ||
+                   motion_read(&more->source, rec, nexp, err) ? -1 : 1;
+}
+
 int person_read_record(struct person *p, const struct record *rec, size_t nexp,
                        struct error *err)
 {
@@ -106,7 +128,8 @@ int person_read_record(struct person *p, const struct record *rec, size_t nexp,
     if (record_is(rec, RECORD_SHAP))
         return person_read_shape(p, rec, err);
     if (record_is(rec, RECORD_SRCI))
-        return person_read_picture(p, rec, err);
+        return person_is_further(rec) ? person_read_further(p, rec, nexp, err)
+                                      : person_read_picture(p, rec, err);
     if (record_is(rec, RECORD_MOTN)) {
         if (motion_read(&p->source, rec, nexp, err))
             return -1;
@@ -156,7 +179,7 @@ int person_load_picture(struct person *p, const char *path,
 
     memset(p, 0, sizeof *p);
     while (in && !p->rgb && (rc = stream_read(in, &rec, err)) > 0)
-        if (record_is(&rec, RECORD_SRCI))
+        if (record_is(&rec, RECORD_SRCI) && !person_is_further(&rec))
             rc = person_read_picture(p, &rec, err);
     if (rc >= 0 && p->size == 0)
         rc = error_set(err, EX_DATAERR, "no SRCI record (expected an identity "
@@ -196,22 +219,46 @@ int person_resize(struct person *q, const struct person *p, size_t size,
     return error_set(err, EX_OSERR, "no memory for the source picture");
 }
 
-int person_write_picture(struct stream_writer *w, const struct person *p,
-                         struct error *err)
+/* The arrays of a picture, PICTURE_ARRAYS at most; returns how many. */
+#define PICTURE_ARRAYS 5
+static size_t person_picture_arrays(struct array *a, const struct person *p)
 {
     const size_t S = p->size;
-    struct array a[5] = {
-        array_make("rgb", DTYPE_U8, p->rgb, 3, S, S, 3, 0),
-        array_make("matte", DTYPE_U8, p->matte, 2, S, S, 0, 0),
-        array_make("crop", DTYPE_F32, p->crop, 1, 3, 0, 0, 0)
-    };
     size_t n = 3;
 
+    a[0] = array_make("rgb", DTYPE_U8, p->rgb, 3, S, S, 3, 0);
+    a[1] = array_make("matte", DTYPE_U8, p->matte, 2, S, S, 0, 0);
+    a[2] = array_make("crop", DTYPE_F32, p->crop, 1, 3, 0, 0, 0);
     if (p->back)
         a[n++] = array_make("back", DTYPE_U8, p->back, 3, S, S, 3, 0);
     if (p->sure)
         a[n++] = array_make("sure", DTYPE_U8, p->sure, 2, S, S, 0, 0);
+    return n;
+}
+
+int person_write_picture(struct stream_writer *w, const struct person *p,
+                         struct error *err)
+{
+    struct array a[PICTURE_ARRAYS];
+    const size_t n = person_picture_arrays(a, p);
+
     return stream_write(w, RECORD_SRCI, 0, 0, a, n, err);
+}
+
+/* Further pictures, with their motion but for its face crop. */
+static int person_write_further(struct stream_writer *w, const struct person *p,
+                                size_t nexp, struct error *err)
+{
+    for (size_t k = 0; k < p->nmore; k++) {
+        struct array a[PICTURE_ARRAYS + MOTION_ARRAYS];
+        const size_t n = person_picture_arrays(a, p->more + k);
+
+        motion_arrays(a + n, &p->more[k].source, nexp);
+        if (stream_write(w, RECORD_SRCI, k + 1, 0, a, n + MOTION_ARRAYS - 1,
+                         err))
+            return -1;
+    }
+    return 0;
 }
 
 int person_write(struct stream_writer *w, const struct person *p, size_t nexp,
@@ -224,13 +271,17 @@ int person_write(struct stream_writer *w, const struct person *p, size_t nexp,
     const struct array calm = motion_calm(face, nexp);
     return person_write_picture(w, p, err) ||
                    shape_write(w, 0, 0, &shape, err) ||
-                   motion_write(w, 0, 0, &p->source, nexp, &calm, 1, err)
+                   motion_write(w, 0, 0, &p->source, nexp, &calm, 1, err) ||
+                   person_write_further(w, p, nexp, err)
                ? -1
                : 0;
 }
 
 void person_release(struct person *p)
 {
+    for (size_t k = 0; k < p->nmore; k++)
+        person_release(p->more + k);
+    free(p->more);
     free(p->shape);
     free(p->rgb);
     free(p->matte);

@@ -1,5 +1,6 @@
 /* A person as an identity file holds them: CONF, SRCI (the source picture),
- * SHAP and the source's own MOTN.  spid-shape writes it, spid-branches --bake
+ * SHAP and the source's own MOTN, then an SRCI with its own motion for each
+ * further picture.  spid-shape writes it, spid-branches --bake
  * adds the Gaussians. */
 #ifndef SPID_HEAD_PERSON_H
 #define SPID_HEAD_PERSON_H
@@ -15,6 +16,7 @@
 #include "lib/stream/stream.h"
 
 #define PERSON_LARGEST 2048     /* pixels along a side of the picture */
+#define PERSON_MORE 7           /* further pictures, at most */
 
 /* Owned copies; absent parts are NULL or 0. */
 struct person {
@@ -32,10 +34,15 @@ struct person {
     struct motion calm;         /* the same with the person's face at rest, as
                                  * far as it is known */
     bool has_source;
+    struct person *more;        /* (nmore) further pictures: rgb, matte, back,
+                                 * sure, size, crop and source of each */
+    size_t nmore;
     char head[17], model[17];   /* hashes of CONF: "head_hash",
                                  * "model_hash"; "" when it has none */
 };
 
+/* Whether an SRCI record is of a further picture: it has its own motion. */
+bool person_is_further(const struct record *srci);
 /* Take what one record holds; 1: it was part of an identity, 0: another
  * record, -1: damaged.  nexp as in motion_read. */
 int person_read_record(struct person *p, const struct record *rec, size_t nexp,
@@ -50,10 +57,11 @@ int person_load_picture(struct person *p, const char *path,
  * other parts; the caller releases q. */
 int person_resize(struct person *q, const struct person *p, size_t size,
                   struct error *err);
-/* Write SRCI (frame 0). */
+/* Write the source picture's SRCI (frame 0). */
 int person_write_picture(struct stream_writer *w, const struct person *p,
                          struct error *err);
-/* Write SRCI, SHAP and MOTN (frame 0), in this order. */
+/* Write SRCI, SHAP and MOTN (frame 0), in this order, then the SRCI of the
+ * further pictures (frame 1 and so on). */
 int person_write(struct stream_writer *w, const struct person *p, size_t nexp,
                  struct error *err);
 /* Free what it holds; zeroed then. */

@@ -120,6 +120,8 @@ int texture_read_record(struct texture *t, const struct record *srci,
                         struct error *err)
 {
     struct person p = {0};
+    if (person_is_further(srci))
+        return 0;
     int rc = person_read_record(&p, srci, 0, err) < 0 ? -1 : 0;
 
     if (rc == 0) {

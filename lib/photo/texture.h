@@ -39,7 +39,8 @@ struct texture {
 int texture_init(struct texture *t, const uint8_t *rgb, const uint8_t *matte,
                  const uint8_t *back, size_t S, struct error *err);
 /* Of a stream's source photograph in place of the last one; of a record without
- * background none.  -1 when the record is damaged, and as above. */
+ * background none.  Further pictures of the person change nothing.  -1 when the
+ * record is damaged, and as above. */
 int texture_read_record(struct texture *t, const struct record *srci,
                         struct error *err);
 /* Free what it holds; zeroed then. */

@@ -85,6 +85,7 @@ static int source_find_face(struct source *s, struct track *t,
     relative_calm(&s->person.calm, t->head->nexp,
                   motion_encoder_rest(t->tta.net));
     s->person.has_source = true;
+    s->sure = r.sure;
     s->window = t->window;
     s->faces = t->faces;
     s->person.crop[0] = (float)t->window.x;

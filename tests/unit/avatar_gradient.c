@@ -137,8 +137,10 @@ static void gradient_release(struct world *w)
 /* sum probe . (means of the driven frame, scale, quat, opacity, colour). */
 static double gradient_loss(struct world *w)
 {
-    struct avatar_source src = {w->rgb, w->matte, w->verts, w->cam,
-                                w->rest};
+    struct avatar_source src = {
+        .rgb = w->rgb, .matte = w->matte, .verts = w->verts, .cam = w->cam,
+        .rest = w->rest
+    };
     double sum = 0;
     const float *p = w->probe;
 

@@ -124,8 +124,9 @@ static double model_likeness(struct baker *m, const float *verts)
 
     model_paint(rgb, matte);
     camera_frontal(cam, 12);
-    avatar_bake(&m->avatar, &(struct avatar_source){rgb, matte, verts, cam,
-                                                      NULL});
+    avatar_bake(&m->avatar, &(struct avatar_source){
+        .rgb = rgb, .matte = matte, .verts = verts, .cam = cam
+    });
     view = splat_camera_square(cam, S, CAMERA_FOCAL);
     if (splat_init(&splat, &so, &err) ||
         splat_load(&splat, &m->avatar.set, &err) ||

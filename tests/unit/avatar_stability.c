@@ -64,8 +64,9 @@ static int stability_try(struct world *w, const struct head_motion *at,
     mat3_mul(Q, F, R);
     camera_make(cam, Q, t);
     head_pose(w->verts, &w->id, at);
-    avatar_bake(&w->a, &(struct avatar_source){w->rgb, w->matte, w->verts,
-                                               cam, NULL});
+    avatar_bake(&w->a, &(struct avatar_source){.rgb = w->rgb,
+                                               .matte = w->matte,
+                                               .verts = w->verts, .cam = cam});
     head_pose(w->verts, &w->id, to);
     avatar_drive(w->means, &w->a, w->verts, cam);
     return stability_sound(&w->a.set, w->means);
