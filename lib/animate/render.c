@@ -6,6 +6,7 @@
 #include <sysexits.h>
 
 #include "lib/base/camera.h"
+#include "lib/base/drive.h"
 #include "lib/base/relative_pose.h"
 #include "lib/splat/reference.h"
 #include "lib/splat/splat.h"
@@ -75,29 +76,42 @@ static bool render_shows_photo(const struct render *r)
     return r->texture.levels && r->scene.uv && r->opt.splat.place;
 }
 
-/* Eq. C, and the photograph over it; for a refiner, beside it. */
-static int render_fast(struct render *r, const struct splat_camera *cam,
-                       struct error *err)
-{
-    struct splat_place_view *v = &r->canvas.view;
-
-    if (r->scene.neck_moved)
-        place_view_with_shoulders(v, r->scene.view, cam->rt, r->scene.body,
-                                  r->scene.pivot);
-    else
-        place_view_make(v, r->scene.view, cam->rt);
-    place_view_focal(v, r->opt.focal);
-    return canvas_draw(&r->canvas, &r->splat, cam,
-                       render_shows_photo(r) ? &r->texture : NULL,
-                       r->opt.features, err);
-}
-
 /* The stream's camera: the last, or the source's own of an avatar that
  * nothing has moved; NULL: none so far. */
 static const float *render_camera(const struct render *r)
 {
     return r->scene.has_cam ? r->scene.cam
                             : r->scene.uv ? r->scene.view : NULL;
+}
+
+/* What places are relative to.  Shoulders stay before the stream's camera, also
+ * where another one goes round the head. */
+static void render_set_view(struct render *r, const struct splat_camera *cam)
+{
+    const struct scene *s = &r->scene;
+    struct splat_place_view *v = &r->canvas.view;
+    struct drive d = {.view = s->view};
+    struct drive_frame f;
+
+    if (s->uv && s->has_source && s->blended_count) {
+        memcpy(d.pivot, s->pivot, sizeof d.pivot);
+        memcpy(d.source, s->source, sizeof d.source);
+        drive_bodies(&f, &d, render_camera(r));
+        place_view_with_shoulders(v, s->view, cam->rt, f.plane, s->pivot);
+    } else {
+        place_view_make(v, s->view, cam->rt);
+    }
+    place_view_focal(v, r->opt.focal);
+}
+
+/* Eq. C, and the photograph over it; for a refiner, beside it. */
+static int render_fast(struct render *r, const struct splat_camera *cam,
+                       struct error *err)
+{
+    render_set_view(r, cam);
+    return canvas_draw(&r->canvas, &r->splat, cam,
+                       render_shows_photo(r) ? &r->texture : NULL,
+                       r->opt.features, err);
 }
 
 /* What the canvas shows, as it is written. */

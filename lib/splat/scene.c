@@ -232,7 +232,6 @@ static void scene_move_shoulders(struct scene *s, const struct gmov *m)
     s->neck_moved = m->body && s->blended_count;
     if (!s->neck_moved)
         return;
-    memcpy(s->body, m->body, sizeof s->body);
     memcpy(f.plane, m->body, sizeof f.plane);
     for (size_t i = s->blended; i < s->blended + s->blended_count; i++)
         if (s->neck[i] != 0)    /* others may have moved otherwise */

@@ -28,9 +28,8 @@ struct scene {
     int has_source;
     size_t blended, blended_count;  /* static Gaussians that the neck blend
                                      * moves lie in this range, by GAUS */
-    int neck_moved;     /* the last GMOV carried the shoulders' motion, */
-    float body[12];     /* which is (3,4) in the head's frame, */
-    float pivot[3];     /* about this */
+    int neck_moved;     /* the last GMOV carried the shoulders' motion */
+    float pivot[3];     /* of the neck blend; with blended ones */
     float view[12];     /* the source's camera, which saw g.uv; when it has
                          * them */
 
