@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "lib/avatar/cheek_back.h"
 #include "lib/avatar/completion.h"
 #include "lib/avatar/coverage.h"
 #include "lib/avatar/eyes.h"
@@ -35,6 +36,10 @@
 #define ON_TEETH_MM 1.5f        /* the same where it shows teeth in their place */
 #define SLACK 0.03f     /* a vertex is visible if no further behind the surface,
                          * head units */
+/* A dropped jaw takes skin at its angle further than the one, and less far than
+ * the other, as it takes the chin. */
+#define DROP_MM 1.0f
+#define DROP_MOST_MM 20.0f
 
 /* ---- the branch -------------------------------------------------------- */
 
@@ -218,6 +223,30 @@ static void dynamic_branch_set_skin(const struct source_mesh *mesh,
     }
 }
 
+/* How far Gaussian k would stand out beside the neck when the jaw drops, 0..1:
+ * skin at the jaw's angle, which in life moves backwards; the strip behind the
+ * cheeks (cheek_back.h) shows it instead. */
+static float dynamic_branch_protrusion(const struct source_picture *picture,
+                                       const struct source_mesh *mesh,
+                                       const struct dynamic_branch *b, size_t k)
+{
+    const float *x = b->verts + 3 * k, *drop = mesh->weights->drop + 3 * k;
+    const float to[3] = {x[0] + drop[0], x[1] + drop[1], x[2] + drop[2]};
+    const float mm = sqrtf(drop[0] * drop[0] + drop[1] * drop[1] +
+                           drop[2] * drop[2]) * 1e3f / mesh->head->scale;
+    const size_t cell = source_mesh_cell(b->place + 2 * k, mesh->n);
+    float place[2], rgba[4];
+
+    if (!(mm > DROP_MM) || mm > DROP_MOST_MM)
+        return 0;
+    source_mesh_project(place, to, 1, mesh->cam);
+    source_picture_sample(rgba, picture, place, 1);
+    return (1 - branch_ramp(rgba[3], 0.3f, 0.7f)) *
+           branch_ramp(mm, DROP_MM, 2 * DROP_MM) *
+           (1 - branch_ramp(mm, 0.6f * DROP_MOST_MM, DROP_MOST_MM)) *
+           cheek_back_at(picture, mesh, cell % mesh->n, cell / mesh->n);
+}
+
 /* Lips that lie on teeth in the picture do not have those colours. */
 static void dynamic_branch_uncover_teeth(const struct source_mesh *mesh,
                                          struct dynamic_branch *b)
@@ -268,7 +297,8 @@ PARALLEL(dynamic_branch_start_part, k, struct dynamic_branch *, b, float *, eye,
     memcpy(rgb + 3 * k, pixel, 3 * sizeof *rgb);
     /* what lies far beside the person in the picture is not the person */
     b->start.visible[k] = (1 - mesh->weights->lining[k]) *
-                          branch_ramp(near, 0, 0.4f);
+                          branch_ramp(near, 0, 0.4f) *
+                          (1 - dynamic_branch_protrusion(picture, mesh, b, k));
     b->start.opacity_shift[k] = -OUTSIDE * b->seen[k] * (1 - near);
     b->start.scale_shift[k] =
         attribute_logit(OVERLAP * b->spacing[k] / BRANCH_SCALE_MAX);

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "lib/avatar/beside.h"
+#include "lib/avatar/cheek_back.h"
 #include "lib/avatar/edge_scale.h"
 #include "lib/avatar/unseen_hair.h"
 #include "lib/base/parallel.h"
@@ -79,7 +80,8 @@ int static_branch_plan(struct static_branch *b, struct nn_options opt,
         {&b->dlogit, 3 * n2, true}, {&b->clamped, 3 * n2, false},
         {&b->cell, n2, false},
         {&b->height, n2, false}, {&b->surface, n2, false},
-        {&b->moving, n2, false}, {&b->from, n2, false}, {&b->front, n2, false},
+        {&b->moving, n2, false}, {&b->back, n2, false}, {&b->from, n2, false},
+        {&b->front, n2, false},
         {&b->edge, n2, false}, {&b->most, n2, false},
         {&b->enlarged, 3 * n2, true},
         {&b->p_raw, n2, false}, {&b->p_shift, n2, false}, {&b->p, n2, false},
@@ -429,8 +431,11 @@ void static_branch_forward(struct branch_set *out, const float *features,
     for (size_t k = 0; k < b->count; k++)
         out->seen[k] = b->prior && b->pixel[4 * k + 3] > 0
                      ? 1 - b->moving[b->cell[k]] : 0;
-    if (b->prior)
+    if (b->prior) {
+        cheek_back_find(b->back, picture, mesh, b->n);
+        cheek_back_set(out, b->back, picture, mesh, b->n);
         unseen_hair_set(out, b->from, b->front, mesh);
+    }
 }
 
 PARALLEL(static_branch_backward_part, k, struct static_branch *, b)
@@ -451,8 +456,10 @@ void static_branch_backward(float *dfeatures, struct branch_set *dout,
         return;
     memset(b->dU, 0, 2 * b->count * sizeof *b->dU);
     memset(b->dp, 0, b->count * sizeof *b->dp);
-    if (b->prior)
+    if (b->prior) {
         unseen_hair_backward(dout, b->from);
+        cheek_back_backward(dout, b->back);
+    }
     static_branch_lift_backward(b->dU, b->dp, dout->mean,
                                 b->prior ? b->surface : NULL, mesh->cam,
                                 mesh->normal, b->count);

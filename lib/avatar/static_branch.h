@@ -61,6 +61,8 @@ struct static_branch {
     float *surface, *most;              /* (n,n) height and edge of it */
     float *enlarged;                    /* (n,n,3) 1: larger than that allows;
                                          * in training alone */
+    float *back;                        /* (n,n) the strip behind the cheeks
+                                         * (cheek_back.h) */
     uint32_t *from;                     /* (n,n) hair of the hidden side
                                          * (unseen_hair.h) */
     float *front;                       /* (n,n) its scratch */

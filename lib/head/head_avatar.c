@@ -23,7 +23,7 @@ static const struct avatar_array {
     ARRAY(lid, ROWS_POINTS, 1), ARRAY(fold, ROWS_POINTS, 1),
     ARRAY(reach, ROWS_POINTS, 1), ARRAY(seam, ROWS_POINTS, 1),
     ARRAY(crease, ROWS_POINTS, 1), ARRAY(lips, ROWS_POINTS, 1),
-    ARRAY(stretch, ROWS_POINTS, 1),
+    ARRAY(stretch, ROWS_POINTS, 1), ARRAY(drop, ROWS_POINTS, 3),
     ARRAY(side, ROWS_POINTS, 1), ARRAY(lid_skin, ROWS_POINTS, 1),
     ARRAY(eyeball, ROWS_POINTS, 3), ARRAY(about_eye, ROWS_VERTICES, 2),
     ARRAY(eye_color, ROWS_ONE, 9), ARRAY(moving, ROWS_VERTICES, 1),
