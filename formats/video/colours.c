@@ -31,7 +31,8 @@ static bool colours_planes(struct y4m *y, const AVFrame *f, int matrix)
         [AVCHROMA_LOC_CENTER] = {0.5, 0.5}, [AVCHROMA_LOC_TOP] = {0.5, 0},
         [AVCHROMA_LOC_BOTTOMLEFT] = {0, 1}, [AVCHROMA_LOC_BOTTOM] = {0.5, 1}
     };
-    const double *at = site[f->chroma_location];
+    const unsigned where = (unsigned)f->chroma_location;
+    const double *at = site[where < AVCHROMA_LOC_NB ? where : 0];
 
     *y = (struct y4m){
         .width = (size_t)f->width, .height = (size_t)f->height,
