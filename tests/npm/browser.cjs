@@ -75,13 +75,15 @@ async function touched(page) {
   const middle = [x + width / 2, y + height / 2];
   const fingers = (type, ...at) => cdp.send("Input.dispatchTouchEvent", { type,
     touchPoints: at.map((across, id) => ({ x: middle[0] + across, y: middle[1], id })) });
+  // a page just loaded has no camera before its first picture
+  const settled = async () => { await spid.settled(); return spid.camera(); };
   const moves = async (what, ...steps) => {
-    const before = await page.evaluate(() => spid.camera());
+    const before = await page.evaluate(settled);
     await fingers("touchStart", ...steps[0]);
     for (const step of steps) await fingers("touchMove", ...step);
     await fingers("touchEnd");
     await page.waitForTimeout(100);
-    const after = await page.evaluate(async () => { await spid.settled(); return spid.camera(); });
+    const after = await page.evaluate(settled);
     exports.check(after.some((v, i) => Math.abs(v - before[i]) > 1e-3), what);
   };
   await moves("a finger turns it", [0], [20], [40]);
