@@ -102,11 +102,11 @@ int pipeline_draw(struct pipeline *p, struct pipeline_times *t,
     const struct splat_camera cam =
         splat_camera_square(p->cam, (int)c->size, CAMERA_FOCAL);
 
-    if (a->baked->blended)
-        place_view_with_shoulders(&c->view, a->baked->view, p->cam,
-                                  p->move.frame.plane, a->baked->pivot);
-    else
-        place_view_make(&c->view, a->baked->view, p->cam);
+    const struct place_shoulders shoulders = {p->move.frame.plane,
+                                              a->baked->pivot};
+
+    place_view_make(&c->view, a->baked->view, p->cam,
+                    a->baked->blended ? &shoulders : NULL);
     if (baked_move_scene(&p->splat, &p->move, a->baked, err) ||
         canvas_draw(c, &p->splat, &cam, a->texture, !p->opt.star, err))
         return -1;                                      /* C */

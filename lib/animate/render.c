@@ -89,19 +89,18 @@ static const float *render_camera(const struct render *r)
 static void render_set_view(struct render *r, const struct splat_camera *cam)
 {
     const struct scene *s = &r->scene;
-    struct splat_place_view *v = &r->canvas.view;
+    const bool blended = s->uv && s->has_source && s->blended_count;
     struct drive d = {.view = s->view};
     struct drive_frame f;
+    const struct place_shoulders shoulders = {f.plane, s->pivot};
 
-    if (s->uv && s->has_source && s->blended_count) {
-        memcpy(d.pivot, s->pivot, sizeof d.pivot);
-        memcpy(d.source, s->source, sizeof d.source);
+    memcpy(d.pivot, s->pivot, sizeof d.pivot);
+    memcpy(d.source, s->source, sizeof d.source);
+    if (blended)
         drive_bodies(&f, &d, render_camera(r));
-        place_view_with_shoulders(v, s->view, cam->rt, f.plane, s->pivot);
-    } else {
-        place_view_make(v, s->view, cam->rt);
-    }
-    place_view_focal(v, r->opt.focal);
+    place_view_make(&r->canvas.view, s->view, cam->rt,
+                    blended ? &shoulders : NULL);
+    place_view_focal(&r->canvas.view, r->opt.focal);
 }
 
 /* Eq. C, and the photograph over it; for a refiner, beside it. */

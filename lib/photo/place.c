@@ -12,8 +12,8 @@
 #define PLACE_STEEPEST 0.35f    /* of the view's determinant: 70 degrees */
 /* Heights above the neck's pivot, head units, between which the head's map goes
  * over into the shoulders'.  Any two give true places; between these lies what
- * is seen of a neck.  -0.03 and 0.03, 0 and 0.05, -0.07 and 0.07 change no
- * validation person's decibels by 0.1 (tests/bench/turned.sh). */
+ * is seen of a neck.  -0.03 and 0.03, 0 and 0.05, -0.07 and 0.07 change no frame
+ * of three validation people by 0.1 dB (tests/bench/turned.sh). */
 #define PLACE_NECK_TOP 0.1f
 #define PLACE_NECK_BOTTOM 0.03f
 
@@ -62,44 +62,27 @@ static void place_map(float map[6], const float source[12],
     map[5] = from[1] - map[2] * to[0] - map[3] * to[1];
 }
 
-void place_view_make(struct splat_place_view *v, const float source[12],
-                     const float cam[12])
+/* v's shoulders and neck; head (6): the map of the head. */
+static void place_set_shoulders(struct splat_place_view *v,
+                                const float head[6], const float source[12],
+                                const float cam[12],
+                                const struct place_shoulders *s)
 {
-    float map[6];
+    float seen[12], map[6], ends[6], end[4], down[2];
 
-    memset(v, 0, sizeof *v);
-    place_map(map, source, cam);
-    memcpy(v->A, map, sizeof v->A);
-    memcpy(v->b, map + 4, sizeof v->b);
-    for (int k = 0; k < 2; k++) {
-        const float *axis = source + 4 * k;
-
-        v->toward[k] = -(axis[0] * cam[8] + axis[1] * cam[9] +
-                         axis[2] * cam[10]);
-    }
-}
-
-void place_view_with_shoulders(struct splat_place_view *v,
-                               const float source[12], const float cam[12],
-                               const float body[12], const float pivot[3])
-{
-    float seen[12], head[6], map[6], ends[6], end[4], down[2];
-
-    place_view_make(v, source, cam);
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 4; j++) {
             seen[4 * i + j] = j == 3 ? cam[4 * i + 3] : 0;
             for (int k = 0; k < 3; k++)
-                seen[4 * i + j] += cam[4 * i + k] * body[4 * k + j];
+                seen[4 * i + j] += cam[4 * i + k] * s->body[4 * k + j];
         }
-    place_map(head, source, cam);
     place_map(map, source, seen);
     for (int i = 0; i < 6; i++)
         v->shoulders[i] = map[i] - head[i];
     /* the neck from its upper end down, in the source's picture */
     for (int k = 0; k < 3; k++) {
-        ends[k] = pivot[k] + (k == 1 ? PLACE_NECK_TOP : 0);
-        ends[3 + k] = pivot[k] + (k == 1 ? PLACE_NECK_BOTTOM : 0);
+        ends[k] = s->pivot[k] + (k == 1 ? PLACE_NECK_TOP : 0);
+        ends[3 + k] = s->pivot[k] + (k == 1 ? PLACE_NECK_BOTTOM : 0);
     }
     camera_project(end, NULL, source, 2, ends, 2);
     for (int k = 0; k < 2; k++)
@@ -113,6 +96,25 @@ void place_view_with_shoulders(struct splat_place_view *v,
         v->neck[k] = (down[0] * map[k] + down[1] * map[2 + k]) / square;
     v->neck[2] = (down[0] * (map[4] + 1 - end[0]) +
                   down[1] * (map[5] + 1 - end[1])) / square;
+}
+
+void place_view_make(struct splat_place_view *v, const float source[12],
+                     const float cam[12], const struct place_shoulders *s)
+{
+    float head[6];
+
+    memset(v, 0, sizeof *v);
+    place_map(head, source, cam);
+    memcpy(v->A, head, sizeof v->A);
+    memcpy(v->b, head + 4, sizeof v->b);
+    for (int k = 0; k < 2; k++) {
+        const float *axis = source + 4 * k;
+
+        v->toward[k] = -(axis[0] * cam[8] + axis[1] * cam[9] +
+                         axis[2] * cam[10]);
+    }
+    if (s)
+        place_set_shoulders(v, head, source, cam, s);
 }
 
 void place_view_focal(struct splat_place_view *v, float focal)

@@ -18,16 +18,17 @@
 
 #define PLACE_CHANNELS 3        /* sure x offset, sure y offset, sure */
 
-/* The view from the source's camera (3,4) to a frame's (3,4).  The map is
- * kept from growing without bound where the head turns its side to the
- * camera. */
+/* Where a frame has the shoulders: body (3,4) moves them in the head's frame
+ * about pivot (3), as neck_blend_body has it. */
+struct place_shoulders {
+    const float *body, *pivot;
+};
+
+/* The view from the source's camera (3,4) to a frame's (3,4), with shoulders or,
+ * NULL, without.  The maps are kept from growing without bound where the head
+ * turns its side to the camera. */
 void place_view_make(struct splat_place_view *v, const float source[12],
-                     const float cam[12]);
-/* The same with shoulders: body (3,4) moves them in the head's frame about
- * pivot (3), as neck_blend_body has it. */
-void place_view_with_shoulders(struct splat_place_view *v,
-                               const float source[12], const float cam[12],
-                               const float body[12], const float pivot[3]);
+                     const float cam[12], const struct place_shoulders *s);
 /* The same of pictures with another focal length, half pictures. */
 void place_view_focal(struct splat_place_view *v, float focal);
 

@@ -89,7 +89,7 @@ static double largest_offset(const float source[12], const float cam[12],
     for (size_t i = 0; i < N; i++)
         seen[i] = 1;
     place_of_source(uv, seen, mean, scale, source, N);
-    place_view_make(&v, source, cam);
+    place_view_make(&v, source, cam, NULL);
     place_channels(out, mean, uv, seen, &v, cam);
     for (size_t i = 0; i < N; i++)
         worst = fmax(worst, fmax(fabsf(out[3 * i]), fabsf(out[3 * i + 1])));
@@ -147,7 +147,7 @@ static void round_trip(void)
             uv[2 * i + 1] = (float)random_uniform(&r);
             seen[i] = (float)random_range(&r, 0.2, 1);
         }
-        place_view_make(&v, source, cam);
+        place_view_make(&v, source, cam, NULL);
         place_channels(out, mean, uv, seen, &v, cam);
         camera_project(n, NULL, cam, 2, mean, N);
         for (size_t i = 0; i < N; i++) {
@@ -184,8 +184,9 @@ static void place_shoulders(void)
     for (int i = 0; i < 9; i++)
         from[i] = source[4 * (i / 3) + i % 3];
     neck_blend_body(body, pivot, from, cam);
-    place_view_make(&head, source, cam);
-    place_view_with_shoulders(&v, source, cam, body, pivot);
+    place_view_make(&head, source, cam, NULL);
+    place_view_make(&v, source, cam,
+                    &(struct place_shoulders){body, pivot});
     place_facing(mean, source, 0, &r);
     for (size_t i = 0; i < N; i++)
         weight[i] = 1;
@@ -224,7 +225,7 @@ static void place_steep(void)
         struct splat_place_view v;
 
         place_turned(cam, a, 0, 12);
-        place_view_make(&v, source, cam);
+        place_view_make(&v, source, cam, NULL);
         for (int i = 0; i < 4; i++) {
             finite = finite && isfinite(v.A[i]);
             largest = fmaxf(largest, fabsf(v.A[i]));

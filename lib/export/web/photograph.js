@@ -74,7 +74,7 @@ function placeMap(source, cam) {
           from[1] - A[2] * to[0] - A[3] * to[1]];
 }
 
-// place_view_with_shoulders of lib/photo/place.c: A (2,2), b (2), toward (2),
+// place_view_make of lib/photo/place.c: A (2,2), b (2), toward (2),
 // and of the shoulders, which body (3,4) moves about pivot (3), shouldersA,
 // shouldersB and neck (3).
 export function placeView(source, cam, body, pivot) {

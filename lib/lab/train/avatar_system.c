@@ -201,7 +201,7 @@ static int avatar_system_splat(struct avatar_system *s, const float cam[12],
     const struct texture_field none = avatar_system_field(s, false);
 
     if (s->photo)
-        place_view_make(&s->view, s->source_cam, cam);
+        place_view_make(&s->view, s->source_cam, cam, NULL);
     if (splat_draw(&s->splat, &out, &sc, &s->view, NULL, err))
         return -1;
     for (size_t i = 0; i < n; i++)
