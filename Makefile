@@ -228,6 +228,12 @@ $(BUILD)/gen/report_%.inc: lib/lab/report/%
 $(BUILD)/obj/lib/lab/report/html.o: $(BUILD)/gen/report_page.css.inc \
                                 $(BUILD)/gen/report_page.js.inc
 
+# How synthetic people look and move, likewise.
+$(BUILD)/gen/traits.json.inc: examples/config/traits.json
+	@mkdir -p $(@D)
+	sed 's/[\\"]/\\&/g; s/.*/"&\\n"/' $< > $@
+$(BUILD)/obj/lib/lab/people/traits.o: $(BUILD)/gen/traits.json.inc
+
 # Pictures of spid-synth are the same bytes on every processor.
 $(BUILD)/obj/lib/lab/people/%: TMPL_LAST := -ffp-contract=off
 
@@ -391,7 +397,7 @@ install: all
 	  -e 's|@LIBS@|$(LIBS) -lstdc++ -pthread|' lib/api/spid.pc.in \
 	  > "$(DESTDIR)$(PREFIX)/lib/pkgconfig/spid.pc"
 	for f in $(BUILD)/share/spid/* examples/model/*.safetensors \
-	  examples/model/README.md; do \
+	  examples/model/README.md examples/config/traits.json; do \
 	  [ ! -e "$$f" ] || install -m 644 "$$f" "$(DESTDIR)$(PREFIX)/share/spid"; \
 	done
 

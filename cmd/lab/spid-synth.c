@@ -17,7 +17,7 @@
 
 static long people = 1, frames = 1, seed = 1, first, size = 512;
 static double fps = 25, effects = 1;
-static const char *head_path, *assets_path;
+static const char *head_path, *assets_path, *traits_path;
 static bool without_mesh;
 
 #define SYNTH_TURNS 1000        /* that --turn takes */
@@ -71,6 +71,8 @@ static const struct cli_option options[] = {
     OPTION_STRING("assets", 0, &assets_path, "DIR",
                   "people of scans under real light, from this folder, "
                   "in place of a plain figure"),
+    OPTION_STRING("traits", 0, &traits_path, "FILE",
+                  "how people look and move, in place of what is built in"),
     OPTION_HEAD(&head_path),
     {0}
 };
@@ -78,8 +80,8 @@ static const struct cli_option options[] = {
 static const struct cli_usage usage = {
     "spid-synth", "[-n N] [--frames N] [-s N] [--first N] [--size PIXELS] "
     "[--fps RATE] [--effects X] [--turn LIST] [--without mesh] [--format NAME] "
-    "[--assets DIR] [--head FILE] [-o FILE] [-j N] [-m MODEL] [-q] "
-    "[--stats FILE]",
+    "[--assets DIR] [--traits FILE] [--head FILE] [-o FILE] [-j N] [-m MODEL] "
+    "[-q] [--stats FILE]",
     "make people: pictures with their true parameters", options
 };
 
@@ -215,10 +217,10 @@ int main(int argc, char **argv)
         .seed = (uint64_t)seed, .first = (uint64_t)first,
         .people = (uint64_t)people, .frames = (uint64_t)frames,
         .size = (int)size, .fps = fps, .effects = (float)effects,
-        .turn = turns.each, .turns = turns.n
+        .turn = turns.each, .turns = turns.n, .traits = traits_path
     };
     struct scan_assets *assets = assets_path
-        ? scan_open(assets_path, &head, &err) : NULL;
+        ? scan_open(assets_path, traits_path, &head, &err) : NULL;
     if (assets_path && !assets)
         die_error(&err);
     opt.assets = assets;

@@ -126,3 +126,26 @@ P
         [[ "$output" == *"$f"* ]]
     done
 }
+
+@test "traits are what people differ by; a wrong one is named" {
+    traits=$BATS_TEST_DIRNAME/../../examples/config/traits.json
+    one="spid-synth -n 3 --size 64 --without mesh"
+    $one -o "$BATS_TEST_TMPDIR/a"
+    $one --traits "$traits" -o "$BATS_TEST_TMPDIR/b"
+    cmp "$BATS_TEST_TMPDIR/a" "$BATS_TEST_TMPDIR/b"
+    sed 's/"skin_tone": [0-9.]*/"skin_tone": 0.9/' "$traits" \
+        > "$BATS_TEST_TMPDIR/t"
+    $one --traits "$BATS_TEST_TMPDIR/t" -o "$BATS_TEST_TMPDIR/b"
+    run ! cmp -s "$BATS_TEST_TMPDIR/a" "$BATS_TEST_TMPDIR/b"
+    for bad in 's/"talk": .0.6, /"talk": [/=talk' 's/"droop"/"drop"/=droop' \
+               's/"jawForward"/"jawBack"/=jawBack' 's/"gum": /"gum": 1e999, "x": /=gum'; do
+        sed "${bad%=*}" "$traits" > "$BATS_TEST_TMPDIR/t"
+        run spid-synth --traits "$BATS_TEST_TMPDIR/t" -o /dev/null
+        [ "$status" -eq 78 ]
+        [ "${#lines[@]}" -eq 1 ]
+        [[ "$output" == *"/t: "*"${bad#*=}"* ]]
+    done
+    head -c 999 "$traits" > "$BATS_TEST_TMPDIR/t"
+    run spid-synth --traits "$BATS_TEST_TMPDIR/t" -o /dev/null
+    [ "$status" -eq 65 ]
+}

@@ -36,10 +36,14 @@ static void squint_add(struct squint *s, const float *w)
 int main(void)
 {
     static const struct act_model calm = {.kinds = 1, .share = {1}};
-    struct act_look look = {.lively = 1, .turn = 0.4f, .talk = 0.4f};
+    static struct traits traits;
+    struct act_look look = {.traits = &traits, .lively = 1, .turn = 0.4f,
+                            .talk = 0.4f};
     struct squint squint = {{0}, {0}};
     int open = 0, half = 0, shut = 0, closed = 0, dropped = 0;
 
+    if (traits_load(&traits, NULL, NULL))
+        return 1;
     for (int i = 0; i < PEOPLE; i++) {
         look.key = random_mix((uint64_t)i + 1);
         for (int t = 0; t < TIMES; t++) {

@@ -84,7 +84,7 @@ int main(void)
     struct scan_person p;
     struct drawn d = {0};
 
-    if (face_make(&a.face)) {
+    if (face_make(&a.face) || traits_load(&a.traits, NULL, NULL)) {
         scan_face_release(&a.face);
         return 1;
     }

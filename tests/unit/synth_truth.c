@@ -262,7 +262,7 @@ static void check_other_head(const struct head *h)
 
     other.nexp = 10;
     check_that("a head without the scans' expressions is refused",
-               !scan_plain_open(&other, &err)
+               !scan_plain_open(NULL, &other, &err)
                && strstr(err.text, "the scans' shapes"));
 }
 
@@ -274,7 +274,7 @@ int main(void)
 
     REQUIRE(!head_load(&h, "examples/model/head.safetensors", &err), "%s",
             err.text);
-    struct scan_assets *a = scan_plain_open(&h, &err);
+    struct scan_assets *a = scan_plain_open(NULL, &h, &err);
     REQUIRE(a && !scan_worker_init(&w, &h, S, &err), "%s", err.text);
     for (int i = 0; i < 4; i++)
         check_mask(&w, a, &h, i);

@@ -278,8 +278,8 @@ static int scan_check_head(const struct scan_assets *a, const struct head *h,
     return 0;
 }
 
-struct scan_assets *scan_open(const char *dir, const struct head *head,
-                              struct error *err)
+struct scan_assets *scan_open(const char *dir, const char *traits,
+                              const struct head *head, struct error *err)
 {
     struct scan_assets *a = calloc(1, sizeof *a);
     char path[PATH];
@@ -290,8 +290,10 @@ struct scan_assets *scan_open(const char *dir, const struct head *head,
         return NULL;
     }
     snprintf(path, sizeof path, "%s/ict", dir);
-    rc = scan_face_load(&a->face, path, err) || scan_check_head(a, head, err)
-         || scan_find_labels(a, head, err) || scan_find_points(a, dir, err)
+    rc = traits_load(&a->traits, traits, err)
+         || scan_face_load(&a->face, path, err)
+         || scan_check_head(a, head, err) || scan_find_labels(a, head, err)
+         || scan_find_points(a, dir, err)
          || follow_map_init(&a->follow, &a->face, head, err);
     snprintf(path, sizeof path, "%s/makehuman", dir);
     rc = rc || body_load(&a->body, &a->face, path, err) ||

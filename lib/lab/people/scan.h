@@ -15,6 +15,7 @@
 #include "lib/lab/people/scan_piece.h"
 #include "lib/lab/people/scan_register.h"
 #include "lib/lab/people/scan_skin.h"
+#include "lib/lab/people/traits.h"
 
 #define SCAN_PIECES 24          /* of one kind at most */
 
@@ -39,6 +40,7 @@ struct scan_assets {
     size_t nlight;
     struct skin_model skin;
     struct act_model act;
+    struct traits traits;       /* how people look and move */
     uint64_t *seen;             /* (FACE_VERTICES) directions each is seen
                                  * from, bald */
     uint8_t *label;             /* (FACE_VERTICES) enum synth_label */
@@ -47,15 +49,17 @@ struct scan_assets {
                                      * landmarks mean */
 };
 
-/* Read everything under DIR (ict/, makehuman/, hdri/, photos/, labels/).  head
- * lends its regions.  NULL and *err naming the file that is missing, cut,
- * of another shape or holds numbers that are none. */
-struct scan_assets *scan_open(const char *dir, const struct head *head,
-                              struct error *err);
+/* Read everything under DIR (ict/, makehuman/, hdri/, photos/, labels/) and the
+ * file of traits (NULL: the built-in ones).  head lends its regions.  NULL and
+ * *err naming the file that is missing, cut, of another shape or holds numbers
+ * that are none. */
+struct scan_assets *scan_open(const char *dir, const char *traits,
+                              const struct head *head, struct error *err);
 /* The same from the head (borrowed) alone: one plain figure, of all identities
  * and skins, in made rooms.  NULL and *err when the head is not the built-in
  * one's kind. */
-struct scan_assets *scan_plain_open(const struct head *h, struct error *err);
+struct scan_assets *scan_plain_open(const char *traits, const struct head *h,
+                                    struct error *err);
 void scan_close(struct scan_assets *a);         /* NULL is allowed */
 
 /* ---- parts of them -------------------------------------------------------- */

@@ -7,6 +7,7 @@
 
 #include "lib/base/error.h"
 #include "lib/head/arkit.h"
+#include "lib/lab/people/traits.h"
 
 #define ACT_KINDS 24            /* of the mixture */
 
@@ -23,6 +24,7 @@ int act_model_fit(struct act_model *m, const char *dir, struct error *err);
 
 /* How a person acts: fixed for a clip. */
 struct act_look {
+    const struct traits *traits;        /* borrowed */
     uint64_t key;
     float lively;               /* size of motions */
     float yaw, pitch, roll;     /* rest pose, radians */

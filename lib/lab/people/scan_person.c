@@ -32,12 +32,22 @@ static void person_color(struct random *r, float out[3], const float srgb[3],
                         0.95f);
     }
 }
-/* Any colour: hue anywhere, saturation and brightness within bounds. */
-static void person_any_color(struct random *r, float c[3], float sat, float lo,
-                             float hi)
+/* Ranges of three channels, drawn. */
+static void person_ranges(struct random *r, float c[3], const double t[3][2])
 {
-    float h = random_float(r, 0, 6), s = sat * random_float(r, 0, 1),
-          v = random_float(r, lo, hi);
+    for (int k = 0; k < 3; k++)
+        c[k] = trait_range(r, t[k]);
+}
+/* About 0 by a spread. */
+static float person_spread(struct random *r, float spread)
+{
+    return spread * person_normal(r, 2);
+}
+/* Any colour: hue anywhere, saturation and brightness within t's bounds. */
+static void person_any_color(struct random *r, float c[3], const float t[3])
+{
+    float h = random_float(r, 0, 6), s = t[0] * random_float(r, 0, 1),
+          v = random_float(r, (double)t[1], (double)t[2]);
 
     for (int k = 0; k < 3; k++) {
         float d = fabsf(fmodf(h + 2 * (float)k, 6) - 3) - 1;
@@ -46,48 +56,37 @@ static void person_any_color(struct random *r, float c[3], float sat, float lo,
 }
 
 /* Components of the photographs' skin statistics, and a tone. */
-static void person_draw_skin(struct scan_person *p)
+static void person_draw_skin(struct scan_person *p, const struct traits *t)
 {
     struct random r;
     struct skin_look *s = &p->skin;
+    float stick[3], lid[3];
 
     random_init(&r, p->key, "skin");
     for (int k = 0; k < SKIN_PARTS; k++)
-        s->z[k] = person_normal(&r, 2.2f);
+        s->z[k] = person_normal(&r, t->skin_part_limit);
     s->key = random_u64(&r);
     /* darker people are rarer in the photographs than in the world */
-    s->tone = 0.16f * person_normal(&r, 2);
-    if (random_chance(&r, 0.25))
-        s->tone -= random_float(&r, 0.2, 1.1);
-    s->red = 0.5f * person_normal(&r, 2);
+    s->tone = person_spread(&r, t->skin_tone);
+    s->tone -= trait_maybe(&r, t->skin_darker);
+    s->red = person_spread(&r, t->skin_red);
     s->age = p->age;
-    s->grain = random_float(&r, 0.6, 1.2) + 0.4f * p->age;
-    s->freckle = random_chance(&r, 0.15) && s->tone > -0.3f
-                     ? random_float(&r, 0.3, 1)
-                     : 0;
-    s->mole = random_chance(&r, 0.5) ? random_float(&r, 0.2, 1) : 0;
-    s->stubble = p->male > 0.5f && random_chance(&r, 0.6)
-                     ? random_float(&r, 0.1, 0.8)
-                     : 0;
-    bool made_up = p->male < 0.5f && random_chance(&r, 0.45);
-    float stick[3] = {random_float(&r, 120, 210), random_float(&r, 20, 100),
-                      random_float(&r, 40, 110)};
-    float lid[3] = {random_float(&r, 40, 170), random_float(&r, 30, 120),
-                    random_float(&r, 30, 140)};
-    person_color(&r, s->lip, stick, 0.05f);
-    person_color(&r, s->lid, lid, 0.05f);
-    s->lipstick = made_up ? random_float(&r, 0.2, 0.9) : 0;
-    s->shadow = made_up && random_chance(&r, 0.5) ? random_float(&r, 0.15, 0.7)
-                                                  : 0;
-    s->blush = made_up ? random_float(&r, 0, 0.5) : 0;
-    p->gloss = random_float(&r, 0.5, 1.5);
-    p->wet = random_float(&r, 0.6, 1.6) + (made_up ? 0.8f : 0);
+    s->grain = trait_range(&r, t->skin_grain) + t->skin_grain_age * p->age;
+    s->freckle = random_chance(&r, t->freckle[0]) && s->tone > t->freckle_tone
+                     ? trait_range(&r, t->freckle + 1) : 0;
+    s->mole = trait_maybe(&r, t->mole);
+    s->stubble = p->male > 0.5f ? trait_maybe(&r, t->stubble) : 0;
+    bool made_up = p->male < 0.5f && random_chance(&r, t->made_up);
+    person_ranges(&r, stick, t->lipstick_rgb);
+    person_ranges(&r, lid, t->lid_rgb);
+    person_color(&r, s->lip, stick, t->made_up_spread);
+    person_color(&r, s->lid, lid, t->made_up_spread);
+    s->lipstick = made_up ? trait_range(&r, t->lipstick) : 0;
+    s->shadow = made_up ? trait_maybe(&r, t->lid) : 0;
+    s->blush = made_up ? trait_range(&r, t->blush) : 0;
+    p->gloss = trait_range(&r, t->gloss);
+    p->wet = trait_range(&r, t->wet) + (made_up ? t->made_up_wet : 0);
 }
-
-static const float hair_rows[9][3] = {
-    {20, 17, 16}, {30, 24, 21}, {44, 32, 25}, {62, 44, 33}, {86, 60, 42},
-    {118, 86, 58}, {160, 124, 84}, {192, 162, 116}, {120, 56, 30}
-};
 
 /* Whether hair hangs over a brow of a face seen about from the front: most
  * faces in photographs show both. */
@@ -112,182 +111,191 @@ static bool person_hides_brow(const struct piece *hair,
 
 /* The darker the skin, the darker the hair, mostly; gray by age, and dyed now
  * and then. */
-static void person_draw_hair_color(struct scan_person *p, struct random *r)
+static void person_draw_hair_color(struct scan_person *p, struct random *r,
+                                   const struct traits *t)
 {
-    const float gray[3] = {0.42f, 0.41f, 0.40f};
-    int rows = p->skin.tone < -0.5f && random_chance(r, 0.85) ? 3 : 9;
+    bool dark = p->skin.tone < t->hair_dark_tone
+                && random_chance(r, t->hair_dark);
 
-    person_color(r, p->hair_color, hair_rows[random_below(r, (uint32_t)rows)],
-                 0.12f);
-    p->hair_gray = random_chance(r, p->age * 0.9)
-                       ? random_float(r, 0.1, 1) * p->age
-                       : 0;
-    if (random_chance(r, 0.04))
-        person_any_color(r, p->hair_color, 0.9f, 0.3f, 0.8f);
-    lerp3(p->hair_color, p->hair_color, gray, p->hair_gray);
-    p->hair_gloss = random_float(r, 0.3, 1.3);
+    person_color(r, p->hair_color, t->hair_rgb[random_below(r, dark ? 3 : 9)],
+                 t->hair_spread);
+    p->hair_gray = random_chance(r, (double)p->age * t->hair_gray_age)
+                       ? trait_range(r, t->hair_gray) * p->age : 0;
+    if (random_chance(r, t->hair_dyed))
+        person_any_color(r, p->hair_color, t->hair_dyed_color);
+    lerp3(p->hair_color, p->hair_color, t->hair_gray_linear, p->hair_gray);
+    p->hair_gloss = trait_range(r, t->hair_gloss);
 }
 
 /* Brows of the photographs' kinds, a little uneven. */
-static void person_draw_brows(struct scan_person *p)
+static void person_draw_brows(struct scan_person *p, const struct traits *t)
 {
     struct random r;
 
     random_init(&r, p->key, "brows");
-    p->brow_weight = random_float(&r, 0.55, 1.0);
+    p->brow_weight = trait_range(&r, t->brow_weight);
     for (int k = 0; k < BROW_PARTS; k++) {
         float both = person_normal(&r, 2);
 
         for (int e = 0; e < 2; e++)
-            p->brow[e][k] = both + 0.3f * person_normal(&r, 2);
+            p->brow[e][k] = both + person_spread(&r, t->brow_uneven);
     }
 }
 
 /* Beard and moustache, in the brows' colour, which is the hair's. */
-static void person_draw_beard(struct scan_person *p, struct random *r)
+static void person_draw_beard(struct scan_person *p, struct random *r,
+                              const struct traits *t)
 {
+    const bool male = p->male > 0.5f;
+
     for (int k = 0; k < 3; k++)
-        p->brow_color[k] = clampf(p->hair_color[k], 0.004f, 0.11f)
-                           * random_float(r, 0.5, 0.9);
-    p->beard = p->male > 0.5f && random_chance(r, 0.35)
-                   ? random_float(r, 0.3, 1)
-                   : 0;
-    p->moustache = p->male > 0.5f
-                           && random_chance(r, p->beard > 0 ? 0.85 : 0.08)
-                       ? random_float(r, 0.4, 1)
-                       : 0;
-    p->beard_length = random_float(r, 0.1, 1);
+        p->brow_color[k] = clampf(p->hair_color[k], t->brow_linear[0],
+                                  t->brow_linear[1])
+                           * trait_range(r, t->brow_shade);
+    p->beard = male ? trait_maybe(r, t->beard) : 0;
+    p->moustache = male && random_chance(r, t->moustache[p->beard <= 0])
+                       ? trait_range(r, t->moustache_size) : 0;
+    p->beard_length = trait_range(r, t->beard_length);
 }
 
 /* Colour, cut, hat, brows and beard. */
 static void person_draw_hair(struct scan_person *p, const struct scan_assets *a)
 {
+    const struct traits *t = &a->traits;
+    const bool male = p->male > 0.5f;
     struct random r;
 
     random_init(&r, p->key, "hair");
-    person_draw_hair_color(p, &r);
-    p->hair = person_one_of(&r, a->hair.n, p->male > 0.5f ? 0.12 : 0.02);
+    person_draw_hair_color(p, &r, t);
+    p->hair = person_one_of(&r, a->hair.n, t->hair_none[!male]);
     /* long hair and short hair change hands now and then */
     for (int k = 0; k < 12 && p->hair >= 0; k++) {
         const struct piece *q = &a->hair.piece[p->hair];
         bool is_short = !strncmp(q->name, "short", 5);
-        if ((is_short == (p->male > 0.5f) || random_chance(&r, 0.15))
-            && (!person_hides_brow(q, &a->face) || random_chance(&r, 0.05)))
+        if ((is_short == male || random_chance(&r, t->hair_unusual))
+            && (!person_hides_brow(q, &a->face)
+                || random_chance(&r, t->hair_over_brow)))
             break;
         p->hair = person_one_of(&r, a->hair.n, 0);
     }
     p->buzz = p->hair < 0 ? random_float(&r, 0, 1) : 0;
-    p->hat = person_one_of(&r, a->hat.n, 0.955);
-    p->cap = p->hat < 0 && random_chance(&r, 0.05)
-                 ? 1 + (int)random_below(&r, 2)
-                 : 0;
+    p->hat = person_one_of(&r, a->hat.n, t->hat_none);
+    p->cap = p->hat < 0 && random_chance(&r, t->cap)
+                 ? 1 + (int)random_below(&r, 2) : 0;
     if (p->hat >= 0 || p->cap)
-        p->hair = p->male > 0.5f || random_chance(&r, 0.3) ? -1 : p->hair;
-    person_any_color(&r, p->cap_color, 0.8f, 0.1f, 0.9f);
-    person_draw_beard(p, &r);
+        p->hair = male || random_chance(&r, t->cap_hides_hair) ? -1 : p->hair;
+    person_any_color(&r, p->cap_color, t->cap_color);
+    person_draw_beard(p, &r, t);
 }
 
 /* Irises, lashes, teeth, glasses and what is worn. */
 static void person_draw_features(struct scan_person *p,
                                  const struct scan_assets *a)
 {
+    const struct traits *t = &a->traits;
     struct random r;
+    float brown[3];
 
     random_init(&r, p->key, "features");
     p->iris = person_one_of(&r, a->niris, 0);
-    p->iris_size = random_float(&r, 0.94, 1.06);
+    p->iris_size = trait_range(&r, t->iris_size);
     /* most of the world's eyes are brown; the pictures' are mostly blue */
-    float brown[3] = {random_float(&r, 50, 110), random_float(&r, 32, 62),
-                      random_float(&r, 14, 34)};
-    person_color(&r, p->iris_tint, brown, 0.1f);
-    if (!random_chance(&r, p->skin.tone < -0.4f ? 0.95 : 0.6))
+    person_ranges(&r, brown, t->brown_rgb);
+    person_color(&r, p->iris_tint, brown, t->brown_spread);
+    if (!random_chance(&r, t->brown[p->skin.tone >= t->brown_tone]))
         p->iris_tint[0] = -1;   /* as pictured */
-    p->lash = random_float(&r, 0.35, 0.9) + (p->skin.lipstick > 0 ? 0.4f : 0);
-    float t = random_float(&r, 0, 1);
-    p->tooth[0] = lerpf(0.68f, 0.80f, t);
-    p->tooth[1] = lerpf(0.60f, 0.77f, t);
-    p->tooth[2] = lerpf(0.44f, 0.70f, t);
-    p->gum[0] = random_float(&r, 0.36, 0.48);
-    p->gum[1] = random_float(&r, 0.12, 0.19);
-    p->gum[2] = random_float(&r, 0.12, 0.18);
-    p->glasses = random_chance(&r, 0.2)
+    p->lash = trait_range(&r, t->lash)
+              + (p->skin.lipstick > 0 ? t->made_up_lash : 0);
+    lerp3(p->tooth, t->tooth_linear[0], t->tooth_linear[1],
+          random_float(&r, 0, 1));
+    person_ranges(&r, p->gum, t->gum);
+    p->glasses = random_chance(&r, t->glasses)
                      ? (enum glasses)(GLASSES_ROUND + random_below(&r, 3))
                      : GLASSES_NONE;
-    if (random_chance(&r, 0.012))
+    if (random_chance(&r, t->sunglasses))
         p->glasses = GLASSES_SUN;
-    person_any_color(&r, p->glass_color, 0.5f, 0.05f, 0.5f);
-    if (random_chance(&r, 0.5))
+    person_any_color(&r, p->glass_color, t->glasses_color);
+    if (random_chance(&r, t->glasses_black))
         p->glass_color[0] = p->glass_color[1] = p->glass_color[2] = 0.02f;
-    p->earring = p->male < 0.5f && random_chance(&r, 0.3);
+    p->earring = p->male < 0.5f && random_chance(&r, t->earring);
     p->cloth = person_one_of(&r, a->cloth.n, 0);
-    p->cloth_own = random_chance(&r, 0.3);
-    person_any_color(&r, p->cloth_color, 0.8f, 0.08f, 0.92f);
+    p->cloth_own = random_chance(&r, t->cloth_own);
+    person_any_color(&r, p->cloth_color, t->cloth_color);
 }
 
 /* Exposure, colour, blur, noise and codec; all but the first weaker where
  * effects is, and none at 0.  A poor camera is poor in all of them, and most
  * are good; white is missed towards amber or blue. */
 static void person_draw_picture(struct scan_camera *c, struct random *r,
-                                float effects)
+                                const struct traits *t, float effects)
 {
     const float e = effects;
     float poor = random_float(r, 0, 1), white;
 
     poor *= poor;
-    c->exposure = random_float(r, 0.72, 1.28);
-    c->contrast = 1 + e * 0.14f * person_normal(r, 2);
-    c->saturation = 1 + e * 0.14f * person_normal(r, 2);
+    c->exposure = trait_range(r, t->exposure);
+    c->contrast = 1 + e * t->contrast * person_normal(r, 2);
+    c->saturation = 1 + e * t->saturation * person_normal(r, 2);
     white = person_normal(r, 2);
     for (int k = 0; k < 3; k++)
-        c->balance[k] = 1 + e * (0.07f * (float)(1 - k) * white
-                                 + 0.02f * person_normal(r, 2));
-    c->blur = random_chance(r, 0.5)   ? e * random_float(r, 0, 0.5)
-              : random_chance(r, 0.4) ? e * lerpf(0.3f, 1.6f, poor)
-                                      : 0;
-    c->sharpen = random_chance(r, 0.4) ? e * random_float(r, 0.2, 0.9) : 0;
-    c->shutter = e * (random_chance(r, 0.6) ? random_float(r, 0, 0.012)
-                                            : random_float(r, 0.01, 0.035));
-    c->noise = e * random_float(r, 0.001, 0.006 + 0.029 * (double)poor);
-    c->vignette = e * (random_chance(r, 0.4) ? random_float(r, 0, 0.5) : 0);
-    c->low = e > 0 && random_chance(r, 0.35) ? lerpf(0.9f, 0.35f, poor) : 1;
-    c->jpeg = e > 0 && random_chance(r, 0.5)
-                  ? (int)lerpf(96, 30, poor * random_float(r, 0.5, 1)) : 0;
-    c->codec = e > 0 && random_chance(r, 0.4)
-                   ? (int)lerpf(20, 36, poor * random_float(r, 0.5, 1)) : 0;
-    c->drift = e * (random_chance(r, 0.4) ? random_float(r, 0, 1) : 0);
+        c->balance[k] = 1 + e * (t->white * (float)(1 - k) * white
+                                 + person_spread(r, t->balance));
+    c->blur = random_chance(r, t->blur[0]) ? e * trait_range(r, t->blur + 1)
+              : random_chance(r, t->blur_poor)
+                  ? e * lerpf(t->blur_poor_size[0], t->blur_poor_size[1], poor)
+                  : 0;
+    c->sharpen = e * trait_maybe(r, t->sharpen);
+    c->shutter = e * (random_chance(r, t->shutter[0])
+                          ? trait_range(r, t->shutter + 1)
+                          : trait_range(r, t->shutter_long));
+    c->noise = e * random_float(r, t->noise[0],
+                                t->noise[1] + t->noise[2] * (double)poor);
+    c->vignette = e * trait_maybe(r, t->vignette);
+    c->low = e > 0 && random_chance(r, t->coarse)
+                 ? lerpf(t->coarse_scale[0], t->coarse_scale[1], poor) : 1;
+    c->jpeg = e > 0 && random_chance(r, t->jpeg)
+                  ? (int)lerpf(t->jpeg_quality[0], t->jpeg_quality[1],
+                               poor * trait_range(r, t->coded)) : 0;
+    c->codec = e > 0 && random_chance(r, t->codec)
+                   ? (int)lerpf(t->codec_quantiser[0], t->codec_quantiser[1],
+                                poor * trait_range(r, t->coded)) : 0;
+    c->drift = e * trait_maybe(r, t->drift);
 }
 
 /* Where the camera is, what its pictures are like, and what is behind and
  * before the person. */
 static void person_draw_camera(struct scan_person *p, bool far_only,
-                               float effects)
+                               const struct traits *t, float effects)
 {
     struct random r;
     struct scan_camera *c = &p->camera;
 
     random_init(&r, p->key, "camera");
     float far = random_float(&r, 0, 1);
-    p->rest[2] = 12 * expf(0.28f * person_normal(&r, 2) + 0.04f);
+    p->rest[2] = 12 * expf(person_spread(&r, t->distance) + 0.04f);
     c->distance = p->rest[2];
     if (far_only)
         ;
-    else if (far < 0.45f)            /* an arm's length, or a desk's */
-        c->distance = minf(c->distance, 5 * random_float(&r, 0.32, 1.6));
-    else if (far < 0.5f)        /* a telephone at 15 to 32 cm from the face */
-        c->distance = 5 * random_float(&r, 0.24, 0.36);
-    p->rest[0] = 0.13f * person_normal(&r, 2) * p->rest[2] / 12;
-    p->rest[1] = (0.10f * person_normal(&r, 2) - 0.02f) * p->rest[2] / 12;
-    person_draw_picture(c, &r, effects);
-    c->depth = random_chance(&r, 0.8) ? random_float(&r, 0.2, 1) : 0.05f;
-    c->backdrop = random_chance(&r, 0.72) ? BACKDROP_ROOM : BACKDROP_WALL;
-    c->view = random_float(&r, 0.35, 1.15);
-    c->tilt = 0.12f * person_normal(&r, 2);
-    person_any_color(&r, c->wall, random_chance(&r, 0.5) ? 0.12f : 0.7f, 0.15f,
-                     0.95f);
+    else if (far < t->near_share[0])    /* an arm's length, or a desk's */
+        c->distance = minf(c->distance, 5 * trait_range(&r, t->desk));
+    else if (far < t->near_share[1])
+        c->distance = 5 * trait_range(&r, t->telephone);
+    p->rest[0] = person_spread(&r, t->aside) * p->rest[2] / 12;
+    p->rest[1] = (person_spread(&r, t->above[0]) + t->above[1]) * p->rest[2]
+                 / 12;
+    person_draw_picture(c, &r, t, effects);
+    c->depth = random_chance(&r, t->defocus[0])
+                   ? trait_range(&r, t->defocus + 1) : 0.05f;
+    c->backdrop = random_chance(&r, t->room) ? BACKDROP_ROOM : BACKDROP_WALL;
+    c->view = trait_range(&r, t->view);
+    c->tilt = person_spread(&r, t->tilt);
+    person_any_color(&r, c->wall,
+                     t->wall_color[!random_chance(&r, t->wall_plain)]);
     p->front = FRONT_NONE;
-    if (effects > 0 && random_chance(&r, 0.09))
-        p->front = random_chance(&r, 0.6) ? FRONT_HAND
-                   : random_chance(&r, 0.5) ? FRONT_MICROPHONE : FRONT_CUP;
+    if (effects > 0 && random_chance(&r, t->front))
+        p->front = random_chance(&r, t->front_hand) ? FRONT_HAND
+                   : random_chance(&r, t->front_microphone)
+                       ? FRONT_MICROPHONE : FRONT_CUP;
 }
 
 static void person_draw_light(struct scan_person *p,
@@ -301,18 +309,6 @@ static void person_draw_light(struct scan_person *p,
     for (int k = 0; k < 3; k++)
         p->gain[k] = 1;
 }
-
-/* Mean identity, hundredths of a deviation: half of what makes resting faces
- * of the scans, as a landmarker sees them, as wide, as long and as wide of mouth
- * as those of the 82 calm photographs (least squares, ridge 0.02); half, since
- * 82 people are few. */
-static const int8_t mean_identity[SCAN_IDENTITIES] = {
-    -8, 6, 15, -13, -7, -32, 5, -17, 14, 1, 14, 13, -5, 4, -27, 3, -6, -2, 3,
-    -4, 3, -4, 1, -2, -9, -1, -2, -7, -1, -1, -7, -5, 3, -3, 5, 2, 5, 2, 3,
-    -4, -7, 4, 9, -1, 4, -2, -1, 3, -4, -3, 0, 1, -1, -1, -3, -1, 0, 1, -1, 0,
-    1, -3, 4, -1, 2, -1, 1, 0, 4, 3, -2, 0, -2, 0, -3, 1, 0, -4, 3, -2, 1, -2,
-    2, 1, 2, -1, 1, 1, 1, 1, -1, 0, 1, -1, 0, 0, 0, -1, -1, 0
-};
 
 /* Height between upper and lower lip of a shape (FACE_VERTICES,3): at the
  * middle, and the mean beside it. */
@@ -353,52 +349,58 @@ static void person_close_lips(float *beta, const struct scan_face *f, float gap)
         beta[k] += u * way[k][0] + v * way[k][1];
 }
 
-/* The scans' components, with the proportions of people in photographs. */
+/* The scans' components, with the proportions of people in photographs: the
+ * mean is half of what makes resting faces of the scans, as a landmarker sees
+ * them, as wide, as long and as wide of mouth as those of the 82 calm
+ * photographs (least squares, ridge 0.02); half, since 82 people are few. */
 static void person_draw_shape(struct scan_person *p,
-                              const struct scan_face *f)
+                              const struct scan_face *f, const struct traits *t)
 {
     struct random r;
 
     random_init(&r, p->key, "shape");
     for (int k = 0; k < SCAN_IDENTITIES; k++)
-        p->beta[k] = 0.01f * mean_identity[k] + person_normal(&r, 2.5f);
-    person_close_lips(p->beta, f, random_float(&r, 0, 0.001));
+        p->beta[k] = 0.01f * t->identity_mean[k]
+                     + person_normal(&r, t->identity_limit);
+    person_close_lips(p->beta, f, trait_range(&r, t->lip_gap));
 }
 
 /* How lively, how talkative, how far they turn. */
-static void person_draw_act(struct scan_person *p)
+static void person_draw_act(struct scan_person *p, const struct traits *t)
 {
     struct random r;
     struct act_look *l = &p->act;
 
     random_init(&r, p->key, "act");
+    l->traits = t;
     l->key = random_u64(&r);
-    l->lively = random_float(&r, 0.5, 1.25);
-    l->turn = random_chance(&r, 0.35) ? random_float(&r, 0.5, 1.05)
-                                      : random_float(&r, 0.15, 0.6);
-    l->yaw = 0.35f * l->turn * person_normal(&r, 2);
-    l->pitch = 0.07f * person_normal(&r, 2);
-    l->roll = 0.05f * person_normal(&r, 2);
-    l->lean = person_normal(&r, 2) * 0.4f;
-    l->talk = random_chance(&r, 0.6) ? random_float(&r, 0.2, 0.9) : 0;
+    l->lively = trait_range(&r, t->lively);
+    l->turn = random_chance(&r, t->turn_far[0])
+                  ? trait_range(&r, t->turn_far + 1) : trait_range(&r, t->turn);
+    l->yaw = t->rest[0] * l->turn * person_normal(&r, 2);
+    l->pitch = person_spread(&r, t->rest[1]);
+    l->roll = person_spread(&r, t->rest[2]);
+    l->lean = person_spread(&r, t->lean);
+    l->talk = trait_maybe(&r, t->talk);
 }
 
 void scan_person_draw(struct scan_person *p, const struct scan_assets *a,
                       uint64_t seed, uint64_t index, float effects)
 {
+    const struct traits *t = &a->traits;
     struct random r;
 
     memset(p, 0, sizeof *p);
     p->key = random_mix(random_mix(seed ^ random_name("scan person")) + index);
     random_init(&r, p->key, "who");
     p->male = random_float(&r, 0, 1);
-    p->age = random_float(&r, 0, 1) * random_float(&r, 0.4, 1);
-    person_draw_shape(p, &a->face);
-    person_draw_skin(p);
+    p->age = random_float(&r, 0, 1) * trait_range(&r, t->age);
+    person_draw_shape(p, &a->face, t);
+    person_draw_skin(p, t);
     person_draw_hair(p, a);
-    person_draw_brows(p);
+    person_draw_brows(p, t);
     person_draw_features(p, a);
     person_draw_light(p, a);
-    person_draw_act(p);
-    person_draw_camera(p, a->plain, effects);
+    person_draw_act(p, t);
+    person_draw_camera(p, a->plain, t, effects);
 }

@@ -326,7 +326,8 @@ static int plain_check_head(const struct head *h, struct error *err)
     return 0;
 }
 
-struct scan_assets *scan_plain_open(const struct head *h, struct error *err)
+struct scan_assets *scan_plain_open(const char *traits, const struct head *h,
+                                    struct error *err)
 {
     struct scan_assets *a = calloc(1, sizeof *a);
     struct scan_plain *p = calloc(1, sizeof *p);
@@ -339,7 +340,8 @@ struct scan_assets *scan_plain_open(const struct head *h, struct error *err)
     }
     noise_lattice();
     a->plain = p;
-    if (plain_check_head(h, err) || plain_lay_out(p, h, err)
+    if (traits_load(&a->traits, traits, err) || plain_check_head(h, err)
+        || plain_lay_out(p, h, err)
         || plain_make_face(&a->face, p, err)
         || near_init(&a->body.near, a->face.neutral, FACE_NECK_END, 0.05f, err)
         || plain_make_labels(a, err) || plain_make_looks(a, err)

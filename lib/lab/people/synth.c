@@ -63,7 +63,8 @@ struct synth *synth_open(const struct head *head,
         goto memory;
     s->opt = *opt;
     if (!opt->assets) {
-        s->opt.assets = s->plain = scan_plain_open(head, err);
+        s->opt.assets = s->plain = scan_plain_open(opt->traits, head,
+                                                     err);
         if (!s->plain)
             goto out;
     }

@@ -29,6 +29,7 @@ struct synth_options {
     bool mesh;                  /* also the driven vertices */
     const struct scan_assets *assets;   /* people of the scans, borrowed; NULL:
                                          * plain figures (scan_plain.c) */
+    const char *traits;         /* file of theirs; NULL: the built-in */
 };
 
 /* One finished frame; everything belongs to the synth and stays until the
