@@ -89,7 +89,7 @@ static void shape_add_view(struct program *p, const char *path,
         die_error(&err);
     if (r.stranger)
         warn("%s: another person than in %s (likeness %.2f, expected %.2f at "
-             "least): left out", path, first, r.likeness, VIEWS_ALIKE);
+             "least): left out", path, first, r.likeness, VIEWS_SIMILAR);
     else if (!r.taken)
         notice("%s: no frame with the head turned another way", path);
     else
@@ -125,9 +125,9 @@ static void shape_make_identity(struct program *p, char **path, int paths)
     stats_end("motion", now - s->motion_s);
     stats_end("shape", now - s->shape_s);
     stats_end("matte", now - s->matte_s);
-    if (s->turned)
+    if (s->rotated)
         warn("%s: the face lay on its side or upside down: turned by %d "
-             "degrees clockwise", path[0], 90 * s->turned);
+             "degrees clockwise", path[0], 90 * s->rotated);
     if (s->how == SOURCE_HEAD)
         warn("%s: the matte is by the head's outline and the colours alone "
              "(--mask FILE gives a better one)", path[0]);

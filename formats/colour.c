@@ -120,16 +120,16 @@ static void hdr_light(double out[3], const double v[3], bool hlg)
  * WHITE is the brightest of; black stays. */
 static double hdr_roll(double light, double peak)
 {
-    const double most = pq_signal(peak / 10000);
-    const double top = pq_signal(WHITE / 10000) / most;
+    const double max = pq_signal(peak / 10000);
+    const double top = pq_signal(WHITE / 10000) / max;
     const double knee = 1.5 * top - 0.5;
-    const double e = fmin(pq_signal(light / 10000) / most, 1);
+    const double e = fmin(pq_signal(light / 10000) / max, 1);
 
     if (e <= knee || knee >= 1)
         return fmin(light, WHITE);
     const double t = (e - knee) / (1 - knee), t2 = t * t, t3 = t2 * t;
 
-    return 10000 * pq_light(most * ((2 * t3 - 3 * t2 + 1) * knee +
+    return 10000 * pq_light(max * ((2 * t3 - 3 * t2 + 1) * knee +
                                     (t3 - 2 * t2 + t) * (1 - knee) +
                                     (3 * t2 - 2 * t3) * top));
 }
@@ -145,8 +145,8 @@ static cmsInt32Number hdr_sample(const cmsUInt16Number in[],
     float linear[3], srgb[3];
 
     hdr_light(light, v, h->hlg);
-    const double most = fmax(fmax(light[0], light[1]), light[2]);
-    const double scale = most > 0 ? hdr_roll(most, h->peak) / most / WHITE : 0;
+    const double max = fmax(fmax(light[0], light[1]), light[2]);
+    const double scale = max > 0 ? hdr_roll(max, h->peak) / max / WHITE : 0;
 
     for (int k = 0; k < 3; k++)
         linear[k] = (float)(light[k] * scale);

@@ -296,13 +296,13 @@ void ISA(compose_half)(uint16_t *out, const float *x, size_t n)
 void ISA(compose_widen)(float *out, const uint16_t *x, size_t n)
 {
     for (size_t i = 0; i < n; i++) {
-        const float least = 0x1p-14f;
+        const float min = 0x1p-14f;
         uint32_t a = (uint32_t)(x[i] & 0x7fff) << 13;
         uint32_t above = a + 0x38800000, small, u;
         float f;
 
         memcpy(&f, &above, sizeof f);
-        f -= least;
+        f -= min;
         memcpy(&small, &f, sizeof small);
         u = (int32_t)a < 0x800000 ? small : a + 0x38000000;
         u = (int32_t)a >= 0xf800000 ? a + 0x70000000 : u;

@@ -120,11 +120,11 @@ static void door_row_alpha(struct door *d, const void *row, size_t y)
 
 void door_row(struct door *d, const void *row, size_t y)
 {
-    const bool turned = d->tag.orientation != ORIENT_UPRIGHT;
-    uint8_t *rgb = turned ? d->row : d->to->rgb + 3 * d->width * y;
+    const bool rotated = d->tag.orientation != ORIENT_UPRIGHT;
+    uint8_t *rgb = rotated ? d->row : d->to->rgb + 3 * d->width * y;
 
     colour_row(d->colour, rgb, row, d->width, d->tag.pixels);
-    for (size_t x = 0; turned && x < d->width; x++)
+    for (size_t x = 0; rotated && x < d->width; x++)
         memcpy(d->to->rgb + 3 * orient_pixel(x, y, d->width, d->height,
                                              d->tag.orientation),
                rgb + 3 * x, 3);

@@ -6,7 +6,7 @@
 
 #include <libexif/exif-data.h>
 
-#define EXIF_MOST 0xffff        /* bytes of a marker of JPEG */
+#define EXIF_MAX 0xffff        /* bytes of a marker of JPEG */
 
 /* Adobe RGB (1998): the curve and x, y of white, red, green and blue. */
 static const struct colour_tag exif_adobe = {
@@ -37,7 +37,7 @@ void exif_read(struct door_tag *t, const uint8_t *data, size_t n)
         data += 6;
         n -= 6;
     }
-    if (n < 8 || n > EXIF_MOST ||
+    if (n < 8 || n > EXIF_MAX ||
         (memcmp(data, "II", 2) && memcmp(data, "MM", 2)))
         return;
     ExifData *exif = exif_parse(data, n);

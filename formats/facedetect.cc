@@ -84,11 +84,11 @@ static std::vector<cv::Rect> facedetect_search(cv::CascadeClassifier &c,
                                                const cv::Mat &grey, int part)
 {
     std::vector<cv::Rect> found;
-    int least = std::max(24, std::min(grey.cols, grey.rows) / part);
+    int min = std::max(24, std::min(grey.cols, grey.rows) / part);
 
-    if (c.empty() || grey.cols < least || grey.rows < least)
+    if (c.empty() || grey.cols < min || grey.rows < min)
         return found;
-    c.detectMultiScale(grey, found, 1.1, 4, 0, cv::Size(least, least));
+    c.detectMultiScale(grey, found, 1.1, 4, 0, cv::Size(min, min));
     std::stable_sort(found.begin(), found.end(),
                      [](const cv::Rect &a, const cv::Rect &b) {
                          return a.area() > b.area();
@@ -111,7 +111,7 @@ static double facedetect_shrink_grey(cv::Mat &grey, const cv::Mat &in,
     return (double)small.cols / (double)in.cols;
 }
 
-size_t facedetect_find(struct facedetect *d, struct square *face, size_t most,
+size_t facedetect_find(struct facedetect *d, struct square *face, size_t max,
                        bool all, const uint8_t *rgb, size_t W, size_t H,
                        size_t stride)
 {
@@ -131,7 +131,7 @@ size_t facedetect_find(struct facedetect *d, struct square *face, size_t most,
             found = facedetect_search(d->frontal, grey, 12);
         }
         for (const cv::Rect &box : found) {
-            if (n == most)
+            if (n == max)
                 break;
             face[n].x = (box.x + box.width / 2.0) / k;
             face[n].y = (box.y + box.height / 2.0) / k;

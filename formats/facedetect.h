@@ -17,10 +17,10 @@ struct facedetect *facedetect_open(struct error *err);
 void facedetect_close(struct facedetect *d);     /* NULL is allowed */
 
 /* Upright, frontal faces of the picture [H,W,3], stride bytes a row, the largest
- * first, at most `most`: face (the detector's boxes, in picture pixels).
+ * first, at most `max`: face (the detector's boxes, in picture pixels).
  * Returns how many.  Small ones are looked for when there is no large one, or
  * when all are wanted, which takes four times as long. */
-size_t facedetect_find(struct facedetect *d, struct square *face, size_t most,
+size_t facedetect_find(struct facedetect *d, struct square *face, size_t max,
                        bool all, const uint8_t *rgb, size_t W, size_t H,
                        size_t stride);
 

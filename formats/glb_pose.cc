@@ -18,7 +18,7 @@ using namespace tinygltf;
 namespace {
 
 /* Numbers of an accessor that no bytes stand for: 128 MB of them. */
-const size_t MOST_ZEROS = size_t(1) << 24;
+const size_t MAX_ZEROS = size_t(1) << 24;
 
 typedef std::array<double, 12> Matrix;      /* rows of a 3x4 */
 
@@ -94,7 +94,7 @@ std::vector<double> values(const Model &m, int accessor)
     if (a.bufferView >= 0)
         out = numbers(m, a.bufferView, a.byteOffset, a.count, width,
                       a.componentType);
-    else if (a.count <= MOST_ZEROS / width)
+    else if (a.count <= MAX_ZEROS / width)
         out.assign(a.count * width, 0);
     else
         throw not_there();

@@ -181,7 +181,7 @@ int ply_scene_allocate(struct ply_scene *s, size_t n, int nrest,
 void ply_scene_set(struct ply_scene *s, size_t i, const double v[FIELDS])
 {
     float *q = s->quat + 4 * i;
-    float flip = s->turned ? -1 : 1;
+    float flip = s->rotated ? -1 : 1;
 
     s->mean[3 * i] = flip * (float)v[0];
     s->mean[3 * i + 1] = flip * (float)v[1];
@@ -193,7 +193,7 @@ void ply_scene_set(struct ply_scene *s, size_t i, const double v[FIELDS])
     s->opacity[i] = (float)(1 / (1 + exp(-v[9])));
     for (int k = 0; k < 4; k++)
         q[k] = (float)v[13 + k];
-    if (s->turned) {            /* the turn is its own inverse */
+    if (s->rotated) {            /* the turn is its own inverse */
         const float t[4] = {-q[3], -q[2], q[1], q[0]};
 
         memcpy(q, t, sizeof t);
@@ -266,7 +266,7 @@ int ply_read(struct ply_scene *s, const char *path, bool turn,
     memset(s, 0, sizeof *s);
     if (!t)
         return -1;
-    s->turned = turn;
+    s->rotated = turn;
     rc = ply_is_packed(t) ? ply_read_packed(s, t, err)
                           : ply_read_rows(s, t, vertex, err);
     ply_table_close(t);

@@ -32,16 +32,16 @@ bool ply_is_packed(const struct ply_table *t)
     return v && ply_table_find(t, "chunk") && ply_element_find(v, word_name[0]);
 }
 
-/* Where the named properties stand in rows of e; `most` of them must. */
+/* Where the named properties stand in rows of e; `max` of them must. */
 static int packed_find(int *at, const struct ply_table *t,
                        const struct ply_element *e, const char *const *name,
-                       int n, int most, struct error *err)
+                       int n, int max, struct error *err)
 {
     for (int k = 0; k < n; k++) {
         const struct ply_property *p = ply_element_find(e, name[k]);
 
         at[k] = p ? (int)(p - e->property) : -1;
-        if (!p && k < most)
+        if (!p && k < max)
             return ply_table_fail(t, err, "compressed, without %s of each %s",
                                   name[k], e->name);
     }
@@ -76,9 +76,9 @@ static double *packed_read_ranges(struct ply_table *t,
 /* `bits` bits of a word from `shift` on, as 0 to 1. */
 static double packed_part(uint32_t word, int shift, int bits)
 {
-    const uint32_t most = (1u << bits) - 1;
+    const uint32_t max = (1u << bits) - 1;
 
-    return (double)(word >> shift & most) / most;
+    return (double)(word >> shift & max) / max;
 }
 
 /* Place p from 0 to 1 of the range of number k, whose ends are 3 apart. */
@@ -221,12 +221,12 @@ static int packed_by_place(const void *a, const void *b)
 }
 
 /* The least and the greatest of field k. */
-static void packed_range(float *least, float *greatest,
+static void packed_range(float *min, float *greatest,
                          const struct packed_row *row, size_t n, int k)
 {
-    *least = *greatest = n ? row[0].field[k] : 0;
+    *min = *greatest = n ? row[0].field[k] : 0;
     for (size_t i = 1; i < n; i++) {
-        *least = fminf(*least, row[i].field[k]);
+        *min = fminf(*min, row[i].field[k]);
         *greatest = fmaxf(*greatest, row[i].field[k]);
     }
 }
@@ -234,11 +234,11 @@ static void packed_range(float *least, float *greatest,
 /* v between low and high in `bits` bits. */
 static uint32_t packed_bits(float v, float low, float high, int bits)
 {
-    const double most = (1u << bits) - 1;
+    const double max = (1u << bits) - 1;
     const double p = high > low ? ((double)v - (double)low)
                                   / ((double)high - (double)low) : 0;
 
-    return (uint32_t)floor(fmin(fmax(p, 0), 1) * most + 0.5);
+    return (uint32_t)floor(fmin(fmax(p, 0), 1) * max + 0.5);
 }
 
 /* Order along a curve through the box of all places, 10 bits a side. */

@@ -35,7 +35,7 @@ static void ply_sh_basis(double y[15], const double d[3])
 void ply_shade(struct ply_scene *s, const float eye[3])
 {
     int per = (s->degree + 1) * (s->degree + 1) - 1;
-    double flip = s->turned ? -1 : 1;
+    double flip = s->rotated ? -1 : 1;
 
     if (!s->rest)
         return;

@@ -199,7 +199,7 @@ static struct door_tag png_tag(const struct reading *r)
 }
 
 /* The stored pixels, of 8 or 16 bits; fails by longjmp. */
-static void png_read_pixels(struct reading *r, FILE *fp, size_t most)
+static void png_read_pixels(struct reading *r, FILE *fp, size_t max)
 {
     static const png_byte code_points[5] = "cICP";
     png_structp png = r->png;
@@ -211,11 +211,11 @@ static void png_read_pixels(struct reading *r, FILE *fp, size_t most)
     png_read_info(png, r->info);
     W = png_get_image_width(png, r->info);
     H = png_get_image_height(png, r->info);
-    if (W * H > most) {
+    if (W * H > max) {
         char text[96];
 
         snprintf(text, sizeof text, "picture of %zu x %zu pixels (expected at "
-                 "most %zu in all)", W, H, most);
+                 "most %zu in all)", W, H, max);
         png_error(png, text);
     }
     png_set_expand(png);
@@ -235,7 +235,7 @@ static void png_read_pixels(struct reading *r, FILE *fp, size_t most)
 }
 
 /* png_read_pixels with libpng's way of failing turned into a return value. */
-static int png_read_stored(struct reading *r, FILE *fp, size_t most)
+static int png_read_stored(struct reading *r, FILE *fp, size_t max)
 {
     r->png = png_create_read_struct(PNG_LIBPNG_VER_STRING, &r->e, png_on_error,
                                     png_on_warning);
@@ -244,14 +244,14 @@ static int png_read_stored(struct reading *r, FILE *fp, size_t most)
         return error_set(&r->e, EX_OSERR, "png: out of memory");
     if (setjmp(png_jmpbuf(r->png)))
         return -1;
-    png_read_pixels(r, fp, most);
+    png_read_pixels(r, fp, max);
     return 0;
 }
 
-int png_read_next(struct image *im, FILE *fp, size_t most, struct error *err)
+int png_read_next(struct image *im, FILE *fp, size_t max, struct error *err)
 {
     struct reading r = {0};
-    int rc = png_read_stored(&r, fp, most);
+    int rc = png_read_stored(&r, fp, max);
 
     memset(im, 0, sizeof *im);
     if (rc) {

@@ -22,7 +22,7 @@ int png_write_marked(FILE *fp, const uint8_t *pixel, size_t width,
  * start again. */
 bool png_is_animated(FILE *fp);
 
-/* Read the next PNG of fp as image_read promises; at most `most` pixels. */
-int png_read_next(struct image *im, FILE *fp, size_t most, struct error *err);
+/* Read the next PNG of fp as image_read promises; at most `max` pixels. */
+int png_read_next(struct image *im, FILE *fp, size_t max, struct error *err);
 
 #endif

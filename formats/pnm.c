@@ -57,7 +57,7 @@ static int pnm_read_pam(FILE *fp, struct header *h)
 }
 
 /* 1: filled; 0: end of file; -1. */
-static int pnm_read_header(FILE *fp, struct header *h, size_t most,
+static int pnm_read_header(FILE *fp, struct header *h, size_t max,
                            struct error *err)
 {
     int p = getc(fp), k;
@@ -79,11 +79,11 @@ static int pnm_read_header(FILE *fp, struct header *h, size_t most,
     }
     if (!h->width || !h->height || h->width > IMAGE_MAX_SIDE
         || h->height > IMAGE_MAX_SIDE
-        || h->width * h->height > most)
+        || h->width * h->height > max)
         return error_set(err, EX_DATAERR, "picture of %zu x %zu pixels "
                          "(expected 1 to %d a side and at most %zu in all)",
                          h->width, h->height, IMAGE_MAX_SIDE,
-                         most);
+                         max);
     if (h->maxval < 1 || h->maxval > 65535 || h->depth < 1 || h->depth > 4)
         return error_set(err, EX_DATAERR, "picture with depth %zu and maximal"
                          " value %zu (expected 1 to 4 and 1 to 65535)",
@@ -103,12 +103,12 @@ static uint8_t pnm_pixel_sample(const uint8_t *p, const struct header *h)
 }
 
 int pnm_read(FILE *fp, uint8_t **rgb, size_t *room, size_t *width,
-             size_t *height, size_t most, struct error *err)
+             size_t *height, size_t max, struct error *err)
 {
     struct header h;
     uint8_t *line, *out;
     size_t bytes, row;
-    int rc = pnm_read_header(fp, &h, most, err);
+    int rc = pnm_read_header(fp, &h, max, err);
 
     if (rc <= 0)
         return rc;

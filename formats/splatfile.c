@@ -67,7 +67,7 @@ int splatfile_write(const char *path, size_t n, const float *mean,
         size_t i = order[k].index;
         const float *m = mean + 3 * i, *q = quat + 4 * i;
         const float *c = color + (size_t)channels * i;
-        const float turned[4] = {-q[3], -q[2], q[1], q[0]};
+        const float rotated[4] = {-q[3], -q[2], q[1], q[0]};
         float norm = sqrtf(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] +
                            q[3] * q[3]);
         float f[6] = {-m[0], -m[1], m[2], scale[3 * i], scale[3 * i + 1],
@@ -78,7 +78,7 @@ int splatfile_write(const char *path, size_t n, const float *mean,
             b[j] = splatfile_splat_byte(255 * c[j]);
         b[3] = splatfile_splat_byte(255 * opacity[i]);
         for (int j = 0; j < 4; j++)
-            b[4 + j] = splatfile_splat_byte(128 + 128 * turned[j] /
+            b[4 + j] = splatfile_splat_byte(128 + 128 * rotated[j] /
                                                       fmaxf(norm, 1e-12f));
         fwrite(f, sizeof f, 1, out.file);
         fwrite(b, sizeof b, 1, out.file);

@@ -14,7 +14,7 @@
 #include "formats/module.h"
 
 #define QUALITY 90
-#define MOST_VIEWERS 16
+#define MAX_VIEWERS 16
 #define BOUNDARY "spid-picture"
 #define PIECE 65536             /* bytes at a time */
 
@@ -151,8 +151,8 @@ static bool http_wait(struct viewer *v)
     return v->shot != NULL;
 }
 
-/* libmicrohttpd's: up to `most` bytes of what comes next. */
-static ssize_t http_read(void *viewer, uint64_t at, char *to, size_t most)
+/* libmicrohttpd's: up to `max` bytes of what comes next. */
+static ssize_t http_read(void *viewer, uint64_t at, char *to, size_t max)
 {
     struct viewer *v = viewer;
 
@@ -160,7 +160,7 @@ static ssize_t http_read(void *viewer, uint64_t at, char *to, size_t most)
     if ((!v->shot || v->sent == v->shot->bytes) && !http_wait(v))
         return MHD_CONTENT_READER_END_OF_STREAM;
     const size_t left = v->shot->bytes - v->sent;
-    const size_t n = left < most ? left : most;
+    const size_t n = left < max ? left : max;
     memcpy(to, v->shot->data + v->sent, n);
     v->sent += n;
     return (ssize_t)n;
@@ -310,7 +310,7 @@ static struct http_server *http_open(const struct sockaddr_in *at, bool anyone,
     s->daemon = MHD_start_daemon(
         MHD_USE_INTERNAL_POLLING_THREAD | MHD_USE_THREAD_PER_CONNECTION,
         ntohs(at->sin_port), NULL, NULL, http_answer, s, MHD_OPTION_SOCK_ADDR,
-        (const struct sockaddr *)at, MHD_OPTION_CONNECTION_LIMIT, MOST_VIEWERS,
+        (const struct sockaddr *)at, MHD_OPTION_CONNECTION_LIMIT, MAX_VIEWERS,
         MHD_OPTION_CONNECTION_TIMEOUT, 30u, MHD_OPTION_END);
     if (s->daemon)
         return s;

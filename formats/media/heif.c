@@ -63,7 +63,7 @@ static int heif_rows(struct heif_state *h, struct error *err)
     const size_t n = C * h->door.width;
     const int bits = heif_image_get_bits_per_pixel_range(
         h->picture, heif_channel_interleaved);
-    const unsigned most = (1u << (bits > 8 && bits <= 16 ? bits : 16)) - 1;
+    const unsigned max = (1u << (bits > 8 && bits <= 16 ? bits : 16)) - 1;
     int stride;
     const uint8_t *p = heif_image_get_plane_readonly(
         h->picture, heif_channel_interleaved, &stride);
@@ -79,7 +79,7 @@ static int heif_rows(struct heif_state *h, struct error *err)
             continue;
         }
         for (size_t i = 0; i < n; i++)
-            h->row[i] = (uint16_t)((deep[i] * 65535u + most / 2) / most);
+            h->row[i] = (uint16_t)((deep[i] * 65535u + max / 2) / max);
         door_row(&h->door, h->row, y);
     }
     return door_close(&h->door, err);

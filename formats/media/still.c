@@ -10,7 +10,7 @@
 
 #include <libheif/heif.h>
 
-#define FILE_MOST ((size_t)1 << 30)     /* bytes that are read whole */
+#define FILE_MAX ((size_t)1 << 30)     /* bytes that are read whole */
 
 uint8_t *still_load(const char *path, size_t *bytes, struct error *err)
 {
@@ -29,9 +29,9 @@ uint8_t *still_load(const char *path, size_t *bytes, struct error *err)
     if (n == 0)
         error_set(err, EX_DATAERR, "%s: empty file (expected a picture)",
                   path);
-    else if (n < 0 || (size_t)n > FILE_MOST)
+    else if (n < 0 || (size_t)n > FILE_MAX)
         error_set(err, EX_DATAERR, "%s: cannot be read whole (expected at "
-                  "most %zu bytes)", path, FILE_MOST);
+                  "most %zu bytes)", path, FILE_MAX);
     else if (!(data = malloc((size_t)n)))
         error_set(err, EX_OSERR, "%s: out of memory", path);
     else if (fread(data, 1, (size_t)n, f) != (size_t)n) {

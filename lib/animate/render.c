@@ -129,8 +129,8 @@ static struct framesink_frame render_frame(const struct render *r,
         memcpy(f.map, &c->view, sizeof f.map);
     }
     /* of the stream's camera: another one goes round head and light */
-    f.turned = r->scene.has_source && render_camera(r);
-    if (f.turned)
+    f.rotated = r->scene.has_source && render_camera(r);
+    if (f.rotated)
         relative_pose(f.turn, r->scene.source, r->scene.light,
                       render_camera(r));
     return f;

@@ -94,7 +94,7 @@ struct avatar {
     float *uv;                          /* (N,2) places in the source picture
                                          * (lib/photo/place.h) */
     float *reach;                       /* (N) gaussian_seen */
-    float *tilt;                        /* (N,2) gaussian_shown */
+    float *tilt;                        /* (N,2) gaussian_visible */
 
     /* Set by avatar_drive. */
     float *densified, *ddensified;      /* (D,3) before the neck blend */

@@ -39,7 +39,7 @@ struct baked {
                              * (lib/photo/place.h), seen by the */
     float view[12];         /* source's camera; all zero: no places */
     float *reach;           /* (N) gaussian_seen, from mean on */
-    float *tilt;            /* (N,2) gaussian_shown */
+    float *tilt;            /* (N,2) gaussian_visible */
     size_t first, blended;  /* static Gaussians with a neck weight lie in
                              * this range: first index, count */
     float *block;           /* what the float arrays are part of */

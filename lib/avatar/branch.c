@@ -146,7 +146,7 @@ float branch_ramp(float x, float lo, float hi)
 }
 
 float branch_mean_color(float rgb[3], const float *rgba, const float *weight,
-                        size_t n, float least)
+                        size_t n, float min)
 {
     float sum = 0;
 
@@ -154,7 +154,7 @@ float branch_mean_color(float rgb[3], const float *rgba, const float *weight,
     for (size_t i = 0; i < n; i++) {
         const float *p = rgba + 4 * i;
 
-        if (!(weight[i] > 0) || p[0] + p[1] + p[2] < 3 * least)
+        if (!(weight[i] > 0) || p[0] + p[1] + p[2] < 3 * min)
             continue;
         sum += weight[i];
         for (int c = 0; c < 3; c++)

@@ -88,10 +88,10 @@ void branch_prior_backward(struct branch_set *dout, float *dvisible,
 
 /* Smooth step from 0 at lo to 1 at hi. */
 float branch_ramp(float x, float lo, float hi);
-/* rgb (3): mean of rgba (n,4), by weight (n), over what is as bright as `least`
+/* rgb (3): mean of rgba (n,4), by weight (n), over what is as bright as `min`
  * and more; 0 where nothing is.  Returns the sum of those weights. */
 float branch_mean_color(float rgb[3], const float *rgba, const float *weight,
-                        size_t n, float least);
+                        size_t n, float min);
 /* How much a colour (3) is like another in hue and not much darker, 0..1. */
 float branch_likeness(const float rgb[3], const float like[3]);
 

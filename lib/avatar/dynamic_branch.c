@@ -27,7 +27,7 @@
  * Gaussians, which must leave no holes, and the least of any. */
 #define OVERLAP 0.6f
 #define CLOSED 0.6f
-#define LEAST 0.4f
+#define MIN 0.4f
 #define SOLID 0.97f     /* opacity of hidden Gaussians */
 #define REACH 2.7f      /* their standard deviations that may be seen: with 2 a
                          * seventh of them stood out before the background */
@@ -39,7 +39,7 @@
 /* A dropped jaw takes skin at its angle further than the one, and less far than
  * the other, as it takes the chin. */
 #define DROP_MM 1.0f
-#define DROP_MOST_MM 20.0f
+#define DROP_MAX_MM 20.0f
 
 /* ---- the branch -------------------------------------------------------- */
 
@@ -176,14 +176,14 @@ PARALLEL(dynamic_branch_hull_part, k, struct dynamic_branch *, b,
                           p[0],     p[1] - r, p[0],     p[1] + r };
     const float *x = b->verts + 3 * k, *cam = mesh->cam;
     const float z = cam[8] * x[0] + cam[9] * x[1] + cam[10] * x[2] + cam[11];
-    float rgba[16], least = 1;
+    float rgba[16], min = 1;
 
     source_picture_sample(rgba, picture, at, 4);
     for (int i = 0; i < 4; i++)
-        least = dynamic_branch_is_occluded(mesh, at + 2 * i, z)
-                    ? fminf(least, rgba[4 * i + 3])
+        min = dynamic_branch_is_occluded(mesh, at + 2 * i, z)
+                    ? fminf(min, rgba[4 * i + 3])
                     : 0;
-    b->hull[k] = branch_ramp(least, 0.5f, 0.95f);
+    b->hull[k] = branch_ramp(min, 0.5f, 0.95f);
 }
 
 /* hull: the least matte around every densified vertex, within the reach of a
@@ -237,13 +237,13 @@ static float dynamic_branch_protrusion(const struct source_picture *picture,
     const size_t cell = source_mesh_cell(b->place + 2 * k, mesh->n);
     float place[2], rgba[4];
 
-    if (!(mm > DROP_MM) || mm > DROP_MOST_MM)
+    if (!(mm > DROP_MM) || mm > DROP_MAX_MM)
         return 0;
     source_mesh_project(place, to, 1, mesh->cam);
     source_picture_sample(rgba, picture, place, 1);
     return (1 - branch_ramp(rgba[3], 0.3f, 0.7f)) *
            branch_ramp(mm, DROP_MM, 2 * DROP_MM) *
-           (1 - branch_ramp(mm, 0.6f * DROP_MOST_MM, DROP_MOST_MM)) *
+           (1 - branch_ramp(mm, 0.6f * DROP_MAX_MM, DROP_MAX_MM)) *
            cheek_back_at(picture, mesh, cell % mesh->n, cell / mesh->n);
 }
 
@@ -268,14 +268,14 @@ static float dynamic_branch_near(const struct source_picture *picture,
     const float step[9][2] = {{0, 0}, {far, 0}, {-far, 0}, {0, far}, {0, -far},
                               {mid, mid}, {-mid, mid}, {mid, -mid},
                               {-mid, -mid}};
-    float at[18], rgba[36], most = 0;
+    float at[18], rgba[36], max = 0;
 
     for (int i = 0; i < 18; i++)
         at[i] = place[i % 2] + step[i / 2][i % 2];
     source_picture_sample(rgba, picture, at, 9);
     for (int i = 0; i < 9; i++)
-        most = fmaxf(most, rgba[4 * i + 3]);
-    return most;
+        max = fmaxf(max, rgba[4 * i + 3]);
+    return max;
 }
 
 PARALLEL(dynamic_branch_start_part, k, struct dynamic_branch *, b, float *, eye,
@@ -416,7 +416,7 @@ static float dynamic_branch_seen(const struct dynamic_branch *b, size_t k)
  * head. */
 static float dynamic_branch_min_scale(const struct dynamic_branch *b, size_t k)
 {
-    return fminf(LEAST * b->spacing[k], BRANCH_SCALE_MAX);
+    return fminf(MIN * b->spacing[k], BRANCH_SCALE_MAX);
 }
 
 PARALLEL(dynamic_branch_unseen_part, k, const struct dynamic_branch *, b,
@@ -424,7 +424,7 @@ PARALLEL(dynamic_branch_unseen_part, k, const struct dynamic_branch *, b,
 {
     float w = dynamic_branch_visibility(b, k), *scale = out->scale + 3 * k;
     float v = dynamic_branch_front(b, k);
-    float least = dynamic_branch_min_scale(b, k);
+    float min = dynamic_branch_min_scale(b, k);
     float round = fminf(CLOSED * b->spacing[k], BRANCH_SCALE_MAX);
     float *color = out->color + k * out->channels;
 
@@ -432,7 +432,7 @@ PARALLEL(dynamic_branch_unseen_part, k, const struct dynamic_branch *, b,
         float own = 1 / (1 + expf(-b->logit[3 * k + c]));
 
         color[c] = w * color[c] + (1 - w) * own;
-        scale[c] = v * fmaxf(scale[c], least) + (1 - v) * round;
+        scale[c] = v * fmaxf(scale[c], min) + (1 - v) * round;
     }
     for (size_t c = 3; c < out->channels; c++)
         color[c] *= w;

@@ -18,45 +18,45 @@ static float edge_scale_nearer(const float *far, long n, long x, long y,
                                long step)
 {
     const long to[4][2] = {{step, 0}, {0, step}, {step, step}, {-step, step}};
-    float least = far[y * n + x];
+    float min = far[y * n + x];
 
     for (int i = 0; i < 4; i++) {
         const long u = x + to[i][0], v = y + to[i][1];
 
         if (u >= 0 && v >= 0 && u < n && v < n)
-            least = fminf(least, far[v * n + u] + (i < 2 ? 1 : DIAGONAL));
+            min = fminf(min, far[v * n + u] + (i < 2 ? 1 : DIAGONAL));
     }
-    return least;
+    return min;
 }
 
-void edge_scale_find(float *most, const float *rgba, float least, size_t n)
+void edge_scale_find(float *max, const float *rgba, float min, size_t n)
 {
     const long side = (long)n, cells = side * side;
 
     for (long k = 0; k < cells; k++)
-        most[k] = rgba[4 * k + 3] > NOBODY ? INFINITY : 0;
+        max[k] = rgba[4 * k + 3] > NOBODY ? INFINITY : 0;
     for (long k = 0; k < cells; k++)
-        most[k] = edge_scale_nearer(most, side, k % side, k / side, -1);
+        max[k] = edge_scale_nearer(max, side, k % side, k / side, -1);
     for (long k = cells; k-- > 0; )
-        most[k] = edge_scale_nearer(most, side, k % side, k / side, 1);
+        max[k] = edge_scale_nearer(max, side, k % side, k / side, 1);
     for (long k = 0; k < cells; k++)
-        most[k] = fmaxf(REACH * most[k], least);
+        max[k] = fmaxf(REACH * max[k], min);
 }
 
-PARALLEL(edge_scale_clamp_part, i, const float *, most, float *, clamped,
+PARALLEL(edge_scale_clamp_part, i, const float *, max, float *, clamped,
          float *, scale, float, cell)
 {
-    const float limit = most[i / 3] * cell;
+    const float limit = max[i / 3] * cell;
 
     if (clamped)
         clamped[i] = scale[i] > limit;
     scale[i] = fminf(scale[i], limit);
 }
 
-void edge_scale_clamp(float *scale, float *clamped, const float *most,
+void edge_scale_clamp(float *scale, float *clamped, const float *max,
                       float cell, size_t count)
 {
-    parallel_each(edge_scale_clamp_part, 3 * count, 1, most, clamped, scale,
+    parallel_each(edge_scale_clamp_part, 3 * count, 1, max, clamped, scale,
                   cell);
 }
 

@@ -8,14 +8,14 @@
 
 #include <stddef.h>
 
-/* most (n,n) = the largest standard deviation of a cell's Gaussian, cells: half
- * the way to the nearest cell without a person, at least `least`.  rgba
+/* max (n,n) = the largest standard deviation of a cell's Gaussian, cells: half
+ * the way to the nearest cell without a person, at least `min`.  rgba
  * (n,n,4): the photograph's colours and matte at the cells. */
-void edge_scale_find(float *most, const float *rgba, float least, size_t n);
+void edge_scale_find(float *max, const float *rgba, float min, size_t n);
 
-/* scale (count,3), in the unit of `cell`, becomes most * cell at most.
+/* scale (count,3), in the unit of `cell`, becomes max * cell at most.
  * clamped (count,3), or NULL: 1 where it was larger, else 0. */
-void edge_scale_clamp(float *scale, float *clamped, const float *most,
+void edge_scale_clamp(float *scale, float *clamped, const float *max,
                       float cell, size_t count);
 /* Reverse of it: dscale (count,3) becomes 0 where it was larger. */
 void edge_scale_clamp_backward(float *dscale, const float *clamped,

@@ -17,7 +17,7 @@
 #define OPEN_MM 2.0f    /* so far they are open */
 
 #define OVERHEAD 0.7f   /* of the light is lost for l_y, but no more than at */
-#define OVERHEAD_MOST 0.4f
+#define OVERHEAD_MAX 0.4f
 #define TEETH_OFF 0.035f        /* teeth differ so little from white, in shares
                                  * of red, green and blue, */
 #define LIPS_OFF 0.065f /* lips and skin at least so much; */
@@ -48,7 +48,7 @@ void lip_lining_paint(float *rgb, const float *seam, const float *normals,
 
 float lip_lining_share(const float l[3])
 {
-    return 1 - OVERHEAD * fminf(fmaxf(l[1], 0), OVERHEAD_MOST);
+    return 1 - OVERHEAD * fminf(fmaxf(l[1], 0), OVERHEAD_MAX);
 }
 
 /* How far the photograph shows teeth at vertex k, by its colour. */

@@ -29,7 +29,7 @@ struct prune {
     float *image;           /* (size, size, 3) */
     float *ones;            /* (size, size) */
     float *weight;          /* (N) of one view */
-    double *most;           /* (N) over all views */
+    double *max;           /* (N) over all views */
     double ms[VIEWS];
 };
 
@@ -102,7 +102,7 @@ static int prune_measure(struct prune *p, const struct densify *d,
         if (rc == 0)
             rc = splat_backward(&s, &g, p->ones, NULL, err);
         for (size_t i = 0; i < p->b->N; i++)
-            p->most[i] = fmax(p->most[i], p->weight[i]);
+            p->max[i] = fmax(p->max[i], p->weight[i]);
     }
     splat_release(&s);
     return rc;
@@ -147,9 +147,9 @@ static int prune_allocate(struct prune *p, size_t V, struct error *err)
     p->image = malloc(3 * pixels * sizeof(float));
     p->ones = malloc(pixels * sizeof(float));
     p->weight = malloc((p->b->N + 1) * sizeof(float));
-    p->most = calloc(p->b->N + 1, sizeof(double));
+    p->max = calloc(p->b->N + 1, sizeof(double));
     if (!p->verts || !p->full || !p->image || !p->ones ||
-        !p->weight || !p->most)
+        !p->weight || !p->max)
         return error_set(err, EX_OSERR, "no memory for %d views", VIEWS);
     for (size_t i = 0; i < pixels; i++)
         p->ones[i] = 1;
@@ -165,7 +165,7 @@ static void prune_release(struct prune *p)
     free(p->image);
     free(p->ones);
     free(p->weight);
-    free(p->most);
+    free(p->max);
 }
 
 /* Gaussians of each branch. */
@@ -200,7 +200,7 @@ int prune_views(struct baked *b, struct prune_report *r,
         prune_draw_all(&p, d, id->head, NULL, &r->ms_full, err))
         goto out;
     for (size_t i = 0; i < b->N; i++)
-        keep[i] = p.most[i] > 0 && p.most[i] >= eps;
+        keep[i] = p.max[i] > 0 && p.max[i] >= eps;
     baked_keep(b, keep);
     prune_count(r->after, b);
     rc = prune_draw_all(&p, d, id->head, r, &r->ms_kept, err);

@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "lib/avatar/beside.h"
+#include "lib/avatar/outline.h"
 #include "lib/avatar/cheek_back.h"
 #include "lib/avatar/edge_scale.h"
 #include "lib/avatar/unseen_hair.h"
@@ -82,7 +82,7 @@ int static_branch_plan(struct static_branch *b, struct nn_options opt,
         {&b->height, n2, false}, {&b->surface, n2, false},
         {&b->moving, n2, false}, {&b->back, n2, false}, {&b->from, n2, false},
         {&b->front, n2, false},
-        {&b->edge, n2, false}, {&b->most, n2, false},
+        {&b->edge, n2, false}, {&b->max, n2, false},
         {&b->enlarged, 3 * n2, true},
         {&b->p_raw, n2, false}, {&b->p_shift, n2, false}, {&b->p, n2, false},
         {&b->dp, n2, true}, {&b->dvisible, n2, true}
@@ -121,10 +121,10 @@ PARALLEL(static_branch_surface_part, k, const struct source_mesh *, mesh,
          struct static_branch *, b)
 {
     const float h = mesh->cam[11] - mesh->depth[k];
-    const float most = STATIC_BRANCH_HEIGHT;
+    const float max = STATIC_BRANCH_HEIGHT;
 
-    b->height[k] = isfinite(h) && mesh->coverage[k] >= BESIDE_OUTLINE
-                       ? fminf(fmaxf(h, -most), most)
+    b->height[k] = isfinite(h) && mesh->coverage[k] >= OUTLINE_COVERED
+                       ? fminf(fmaxf(h, -max), max)
                        : 0;
 }
 
@@ -184,7 +184,7 @@ static void static_branch_neck(float *neck, float *mean,
         b->p[k] = 0.5f + 0.5f * b->height[k];
     static_branch_lift(mean, b->U, b->p, b->height, mesh->cam, mesh->normal,
                        b->count);
-    beside_distance(neck, mesh->coverage, b->n);
+    outline_distance(neck, mesh->coverage, b->n);
 
     parallel_each(static_branch_neck_part, b->count, 1, mean, back, neck, b,
                   mesh);
@@ -202,7 +202,7 @@ static void static_branch_mask(struct static_branch *b,
     if (!b->prior)
         return;
     source_picture_sample(b->pixel, picture, b->U, b->count);
-    beside_rim(b->moving, b->pixel, mesh->coverage, b->n);
+    outline_rim(b->moving, b->pixel, mesh->coverage, b->n);
     edge_scale_find(b->edge, b->pixel, OVERLAP, b->n);
 }
 
@@ -225,7 +225,7 @@ PARALLEL(static_branch_locate_part, k, struct static_branch *, b, float *, neck,
 
     b->cell[k] = (uint32_t)at;
     b->surface[k] = b->height[at];
-    b->most[k] = b->edge[at];
+    b->max[k] = b->edge[at];
     neck[k] = scratch[at];
 }
 
@@ -421,7 +421,7 @@ void static_branch_forward(struct branch_set *out, const float *features,
     branch_prior_forward(out, &b->start, b->prior);
     if (b->prior) {
         static_branch_clamp_tint(out, b);
-        edge_scale_clamp(out->scale, b->enlarged, b->most,
+        edge_scale_clamp(out->scale, b->enlarged, b->max,
                          source_mesh_spacing(mesh, b->n), b->count);
     }
 

@@ -58,7 +58,7 @@ struct static_branch {
     float *edge;                        /* (n,n) edge_scale_find */
     /* Where a Gaussian has moved to: */
     uint32_t *cell;                     /* (n,n) the cell there, */
-    float *surface, *most;              /* (n,n) height and edge of it */
+    float *surface, *max;              /* (n,n) height and edge of it */
     float *enlarged;                    /* (n,n,3) 1: larger than that allows;
                                          * in training alone */
     float *back;                        /* (n,n) the strip behind the cheeks

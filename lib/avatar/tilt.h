@@ -1,7 +1,7 @@
 /* How what the source's camera saw falls away from it: the slope of the depth
  * that it saw, at each Gaussian.  From it and from where a frame's camera
  * stands follows how much more or less of the surface the frame shows
- * (gaussian_shown), whether that is a cheek, the edge of the nose before one, or
+ * (gaussian_visible), whether that is a cheek, the edge of the nose before one, or
  * the person's outline.  Depth is smoothed over about a pixel; at the person's
  * edge it falls by that of an outline's rounding. */
 #ifndef SPID_AVATAR_TILT_H

@@ -10,13 +10,13 @@
 #define EYES 8          /* visible vertices of eyeballs that suffice */
 
 float white_point_mean(float rgb[3], const struct white_point_colors *seen,
-                       const struct head *h, int region, float least)
+                       const struct head *h, int region, float min)
 {
     for (size_t v = 0; v < h->V; v++)
         seen->tmp[v] = seen->trust[v] > 0.2f &&
                        (region < 0 || (h->region && h->region[v] == region))
                      ? seen->trust[v] : 0;
-    return branch_mean_color(rgb, seen->pixel, seen->tmp, h->V, least);
+    return branch_mean_color(rgb, seen->pixel, seen->tmp, h->V, min);
 }
 
 void white_point(float white[3], const struct white_point_colors *seen,

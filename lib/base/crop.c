@@ -350,11 +350,11 @@ struct filter {
     float w[];                 /* of each; they sum to 1 */
 };
 
-/* Filter of output i; room for `most` weights.  None where its middle lies
+/* Filter of output i; room for `max` weights.  None where its middle lies
  * outside the picture, as square_inside has it: what is inside takes nothing
  * of the black about it, or a window larger than the picture shows a frame. */
 static void crop_filter_make(struct filter *f, double centre, double size,
-                             size_t i, size_t n, size_t in, size_t most)
+                             size_t i, size_t n, size_t in, size_t max)
 {
     const double s = size / (double)n, support = s > 1 ? s : 1;
     const double p = crop_sample_place(centre, size, i, n);
@@ -366,7 +366,7 @@ static void crop_filter_make(struct filter *f, double centre, double size,
     f->count = 0;
     if (p < -0.5 || p >= (double)in - 0.5)
         return;
-    for (double j = first; j < p + support && j < (double)in && m < most;
+    for (double j = first; j < p + support && j < (double)in && m < max;
          j++) {
         f->w[m] = (float)fmax(0, 1 - fabs(j - p) / support);
         sum += (double)f->w[m++];
@@ -482,18 +482,18 @@ static int crop_filters_make(struct resizing *r, size_t W, size_t H,
                              struct square q)
 {
     const double s = q.size / (double)r->n;
-    const size_t most = (size_t)fmin(2 * ceil(s > 1 ? s : 1) + 2,
+    const size_t max = (size_t)fmin(2 * ceil(s > 1 ? s : 1) + 2,
                                      (double)(W > H ? W : H) + 2);
     const size_t n = r->n, bytes = (sizeof(struct filter) +
-                                    most * sizeof(float) + 15) / 16 * 16;
+                                    max * sizeof(float) + 15) / 16 * 16;
     char *f = calloc(2 * n, bytes);
 
     if (!f)
         return -1;
     for (size_t i = 0; i < n; i++) {
-        crop_filter_make((void *)(f + i * bytes), q.x, q.size, i, n, W, most);
+        crop_filter_make((void *)(f + i * bytes), q.x, q.size, i, n, W, max);
         crop_filter_make((void *)(f + (n + i) * bytes), q.y, q.size, i, n, H,
-                         most);
+                         max);
     }
     r->bytes = bytes;
     r->filters = f;

@@ -58,7 +58,7 @@ int file_rename(const char *part, const char *path)
 }
 
 /* All of f, ended by a 0, in room that grows with what there is; *n bytes. */
-static char *file_read_all(FILE *f, size_t *n, size_t most, struct error *err)
+static char *file_read_all(FILE *f, size_t *n, size_t max, struct error *err)
 {
     size_t room = 0;
     char *text = NULL;
@@ -75,8 +75,8 @@ static char *file_read_all(FILE *f, size_t *n, size_t most, struct error *err)
         }
         const size_t got = fread(text + *n, 1, room - *n, f);
         *n += got;
-        if (*n > most) {
-            error_set(err, EX_DATAERR, "more than %zu bytes", most);
+        if (*n > max) {
+            error_set(err, EX_DATAERR, "more than %zu bytes", max);
             break;
         }
         if (ferror(f)) {
@@ -92,7 +92,7 @@ static char *file_read_all(FILE *f, size_t *n, size_t most, struct error *err)
     return NULL;
 }
 
-char *file_read_text(const char *path, size_t most, struct error *err)
+char *file_read_text(const char *path, size_t max, struct error *err)
 {
     FILE *f = strcmp(path, "-") ? fopen(path, "rb") : stdin;
     size_t n = 0;
@@ -101,7 +101,7 @@ char *file_read_text(const char *path, size_t most, struct error *err)
         error_set(err, EX_NOINPUT, "%s: %s", path, strerror(errno));
         return NULL;
     }
-    char *text = file_read_all(f, &n, most, err);
+    char *text = file_read_all(f, &n, max, err);
     if (text && strlen(text) != n) {
         error_set(err, EX_DATAERR, "not a text file");
         free(text);

@@ -35,11 +35,11 @@ int file_rename(const char *part, const char *path);
  * name, a template for mkdtemp(3) and its kin. */
 void file_temporary(char *path, const char *name);
 
-/* All of a text file of at most `most` bytes, ended by a 0, of which there is
+/* All of a text file of at most `max` bytes, ended by a 0, of which there is
  * none inside; "-" is standard input; the caller frees.  NULL and *err, which
  * names the path: EX_NOINPUT when it cannot be opened, EX_IOERR when reading
  * fails (a folder, too), EX_DATAERR when it is larger or no text. */
-char *file_read_text(const char *path, size_t most, struct error *err);
+char *file_read_text(const char *path, size_t max, struct error *err);
 
 #ifdef __cplusplus
 }

@@ -23,11 +23,11 @@ struct gaussians {
                                    * 0..1 across, or NULL */
     const float *seen;            /* (N)   0..1: how much of that is so; or
                                    * NULL with uv: nothing is */
-    const float *reach;           /* (N) head units: the distance from home at
+    const float *reach;           /* (N) head units: the distance from source_mean at
                                    * which seen falls to 0; negative: the same,
                                    * movement up (+y) not counted; 0, or NULL
                                    * for all: seen stays as it is */
-    const float *home;            /* (N,3) centres in the photograph's pose;
+    const float *source_mean;            /* (N,3) centres in the photograph's pose;
                                    * NULL: mean */
     const float *tilt;            /* (N,2) how the depth that the source's
                                    * camera saw there rises to the picture's
@@ -47,22 +47,22 @@ struct gaussians {
  * the front, and by eye. */
 #define GAUSSIAN_DRAWN 0.75f
 #define GAUSSIAN_TORN 0.4f
-#define GAUSSIAN_TURNED 0.3f
+#define GAUSSIAN_ROTATED 0.3f
 #define GAUSSIAN_GONE 0.05f
-static inline float gaussian_shown(const float tilt[2], const float toward[2])
+static inline float gaussian_visible(const float tilt[2], const float toward[2])
 {
     const float more = 1 + tilt[0] * toward[0] + tilt[1] * toward[1];
     const float drawn = (1 / fmaxf(more, 1) - GAUSSIAN_TORN) /
                         (GAUSSIAN_DRAWN - GAUSSIAN_TORN);
-    const float turned = (more - GAUSSIAN_GONE) /
-                         (GAUSSIAN_TURNED - GAUSSIAN_GONE);
+    const float rotated = (more - GAUSSIAN_GONE) /
+                         (GAUSSIAN_ROTATED - GAUSSIAN_GONE);
 
-    return fmaxf(fminf(fminf(drawn, turned), 1), 0);
+    return fmaxf(fminf(fminf(drawn, rotated), 1), 0);
 }
 
-/* seen of a Gaussian that has moved from home (3) to mean (3): unchanged up to
+/* seen of a Gaussian that has moved from source_mean (3) to mean (3): unchanged up to
  * a third of its reach, 0 from its reach on. */
-static inline float gaussian_seen(float seen, float reach, const float home[3],
+static inline float gaussian_seen(float seen, float reach, const float source_mean[3],
                                   const float mean[3])
 {
     float square = 0, t;
@@ -70,7 +70,7 @@ static inline float gaussian_seen(float seen, float reach, const float home[3],
     if (reach == 0)
         return seen;
     for (int k = 0; k < 3; k++) {
-        const float way = mean[k] - home[k];
+        const float way = mean[k] - source_mean[k];
 
         if (k != 1 || reach > 0 || way < 0)
             square += way * way;
@@ -83,9 +83,9 @@ static inline float gaussian_seen(float seen, float reach, const float home[3],
 /* The same of Gaussian i of g, where it is now. */
 static inline float gaussians_seen(const struct gaussians *g, size_t i)
 {
-    if (!g->seen || !g->reach || !g->home)
+    if (!g->seen || !g->reach || !g->source_mean)
         return g->seen ? g->seen[i] : 0;
-    return gaussian_seen(g->seen[i], g->reach[i], g->home + 3 * i,
+    return gaussian_seen(g->seen[i], g->reach[i], g->source_mean + 3 * i,
                          g->mean + 3 * i);
 }
 

@@ -28,7 +28,7 @@ static int kept_make(struct error *err)
 }
 
 /* All of `from`. */
-static int kept_fill(int to, int from, size_t most, struct error *err)
+static int kept_fill(int to, int from, size_t max, struct error *err)
 {
     char block[1 << 16];
     size_t all = 0;
@@ -44,8 +44,8 @@ static int kept_fill(int to, int from, size_t most, struct error *err)
             return error_set(err, EX_IOERR, "cannot be read: %s",
                              strerror(errno));
         all += (size_t)n;
-        if (all > most)
-            return error_set(err, EX_DATAERR, "more than %zu bytes", most);
+        if (all > max)
+            return error_set(err, EX_DATAERR, "more than %zu bytes", max);
         for (ssize_t done = 0, w; done < n; done += w) {
             w = write(to, block + done, (size_t)(n - done));
             if (w < 0 && errno != EINTR)
@@ -56,7 +56,7 @@ static int kept_fill(int to, int from, size_t most, struct error *err)
     }
 }
 
-const char *kept_open(struct kept *k, const char *path, size_t most,
+const char *kept_open(struct kept *k, const char *path, size_t max,
                       struct error *err)
 {
     const bool standard = strcmp(path, "-") == 0;
@@ -72,7 +72,7 @@ const char *kept_open(struct kept *k, const char *path, size_t most,
     else if (isatty(from))
         error_set(err, EX_USAGE, "a terminal (expected a file or a pipe)");
     else if ((k->fd = kept_make(err)) > 0)
-        rc = kept_fill(k->fd, from, most, err);
+        rc = kept_fill(k->fd, from, max, err);
     if (from > STDIN_FILENO)
         close(from);
     snprintf(k->path, sizeof k->path, "/dev/fd/%d", k->fd);

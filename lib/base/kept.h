@@ -16,10 +16,10 @@ struct kept {
 };
 
 /* The path to open: that of *k, a copy of standard input ("-") or of a pipe, of
- * `most` bytes at most, or else `path` as it is.  NULL and *err, which names
+ * `max` bytes at most, or else `path` as it is.  NULL and *err, which names
  * the input: EX_DATAERR when there is more, EX_USAGE for a terminal, EX_IOERR
  * when it cannot be read or kept (TMPDIR, see file_temporary). */
-const char *kept_open(struct kept *k, const char *path, size_t most,
+const char *kept_open(struct kept *k, const char *path, size_t max,
                       struct error *err);
 /* The copy goes, and *err, if it speaks of it, has the input's own name.
  * Returns rc. */

@@ -36,7 +36,7 @@ struct job {
     bool awaited;               /* the caller sleeps */
     atomic_int inside;          /* threads at work, without the caller */
     struct job *next;
-    struct share share[PARALLEL_MOST];
+    struct share share[PARALLEL_MAX];
 };
 
 static atomic_int width;        /* 0: not yet asked for */
@@ -54,7 +54,7 @@ static _Thread_local int slot;
 
 void parallel_set_width(int threads)
 {
-    width = threads < PARALLEL_MOST ? threads : PARALLEL_MOST;
+    width = threads < PARALLEL_MAX ? threads : PARALLEL_MAX;
 }
 
 int parallel_width(void)
@@ -64,7 +64,7 @@ int parallel_width(void)
     if (!width) {
         allowed = processors_allowed();
         atomic_compare_exchange_strong(
-            &width, &none, allowed < PARALLEL_MOST ? allowed : PARALLEL_MOST);
+            &width, &none, allowed < PARALLEL_MAX ? allowed : PARALLEL_MAX);
     }
     return width;
 }
@@ -248,9 +248,9 @@ static size_t parallel_up(size_t n, size_t m)
 
 void parallel_for(size_t count, size_t grain, parallel_fn *run, void *ctx)
 {
-    const size_t most = parallel_up(count, grain ? grain : 1);
+    const size_t max = parallel_up(count, grain ? grain : 1);
     const size_t threads = (size_t)parallel_threads();
-    const size_t shares = most < threads ? most : threads;
+    const size_t shares = max < threads ? max : threads;
     struct job j;
 
     if (shares <= 1) {

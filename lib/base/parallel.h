@@ -10,9 +10,9 @@
 
 #include "lib/base/error.h"
 
-#define PARALLEL_MOST 64        /* threads */
+#define PARALLEL_MAX 64        /* threads */
 
-/* Set the count (at most PARALLEL_MOST), before anything is planned; what was
+/* Set the count (at most PARALLEL_MAX), before anything is planned; what was
  * planned with a smaller one must not be run any more. */
 void parallel_set_width(int threads);
 

@@ -10,13 +10,13 @@
 #include <string.h>
 #include <unistd.h>
 
-#define MOST 8192               /* processors of a mask */
+#define MAX 8192               /* processors of a mask */
 
 /* In the mask, at least 1. */
 static int processors_of_mask(void)
 {
-    cpu_set_t *set = CPU_ALLOC(MOST);
-    const size_t bytes = CPU_ALLOC_SIZE(MOST);
+    cpu_set_t *set = CPU_ALLOC(MAX);
+    const size_t bytes = CPU_ALLOC_SIZE(MAX);
     int n = 0;
 
     if (set && !sched_getaffinity(0, bytes, set))
@@ -66,16 +66,16 @@ static double processors_of_group(const char *root, const char *path,
  * own group as the root. */
 static double processors_up(const char *root, char *path, bool second)
 {
-    double least = 0;
+    double min = 0;
 
     for (;;) {
         const double q = processors_of_group(root, path, second);
         char *slash = strrchr(path, '/');
 
-        if (q > 0 && (least == 0 || q < least))
-            least = q;
+        if (q > 0 && (min == 0 || q < min))
+            min = q;
         if (!slash)
-            return least;
+            return min;
         *slash = 0;
     }
 }
@@ -94,7 +94,7 @@ static bool processors_is_cpu(const char *controllers)
 double processors_quota(const char *root)
 {
     char file[4096], *line = NULL;
-    double least = 0;
+    double min = 0;
     size_t room = 0;
     FILE *f = NULL;
 
@@ -112,13 +112,13 @@ double processors_quota(const char *root)
         const bool second = controllers[1] == 0;
         const double q = second || processors_is_cpu(controllers + 1)
                              ? processors_up(root, path, second) : 0;
-        if (q > 0 && (least == 0 || q < least))
-            least = q;
+        if (q > 0 && (min == 0 || q < min))
+            min = q;
     }
     free(line);
     if (f)
         fclose(f);
-    return least;
+    return min;
 }
 
 int processors_allowed(void)

@@ -141,15 +141,15 @@ static int measure_is_chin(const struct head *h, size_t v, const float lip[3])
 
 void head_find_chin(struct head *h)
 {
-    float lip[3], most = 0;
+    float lip[3], max = 0;
 
     h->nchin = 0;
     head_lip_centroid(lip, h, h->v_template);
     for (size_t v = 0; v < h->V; v++)
         if (measure_is_chin(h, v, lip))
-            most = fmaxf(most, head_jaw_share(h, v));
-    for (size_t v = 0; v < h->V && h->nchin < HEAD_CHIN && most > 0.5f; v++)
-        if (measure_is_chin(h, v, lip) && head_jaw_share(h, v) > 0.95f * most)
+            max = fmaxf(max, head_jaw_share(h, v));
+    for (size_t v = 0; v < h->V && h->nchin < HEAD_CHIN && max > 0.5f; v++)
+        if (measure_is_chin(h, v, lip) && head_jaw_share(h, v) > 0.95f * max)
             h->chin[h->nchin++] = (int32_t)v;
 }
 

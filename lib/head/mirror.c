@@ -15,7 +15,7 @@ enum { ROW = 3 * HEAD_BLOCK, Y = HEAD_BLOCK, Z = 2 * HEAD_BLOCK };
 #define SAME 0.98
 /* Difference of their lengths squared over the sum: the scans' left and right
  * expressions are of different people's halves. */
-#define ALIKE 0.1
+#define SIMILAR 0.1
 
 /* Directions in the posing layout (head.h). */
 struct directions {
@@ -60,17 +60,17 @@ static size_t mirror_vertex(const struct head *h, const struct place *order,
                             size_t at)
 {
     size_t v = order[at].v, best = v;
-    float least = mirror_distance(h, v, v);
+    float min = mirror_distance(h, v, v);
 
     for (int way = -1; way <= 1; way += 2)
         for (size_t i = at + (size_t)way; i < h->V; i += (size_t)way) {
             float dy = order[i].y - order[at].y;
             float far = mirror_distance(h, v, order[i].v);
 
-            if (dy * dy > least)
+            if (dy * dy > min)
                 break;
-            if (far < least) {
-                least = far;
+            if (far < min) {
+                min = far;
                 best = order[i].v;
             }
         }
@@ -166,7 +166,7 @@ static int mirror_pair(struct head_mirror *m, const struct directions *s,
 {
     double a = s->square[k], b = s->square[j], with;
 
-    if (fabs(a - b) > ALIKE * (a + b))
+    if (fabs(a - b) > SIMILAR * (a + b))
         return 0;
     with = mirror_product(s, j);
     if (fabs(with) < SAME * sqrt(a * b))

@@ -98,9 +98,9 @@ struct array motion_points(const float *points, size_t n)
     return array_make("points", DTYPE_F32, points, 2, n, 2, 0, 0);
 }
 
-struct array motion_sure(const float *sure)
+struct array motion_confidence(const float *confidence)
 {
-    return array_make("sure", DTYPE_F32, sure, 1, 1, 0, 0, 0);
+    return array_make("sure", DTYPE_F32, confidence, 1, 1, 0, 0, 0);
 }
 
 struct array motion_calm(const float *face, size_t nexp)

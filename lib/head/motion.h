@@ -42,8 +42,8 @@ int motion_write(struct stream_writer *w, uint64_t frame, double time,
 struct array motion_landmarks(const float *lmk);
 /* points (n,2): pixels of the portrait window. */
 struct array motion_points(const float *points, size_t n);
-/* sure (1): how sure the encoder is, 0 to 1. */
-struct array motion_sure(const float *sure);
+/* confidence (1): how sure the encoder is, 0 to 1. */
+struct array motion_confidence(const float *confidence);
 /* What an identity's MOTN has: face (nexp + 5) is expression, jaw and lids of
  * its person at rest. */
 struct array motion_calm(const float *face, size_t nexp);

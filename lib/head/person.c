@@ -66,7 +66,7 @@ static int person_read_picture(struct person *p, const struct record *rec,
     size_t S = record_find(rec, "rgb")->dim[0];
     size_t square[3] = {S, S, 3};
     const uint8_t *matte = record_get(rec, "matte", DTYPE_U8, 2, square, err);
-    const uint8_t *back = NULL, *sure = NULL;
+    const uint8_t *back = NULL, *confidence = NULL;
     if (!matte || !record_get(rec, "rgb", DTYPE_U8, 3, square, err) ||
         (record_find(rec, "crop") &&
          (record_check_finite(rec, err) ||
@@ -74,25 +74,25 @@ static int person_read_picture(struct person *p, const struct record *rec,
         (record_find(rec, "back") &&
          !(back = record_get(rec, "back", DTYPE_U8, 3, square, err))) ||
         (record_find(rec, "sure") &&
-         !(sure = record_get(rec, "sure", DTYPE_U8, 2, square, err))))
+         !(confidence = record_get(rec, "sure", DTYPE_U8, 2, square, err))))
         return -1;
     if (crop)
         memcpy(p->crop, crop, sizeof p->crop);
     free(p->rgb);
     free(p->matte);
     free(p->back);
-    free(p->sure);
+    free(p->confidence);
     p->size = S;
     p->rgb = malloc(3 * S * S + 1);
     p->matte = malloc(S * S + 1);
     p->back = back ? malloc(3 * S * S + 1) : NULL;
-    p->sure = sure ? malloc(S * S + 1) : NULL;
-    if (!p->rgb || !p->matte || (back && !p->back) || (sure && !p->sure))
+    p->confidence = confidence ? malloc(S * S + 1) : NULL;
+    if (!p->rgb || !p->matte || (back && !p->back) || (confidence && !p->confidence))
         return error_set(err, EX_OSERR, "no memory for the source picture");
     if (back)
         memcpy(p->back, back, 3 * S * S);
-    if (sure)
-        memcpy(p->sure, sure, S * S);
+    if (confidence)
+        memcpy(p->confidence, confidence, S * S);
     memcpy(p->rgb, rgb, 3 * S * S);
     memcpy(p->matte, matte, S * S);
     return 1;
@@ -197,8 +197,8 @@ int person_resize(struct person *q, const struct person *p, size_t size,
     const size_t from = p->size;
     const double side = (double)from;
     const struct square all = {side / 2, side / 2, side};
-    const uint8_t *in[4] = {p->rgb, p->back, p->matte, p->sure};
-    uint8_t **out[4] = {&q->rgb, &q->back, &q->matte, &q->sure};
+    const uint8_t *in[4] = {p->rgb, p->back, p->matte, p->confidence};
+    uint8_t **out[4] = {&q->rgb, &q->back, &q->matte, &q->confidence};
     bool done = true;
 
     memset(q, 0, sizeof *q);
@@ -231,8 +231,8 @@ static size_t person_picture_arrays(struct array *a, const struct person *p)
     a[2] = array_make("crop", DTYPE_F32, p->crop, 1, 3, 0, 0, 0);
     if (p->back)
         a[n++] = array_make("back", DTYPE_U8, p->back, 3, S, S, 3, 0);
-    if (p->sure)
-        a[n++] = array_make("sure", DTYPE_U8, p->sure, 2, S, S, 0, 0);
+    if (p->confidence)
+        a[n++] = array_make("sure", DTYPE_U8, p->confidence, 2, S, S, 0, 0);
     return n;
 }
 
@@ -286,7 +286,7 @@ void person_release(struct person *p)
     free(p->rgb);
     free(p->matte);
     free(p->back);
-    free(p->sure);
+    free(p->confidence);
     memset(p, 0, sizeof *p);
 }
 

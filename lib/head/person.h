@@ -24,7 +24,7 @@ struct person {
     size_t nshape;
     uint8_t *rgb, *matte;       /* (size,size,3), (size,size) */
     uint8_t *back;              /* (size,size,3) what the person hides */
-    uint8_t *sure;              /* (size,size) certainty of the matte: 255 less
+    uint8_t *confidence;              /* (size,size) certainty of the matte: 255 less
                                  * twice its standard deviation; NULL: sure */
     size_t size;                /* the window's in the source picture, from
                                  * what the networks see up to
@@ -35,7 +35,7 @@ struct person {
                                  * far as it is known */
     bool has_source;
     struct person *more;        /* (nmore) further pictures: rgb, matte, back,
-                                 * sure, size, crop and source of each */
+                                 * confidence, size, crop and source of each */
     size_t nmore;
     char head[17], model[17];   /* hashes of CONF: "head_hash",
                                  * "model_hash"; "" when it has none */

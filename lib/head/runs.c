@@ -10,39 +10,39 @@
 /* A gap this short costs less than a new run. */
 enum { GAP = 2 };
 
-/* Whether direction k moves vertex v by `least` or more. */
+/* Whether direction k moves vertex v by `min` or more. */
 static int runs_moves(const float *dirs, size_t K, size_t v, size_t k,
-                      double least)
+                      double min)
 {
     double x = dirs[3 * v * K + k], y = dirs[(3 * v + 1) * K + k];
     double z = dirs[(3 * v + 2) * K + k];
 
-    return x * x + y * y + z * z >= least * least && (x || y || z);
+    return x * x + y * y + z * z >= min * min && (x || y || z);
 }
 
 /* The end of the run of direction k that begins at v. */
 static size_t runs_end(const float *dirs, size_t V, size_t K, size_t v,
-                       size_t k, double least)
+                       size_t k, double min)
 {
     size_t end = v + 1;
 
     for (size_t u = v + 1; u < V && u <= end + GAP; u++)
-        if (runs_moves(dirs, K, u, k, least))
+        if (runs_moves(dirs, K, u, k, min))
             end = u + 1;
     return end;
 }
 
 int runs_pack(struct runs *r, const float *dirs, size_t V, size_t K,
-              double least, struct error *err)
+              double min, struct error *err)
 {
     for (int pass = 0; pass < 2; pass++) {      /* count, then fill */
         size_t n = 0, rows = 0;
 
         for (size_t k = 0; k < K; k++)
             for (size_t v = 0; v < V; v++) {
-                if (!runs_moves(dirs, K, v, k, least))
+                if (!runs_moves(dirs, K, v, k, min))
                     continue;
-                size_t end = runs_end(dirs, V, K, v, k, least);
+                size_t end = runs_end(dirs, V, K, v, k, min);
                 if (pass) {
                     r->run[3 * n] = (int32_t)k;
                     r->run[3 * n + 1] = (int32_t)v;

@@ -17,9 +17,9 @@ struct runs {
     size_t rows;
 };
 
-/* Of dirs (V,3,K): what moves less than `least` is left out. */
+/* Of dirs (V,3,K): what moves less than `min` is left out. */
 int runs_pack(struct runs *r, const float *dirs, size_t V, size_t K,
-              double least, struct error *err);
+              double min, struct error *err);
 /* Free what it holds; zeroed then. */
 void runs_release(struct runs *r);
 

@@ -143,10 +143,10 @@ int conv_decoder_plan(struct conv_decoder *d, size_t batch, size_t height,
         nn_plan_recycle(p, i ? im->y[i - 1] : im->x);
     }
     if (nn_plan_backward(p)) {
-        size_t most = d->width > raw ? d->width : raw;
+        size_t max = d->width > raw ? d->width : raw;
 
-        im->grad[0] = nn_plan_floats(p, pixels * most);
-        im->grad[1] = nn_plan_floats(p, pixels * most);
+        im->grad[0] = nn_plan_floats(p, pixels * max);
+        im->grad[1] = nn_plan_floats(p, pixels * max);
         im->dx = nn_plan_floats(p, pixels * im->padded);
         im->dgamma = nn_plan_floats(p, batch * HARMONIC_OUT);
     }

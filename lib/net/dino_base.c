@@ -160,18 +160,18 @@ static void dino_fusion_plan(struct dino_base *d, size_t i)
 
 /* The five buffers of gradients, each as large as the largest map, of which
  * the caller knows one. */
-static void dino_base_plan_gradients(struct dino_base *d, size_t most)
+static void dino_base_plan_gradients(struct dino_base *d, size_t max)
 {
     for (size_t k = 0; k < DINO_LEVELS; k++) {
         const struct dino_level *l = &d->level[k];
         size_t n = d->batch * l->h * l->w * l->join.in_data;
         size_t up = d->batch * d->vit.grid_h * d->vit.grid_w * l->channels;
 
-        most = n > most ? n : most;
-        most = up > most ? up : most;
+        max = n > max ? n : max;
+        max = up > max ? up : max;
     }
     for (int i = 0; i < 5; i++)
-        d->g[i] = nn_plan_floats(&d->plan, most);
+        d->g[i] = nn_plan_floats(&d->plan, max);
 }
 
 int dino_base_plan(struct dino_base *d, size_t batch, size_t input_h,
@@ -199,15 +199,15 @@ int dino_base_plan(struct dino_base *d, size_t batch, size_t input_h,
     for (size_t i = 0; i < DINO_LEVELS; i++)
         dino_fusion_plan(d, i);
     size_t oh = d->fusion[3].oh, ow = d->fusion[3].ow;
-    size_t most = batch * oh * ow * d->out;
+    size_t max = batch * oh * ow * d->out;
     d->resize_out = oh != size || ow != size;
-    d->feature = nn_plan_map(p, most);
+    d->feature = nn_plan_map(p, max);
     conv_plan(&d->last, p, batch, oh, ow);
     if (d->resize_out)
         rescale_plan(&d->final, p, RESCALE_ALIGNED, batch, oh, ow, size, size,
                      d->out);
     if (nn_plan_backward(p))
-        dino_base_plan_gradients(d, most);
+        dino_base_plan_gradients(d, max);
     if (nn_plan_finish(p, err))
         return -1;
     dino_base_update(d);

@@ -78,11 +78,11 @@ static void mlp_decoder_plan_gradients(struct mlp_decoder *d, size_t rows)
 {
     struct mlp_decoder_impl *im = d->impl;
     struct nn_plan *p = &im->plan;
-    size_t most = d->width > d->hidden ? d->width : d->hidden;
+    size_t max = d->width > d->hidden ? d->width : d->hidden;
 
-    most = most > d->head.colors ? most : d->head.colors;
-    im->grad[0] = nn_plan_floats(p, rows * most);
-    im->grad[1] = nn_plan_floats(p, rows * most);
+    max = max > d->head.colors ? max : d->head.colors;
+    im->grad[0] = nn_plan_floats(p, rows * max);
+    im->grad[1] = nn_plan_floats(p, rows * max);
     im->dx = im->halves ? NULL : nn_plan_floats(p, rows * im->padded);
     im->dsum = im->halves ? NULL : nn_plan_floats(p, rows * im->padded);
     im->draw = nn_plan_floats(p, rows * (d->head.colors + 8));

@@ -278,7 +278,7 @@ static size_t mobilenet_block_plan(struct mobilenet_block *b,
                                    struct nn_plan *p, size_t batch, size_t *h,
                                    size_t *w, float **x)
 {
-    size_t most = 0, n;
+    size_t max = 0, n;
     float *in = *x;
 
     b->in = in;
@@ -289,7 +289,7 @@ static size_t mobilenet_block_plan(struct mobilenet_block *b,
     }
     if (b->expand) {
         mobilenet_unit_plan(&b->up, p, batch, *h, *w, false);
-        most = batch * *h * *w * b->up.C;
+        max = batch * *h * *w * b->up.C;
     }
     mobilenet_unit_plan(&b->dw, p, batch, *h, *w, false);
     if (b->expand)
@@ -297,7 +297,7 @@ static size_t mobilenet_block_plan(struct mobilenet_block *b,
     *h = b->dw.h;
     *w = b->dw.w;
     n = batch * *h * *w * b->dw.C;
-    most = n > most ? n : most;
+    max = n > max ? n : max;
     b->gated = b->dw.y;
     if (b->se) {
         squeeze_excite_plan(&b->squeeze, p, batch, *h * *w);
@@ -311,7 +311,7 @@ static size_t mobilenet_block_plan(struct mobilenet_block *b,
     else
         nn_plan_recycle(p, in);
     *x = b->down.y;
-    return most;
+    return max;
 }
 
 int mobilenet_plan(struct mobilenet *m, size_t batch, size_t height,
@@ -326,19 +326,19 @@ int mobilenet_plan(struct mobilenet *m, size_t batch, size_t height,
     m->height = height;
     m->width = width;
     mobilenet_unit_plan(&im->stem, p, batch, height, width, false);
-    size_t h = im->stem.h, w = im->stem.w, most = batch * h * w * im->stem.C;
+    size_t h = im->stem.h, w = im->stem.w, max = batch * h * w * im->stem.C;
     float *x = im->stem.y;
     for (size_t i = 0; i < im->blocks; i++) {
         size_t n = mobilenet_block_plan(&im->block[i], p, batch, &h, &w, &x);
 
-        most = n > most ? n : most;
+        max = n > max ? n : max;
     }
     m->out_h = h;
     m->out_w = w;
     im->mean_part = nn_plan_floats(p, batch * NN_PARTS * m->features);
     if (nn_plan_backward(p))
         for (size_t i = 0; i < 3; i++)
-            im->grad[i] = nn_plan_floats(p, most);
+            im->grad[i] = nn_plan_floats(p, max);
     if (nn_plan_finish(p, err))
         return -1;
     mobilenet_update(m);

@@ -40,9 +40,9 @@ int motion_encoder_init(struct motion_encoder *m, struct params *ps,
     return 0;
 }
 
-void motion_encoder_add_sure(struct motion_encoder *m, const char *prefix)
+void motion_encoder_add_confidence(struct motion_encoder *m, const char *prefix)
 {
-    sure_head_init(&m->sure, m->ps, prefix, m->net.features);
+    confidence_head_init(&m->confidence, m->ps, prefix, m->net.features);
 }
 
 void motion_encoder_add_rest(struct motion_encoder *m, const char *prefix)
@@ -60,9 +60,9 @@ const float *motion_encoder_rest(const struct motion_encoder *m)
     return m->has_rest ? param_w(m->ps, m->rest) : NULL;
 }
 
-float motion_encoder_sure(const struct motion_encoder *m, size_t n)
+float motion_encoder_confidence(const struct motion_encoder *m, size_t n)
 {
-    return sure_head_forward(&m->sure, m->pooled + n * m->net.features);
+    return confidence_head_forward(&m->confidence, m->pooled + n * m->net.features);
 }
 
 void motion_encoder_init_weights(struct motion_encoder *m)
@@ -207,9 +207,9 @@ void motion_encoder_graph(struct graph *g, const struct motion_encoder *m)
     int code = graph_node(g, "Concat", part, 6);
     graph_set_int(g, "axis", 1);
     GRAPH_OUTPUT(g, code, "code", 1, MOTION_OUT);
-    if (!m->sure.ps)
+    if (!m->confidence.ps)
         return;
-    int sure = motion_encoder_head_graph(g, pooled, m->ps, m->sure.w,
-                                         m->sure.b);
-    GRAPH_OUTPUT(g, graph_act(g, sure, ACT_SIGMOID), "sure", 1, 1);
+    int confidence = motion_encoder_head_graph(g, pooled, m->ps, m->confidence.w,
+                                         m->confidence.b);
+    GRAPH_OUTPUT(g, graph_act(g, confidence, ACT_SIGMOID), "sure", 1, 1);
 }

@@ -1,12 +1,12 @@
 /* E_m: MobileNetV3 on the face crop and six linear heads (Eqs. rot to eye).
  * Tensors: "<prefix>encoder.*" (timm's names) and
  * "<prefix>{rot,trans,exp,jaw,lid,eye}.{weight,bias}"; the head that says how
- * sure it is (sure_head.h) only where motion_encoder_add_sure declares it. */
+ * sure it is (confidence_head.h) only where motion_encoder_add_confidence declares it. */
 #ifndef SPID_NET_MOTION_ENCODER_H
 #define SPID_NET_MOTION_ENCODER_H
 
 #include "lib/net/mobilenet.h"
-#include "lib/net/sure_head.h"
+#include "lib/net/confidence_head.h"
 #include "lib/nn/graph.h"
 #include "lib/nn/plan.h"
 
@@ -30,7 +30,7 @@ struct motion_encoder {
     bool apart;                   /* planned so */
     struct params *ps;
     size_t head_w[6], head_b[6];  /* tensor indices in ps */
-    struct sure_head sure;        /* zeroed: none */
+    struct confidence_head confidence;        /* zeroed: none */
     bool has_rest;                /* motion_encoder_add_rest was called */
     size_t rest;                  /* tensor index in ps */
     size_t batch;
@@ -44,8 +44,8 @@ struct motion_encoder {
 int motion_encoder_init(struct motion_encoder *m, struct params *ps,
                         const char *prefix, const char *variant,
                         struct error *err);
-/* Declare the sure head, after motion_encoder_init. */
-void motion_encoder_add_sure(struct motion_encoder *m, const char *prefix);
+/* Declare the confidence head, after motion_encoder_init. */
+void motion_encoder_add_confidence(struct motion_encoder *m, const char *prefix);
 /* Declare "<prefix>rest" (2,120): what E_m says of calm faces, least and most,
  * as people's faces differ and E_m errs.  After motion_encoder_init. */
 void motion_encoder_add_rest(struct motion_encoder *m, const char *prefix);
@@ -68,7 +68,7 @@ void motion_encoder_forward(float *out, const float *rgb,
                             struct motion_encoder *m);
 /* How sure the last forward was of crop n's face, 0 to 1; 1 without a sure
  * head. */
-float motion_encoder_sure(const struct motion_encoder *m, size_t n);
+float motion_encoder_confidence(const struct motion_encoder *m, size_t n);
 /* drgb (B,224,224,3), or NULL, from dout (B,120) as in enum motion_out. */
 void motion_encoder_backward(float *drgb, const float *dout,
                              struct motion_encoder *m);

@@ -13,13 +13,13 @@
  */
 
 void narrow_end_plan(struct narrow_end *e, struct conv *rgb,
-                     struct conv *field, float most, struct nn_plan *p)
+                     struct conv *field, float max, struct nn_plan *p)
 {
     const size_t out = rgb->out + (field ? field->out : 0);
     const size_t cells = rgb->h * rgb->w;
     struct conv both = *rgb;
 
-    *e = (struct narrow_end){.rgb = rgb, .field = field, .most = most};
+    *e = (struct narrow_end){.rgb = rgb, .field = field, .max = max};
     if (p->err.code || nn_plan_type(p) == NN_F32 || rgb->in % 16 ||
         rgb->h % TILE || rgb->w % TILE)
         return;
@@ -146,16 +146,16 @@ void narrow_end_set_coverage(struct narrow_end *e, struct conv *before,
 /* ---- running ---------------------------------------------------------------
  */
 
-/* rgb (4,4,3), rows `line` floats apart, += a cell's numbers, each `most` at
+/* rgb (4,4,3), rows `line` floats apart, += a cell's numbers, each `max` at
  * most. */
 static void narrow_end_add(float *rgb, size_t line, const float *cell,
-                           float most)
+                           float max)
 {
     for (size_t y = 0; y < CELL; y++, rgb += line, cell += 3 * CELL)
         for (size_t i = 0; i < 3 * CELL; i++) {
-            const float up = cell[i] < most ? cell[i] : most;
+            const float up = cell[i] < max ? cell[i] : max;
 
-            rgb[i] += up > -most ? up : -most;
+            rgb[i] += up > -max ? up : -max;
         }
 }
 
@@ -172,7 +172,7 @@ PARALLEL(narrow_end_forward_part, y, struct narrow_end *, e, float *, field,
                    said * sizeof *field);
         if (!e->some || e->cell[y * w + x])
             narrow_end_add(rgb + y * CELL * line + x * 3 * CELL, line, cell,
-                           e->most);
+                           e->max);
     }
 }
 

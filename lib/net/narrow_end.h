@@ -23,13 +23,13 @@ struct narrow_end {
     uint32_t *list[2];          /* tiles wanted of joint, of the layer before */
     size_t listed[2];
     bool some;                  /* the lists and cells are to be used */
-    float most;                 /* added to a number or taken from it */
+    float max;                 /* added to a number or taken from it */
 };
 
 /* After both layers were planned; nothing is planned where Winograd does not
- * serve them.  most: of a correction, INFINITY for any. */
+ * serve them.  max: of a correction, INFINITY for any. */
 void narrow_end_plan(struct narrow_end *e, struct conv *rgb,
-                     struct conv *field, float most, struct nn_plan *p);
+                     struct conv *field, float max, struct nn_plan *p);
 /* The weights in ps changed. */
 void narrow_end_update(struct narrow_end *e);
 

@@ -208,7 +208,7 @@ static void narrow_refiner_plan_forward(struct narrow_refiner *r)
         conv_plan(&r->field, p, B, h / 4, w / 4);
     }
     narrow_end_plan(&r->end, &r->rgb, r->photos ? &r->field : NULL,
-                    r->photos ? NARROW_REFINER_MOST : INFINITY, p);
+                    r->photos ? NARROW_REFINER_MAX : INFINITY, p);
     if (r->turns) {
         conditional_conv_plan(&r->conditional1, p);
         conditional_conv_plan(&r->conditional0, p);
@@ -368,17 +368,17 @@ static void narrow_refiner_forward_quarter(struct narrow_refiner *r)
 /* Corrections d (n) clamped to what a refiner of the photograph may add. */
 static void narrow_refiner_clamp(float *d, size_t n)
 {
-    const float most = NARROW_REFINER_MOST;
+    const float max = NARROW_REFINER_MAX;
 
     for (size_t i = 0; i < n; i++)
-        d[i] = d[i] < -most ? -most : d[i] > most ? most : d[i];
+        d[i] = d[i] < -max ? -max : d[i] > max ? max : d[i];
 }
 
 /* dd = 0 where d was clamped. */
 static void narrow_refiner_clamp_backward(float *dd, const float *d, size_t n)
 {
     for (size_t i = 0; i < n; i++)
-        if (fabsf(d[i]) >= NARROW_REFINER_MOST)
+        if (fabsf(d[i]) >= NARROW_REFINER_MAX)
             dd[i] = 0;
 }
 
@@ -584,8 +584,8 @@ void narrow_refiner_graph(struct graph *g, size_t h, size_t w,
     if (r->photos) {
         GRAPH_OUTPUT(g, graph_rows(g, graph_conv(g, x, &r->field)), "field",
                      1, h / 4, w / 4, NARROW_REFINER_FIELD);
-        d = GRAPH_NODE(g, "Clip", d, graph_real(g, -NARROW_REFINER_MOST),
-                       graph_real(g, NARROW_REFINER_MOST));
+        d = GRAPH_NODE(g, "Clip", d, graph_real(g, -NARROW_REFINER_MAX),
+                       graph_real(g, NARROW_REFINER_MAX));
     }
     x = GRAPH_NODE(g, "Add", graph_slice(g, features, 1, 0, 3),
                    graph_to_space(g, d, 4));

@@ -53,7 +53,7 @@ struct narrow_refiner {
  * confidence in the photograph is low (what a turned head uncovers, the rims of
  * what has moved), the refiner has little to go by and would draw dark lines
  * along white shoulders. */
-#define NARROW_REFINER_MOST 0.03f
+#define NARROW_REFINER_MAX 0.03f
 
 /* Declare the tensors; turns: the conditions depend on the relative pose;
  * photos: there is a photograph. */
@@ -69,7 +69,7 @@ void narrow_refiner_update(struct narrow_refiner *r);
 void narrow_refiner_release(struct narrow_refiner *r);
 /* rgb (B,h,w,3) from feat (B,h,w,channels), not clamped; with photos also from
  * r->photo, which must be set, and r->k (B,h/4,w/4,4) is the field; it adds no
- * more than NARROW_REFINER_MOST then. */
+ * more than NARROW_REFINER_MAX then. */
 void narrow_refiner_forward(float *rgb, const float *feat,
                             struct narrow_refiner *r);
 /* The same from half floats, or from a part of a larger image: the view's

@@ -228,21 +228,21 @@ static void style_unet_plan_gradients(struct style_unet *s)
 {
     struct nn_plan *p = &s->plan;
     size_t B = s->batch, top = s->halve ? s->in_size : s->out_size;
-    size_t most = top * top * s->first.out;
+    size_t max = top * top * s->first.out;
     size_t in = top * top * s->channels;
 
     for (size_t i = 0; i < s->levels; i++) {
         struct style_level *l = &s->level[i];
         size_t n = l->side * l->side * l->enlarge.in;
 
-        most = n > most ? n : most;
+        max = n > max ? n : max;
         l->ddown = nn_plan_floats(p, B * (s->out_size >> (i + 1)) *
                                          (s->out_size >> (i + 1)) *
                                          l->down.conv2.out);
     }
-    most = in > most ? in : most;
+    max = in > max ? in : max;
     for (int i = 0; i < 5; i++)
-        s->g[i] = nn_plan_floats(p, B * most);
+        s->g[i] = nn_plan_floats(p, B * max);
     s->dlatent = nn_plan_floats(p, B * s->latent);
     s->dstyle = nn_plan_floats(p, B * s->latent);
     s->dflat = nn_plan_floats(p, B * 16 * style_unet_width(s, 4));

@@ -199,7 +199,7 @@ static size_t conv_weight_count(const struct conv *c)
  * weights does. */
 static enum form conv_form(const struct conv *c)
 {
-    static const enum form most[] = { [NN_F32] = FORM_FLOAT,
+    static const enum form max[] = { [NN_F32] = FORM_FLOAT,
                                       [NN_FAST] = FORM_WINOGRAD,
                                       [NN_BF16] = FORM_BF16,
                                       [NN_INT8] = FORM_INT8 };
@@ -207,7 +207,7 @@ static enum form conv_form(const struct conv *c)
     const struct form_rates r = form_rates();
 
     return small_linear_wanted(c)
-               ? FORM_FLOAT : form_choose(&l, most[nn_plan_type(c->plan)], &r);
+               ? FORM_FLOAT : form_choose(&l, max[nn_plan_type(c->plan)], &r);
 }
 
 static bool conv_int8_wanted(const struct conv *c)

@@ -19,8 +19,8 @@ static dnnl_stream_t stream;
 
 #ifdef SPID_X86
 /* What oneDNN is allowed at most by its own variable, in its own words, from
- * the narrowest on; `most` when it says nothing, or more. */
-static dnnl_cpu_isa_t engine_user_limit(dnnl_cpu_isa_t most)
+ * the narrowest on; `max` when it says nothing, or more. */
+static dnnl_cpu_isa_t engine_user_limit(dnnl_cpu_isa_t max)
 {
     static const struct {
         const char *word;
@@ -39,10 +39,10 @@ static dnnl_cpu_isa_t engine_user_limit(dnnl_cpu_isa_t most)
     for (size_t i = 0; word && i < sizeof known / sizeof *known; i++) {
         if (!strcasecmp(word, known[i].word))
             return known[i].isa;
-        if (known[i].isa == most)
+        if (known[i].isa == max)
             break;
     }
-    return most;
+    return max;
 }
 #endif
 

@@ -68,15 +68,15 @@ double form_cycles(enum form f, const struct form_layer *l,
     return INFINITY;
 }
 
-enum form form_choose(const struct form_layer *l, enum form most,
+enum form form_choose(const struct form_layer *l, enum form max,
                       const struct form_rates *r)
 {
     enum form best = FORM_FLOAT;
 
-    if (preferred != FORM_FLOAT && preferred <= most &&
+    if (preferred != FORM_FLOAT && preferred <= max &&
         form_cycles(preferred, l, r) < INFINITY)
         return preferred;
-    for (int f = FORM_WINOGRAD; f <= (int)most; f++)
+    for (int f = FORM_WINOGRAD; f <= (int)max; f++)
         if (form_cycles((enum form)f, l, r) < form_cycles(best, l, r))
             best = (enum form)f;
     return best;

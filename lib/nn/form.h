@@ -29,8 +29,8 @@ struct form_rates form_rates(void);
 /* Cycles for each output pixel; INFINITY: the form does not do such layers. */
 double form_cycles(enum form f, const struct form_layer *l,
                    const struct form_rates *r);
-/* The form of the fewest cycles up to `most`: the types that a plan allows. */
-enum form form_choose(const struct form_layer *l, enum form most,
+/* The form of the fewest cycles up to `max`: the types that a plan allows. */
+enum form form_choose(const struct form_layer *l, enum form max,
                       const struct form_rates *r);
 /* form_choose's answer from now on wherever that form is possible, for tests;
  * FORM_FLOAT: its own again. */

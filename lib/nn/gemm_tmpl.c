@@ -110,7 +110,7 @@ void ISA(softmax)(float *p, size_t rows, size_t n, size_t ld, float scale)
 {
     for (size_t r = 0; r < rows; r++) {
         float *restrict row = p + r * ld;
-        float lane[16], sum = 0.0f, most;
+        float lane[16], sum = 0.0f, max;
         size_t whole = n / 16 * 16;
 
         for (int i = 0; i < 16; i++)
@@ -119,13 +119,13 @@ void ISA(softmax)(float *p, size_t rows, size_t n, size_t ld, float scale)
             for (int i = 0; i < 16; i++)
                 lane[i] = row[k + (size_t)i] > lane[i] ? row[k + (size_t)i]
                                                        : lane[i];
-        most = lane[0];
+        max = lane[0];
         for (int i = 1; i < 16; i++)
-            most = lane[i] > most ? lane[i] : most;
+            max = lane[i] > max ? lane[i] : max;
         for (size_t k = whole; k < n; k++)
-            most = row[k] > most ? row[k] : most;
+            max = row[k] > max ? row[k] : max;
         for (size_t k = 0; k < n; k++)
-            row[k] = math_exp((row[k] - most) * scale);
+            row[k] = math_exp((row[k] - max) * scale);
         for (int i = 0; i < 16; i++)
             lane[i] = 0.0f;
         for (size_t k = 0; k < whole; k += 16)

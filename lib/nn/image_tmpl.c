@@ -138,17 +138,17 @@ void ISA(to_bf16)(uint16_t *y, const float *x, size_t n)
 /* *lo and *hi lowered and raised to what is in x */
 void ISA(range)(float *lo, float *hi, const float *x, size_t n)
 {
-    vf least = vf_set(*lo), most = vf_set(*hi);
+    vf min = vf_set(*lo), max = vf_set(*hi);
     size_t whole = n / VF_LANES * VF_LANES;
 
     for (size_t i = 0; i < whole; i += VF_LANES) {
         vf v = vf_load(x + i);
-        least = vf_min(least, v);
-        most = vf_max(most, v);
+        min = vf_min(min, v);
+        max = vf_max(max, v);
     }
     for (size_t k = 0; k < VF_LANES; k++) {
-        *lo = least[k] < *lo ? least[k] : *lo;
-        *hi = most[k] > *hi ? most[k] : *hi;
+        *lo = min[k] < *lo ? min[k] : *lo;
+        *hi = max[k] > *hi ? max[k] : *hi;
     }
     for (size_t i = whole; i < n; i++) {
         *lo = x[i] < *lo ? x[i] : *lo;

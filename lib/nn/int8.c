@@ -32,11 +32,11 @@ void int8_update(struct int8 *q, const struct conv *c, const float *w)
 
     for (size_t o = 0; o < c->out; o++, w += n) {
         int8_t *to = q->weight + o * n;
-        float most = 0, sum = 0;
+        float max = 0, sum = 0;
 
         for (size_t i = 0; i < n; i++)
-            most = fmaxf(most, fabsf(w[i]));
-        q->step[o] = most > 0 ? most / range : 1;
+            max = fmaxf(max, fabsf(w[i]));
+        q->step[o] = max > 0 ? max / range : 1;
         for (size_t i = 0; i < n; i++) {
             float x = rintf(w[i] / q->step[o]);
 

@@ -235,13 +235,13 @@ int params_save(const struct params *ps, const char *path,
 {
     struct st_tensor *t = calloc(ps->count + 1, sizeof *t);
     struct params_output o = {ps, dtype, NULL};
-    size_t most = 1;
+    size_t max = 1;
     int rc = -1;
 
     for (size_t i = 0; i < ps->count; i++)
-        most = ps->tensor[i].count > most ? ps->tensor[i].count : most;
+        max = ps->tensor[i].count > max ? ps->tensor[i].count : max;
     if (dtype != ST_F32)
-        o.half = malloc(most * sizeof *o.half);
+        o.half = malloc(max * sizeof *o.half);
     if (!t || (dtype != ST_F32 && !o.half)) {
         error_set(err, EX_OSERR, "%s: out of memory", path);
         goto out;

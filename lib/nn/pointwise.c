@@ -26,7 +26,7 @@ static size_t pointwise_panels(size_t n)
 void pointwise_plan(struct pointwise *t, const struct conv *c,
                     struct nn_plan *p)
 {
-    size_t in = c->in, out = c->out, most = in > out ? in : out;
+    size_t in = c->in, out = c->out, max = in > out ? in : out;
     size_t wide = pointwise_panels(in), R = POINTWISE_PAIRS;
 
     t->plan = p;
@@ -37,7 +37,7 @@ void pointwise_plan(struct pointwise *t, const struct conv *c,
     t->forward = nn_plan_bytes(p, in / 2 * pointwise_panels(out) * 4);
     t->back = nn_plan_bytes(p, out / 2 * wide * 4);
     t->dw = nn_plan_floats(p, NN_PARTS * out * wide);
-    t->half_size = (PAIRS_ROWS * most * 2 + 63) / 64 * 64;
+    t->half_size = (PAIRS_ROWS * max * 2 + 63) / 64 * 64;
     t->pairs_size = ((pointwise_panels(out) + wide) * R + PAIRS_ROWS) * 4;
     t->pairs_size = (t->pairs_size + 63) / 64 * 64;
     nn_plan_scratch(p, t->half_size * (size_t)parallel_width());

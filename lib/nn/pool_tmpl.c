@@ -7,18 +7,18 @@
 VF_INLINE vf max_pool_window(vf *which, const float *p, size_t rows,
                              size_t cols, size_t step, size_t C)
 {
-    vf most = vf_load(p), at = vf_set(0);
+    vf max = vf_load(p), at = vf_set(0);
 
     for (size_t y = 0; y < rows; y++)
         for (size_t x = 0; x < cols; x++) {
             vf v = vf_load(p + y * step + x * C);
-            vf_i32 more = v > most;
+            vf_i32 more = v > max;
             at = (vf)((more & (vf_i32)vf_set((float)(3 * y + x))) |
                       (~more & (vf_i32)at));
-            most = vf_max(v, most);
+            max = vf_max(v, max);
         }
     *which = at;
-    return most;
+    return max;
 }
 
 /* Row y of the output; in: the image, which: NULL or where the maxima are. */

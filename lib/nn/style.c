@@ -63,7 +63,7 @@ void style_conv_plan(struct style_conv *s, struct nn_plan *p, size_t batch,
                      size_t h, size_t w)
 {
     size_t rows = batch * h * w, low = s->up ? rows / 4 : rows;
-    size_t most = s->in > s->out ? s->in : s->out;
+    size_t max = s->in > s->out ? s->in : s->out;
 
     s->plan = p;
     s->batch = batch;
@@ -86,7 +86,7 @@ void style_conv_plan(struct style_conv *s, struct nn_plan *p, size_t batch,
         nn_plan_recycle(p, s->xu);
     if (!nn_plan_backward(p))
         return;
-    s->part = nn_plan_floats(p, NN_SUMS * 3 * most);
+    s->part = nn_plan_floats(p, NN_SUMS * 3 * max);
     s->dd = nn_plan_floats(p, s->out);
     s->dst = nn_plan_floats(p, batch * s->in);
     s->dlatent = nn_plan_floats(p, batch * s->modulation.in);

@@ -59,7 +59,7 @@ static void backdrop_gather(struct backdrop *b, const struct matting *m)
         const uint32_t y = (uint32_t)i / (uint32_t)n;
         const size_t cell = y * SIDE / (uint32_t)n * SIDE +
                             x * SIDE / (uint32_t)n;
-        const int w = (127 - m->alpha[i]) * m->sure[i];
+        const int w = (127 - m->alpha[i]) * m->confidence[i];
         float *to = b->sum[cell];
 
         b->known[cell]++;
@@ -79,17 +79,17 @@ static void backdrop_gather(struct backdrop *b, const struct matting *m)
 }
 
 /* The least that is seen of a cell within `reach` of cell i; 0 beyond the
- * picture, or `beyond`. */
-static float backdrop_least(const struct backdrop *b, int i, int reach,
-                            float beyond)
+ * picture, or `outside`. */
+static float backdrop_min(const struct backdrop *b, int i, int reach,
+                            float outside)
 {
-    float least = 1;
+    float min = 1;
 
     for (int v = i / SIDE - reach; v <= i / SIDE + reach; v++)
         for (int u = i % SIDE - reach; u <= i % SIDE + reach; u++)
-            least = fminf(least, u < 0 || u >= SIDE || v < 0 || v >= SIDE
-                                     ? beyond : b->known[v * SIDE + u]);
-    return least;
+            min = fminf(min, u < 0 || u >= SIDE || v < 0 || v >= SIDE
+                                     ? outside : b->known[v * SIDE + u]);
+    return min;
 }
 
 /* Whose patch is seen; and the cells of the hole, with those beside it that
@@ -97,12 +97,12 @@ static float backdrop_least(const struct backdrop *b, int i, int reach,
 static void backdrop_start(struct backdrop *b)
 {
     for (int i = 0; i < CELLS; i++)
-        if (backdrop_least(b, i, REACH, 0) >= SEEN) {
+        if (backdrop_min(b, i, REACH, 0) >= SEEN) {
             b->is_source[i] = 1;
             b->source[b->sources++] = i;
         }
     for (int i = 0; i < CELLS; i++)
-        b->from[i] = b->sources && backdrop_least(b, i, 1, 1) < SEEN
+        b->from[i] = b->sources && backdrop_min(b, i, 1, 1) < SEEN
                          ? b->source[backdrop_random(b, b->sources)] : -1;
 }
 

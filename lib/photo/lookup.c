@@ -29,14 +29,14 @@ size_t texture_level(const struct texture *t, const struct splat_place_view *v,
 {
     const float zoom = sqrtf(fabsf(v->A[0] * v->A[3] - v->A[1] * v->A[2])) /
                        (float)size;
-    float least = INFINITY;
+    float min = INFINITY;
     size_t best = 0;
 
     for (size_t l = 0; l < t->levels; l++) {
         float away = fabsf(log2f(zoom * (float)t->side[l]) - TEXTURE_FINER);
 
-        if (away < least) {
-            least = away;
+        if (away < min) {
+            min = away;
             best = l;
         }
     }
@@ -91,7 +91,7 @@ static bool lookup_run(float *photo, const struct lookup *k, size_t x0,
     if (!k->kernels->places(&r, &k->view, place, alpha, (n + 15) / 16 * 16))
         return false;
     memset(photo, 0, TEXTURE_PHOTO * n * sizeof *photo);
-    k->kernels->bicubic(photo, r.u, r.v, r.sure, n, k->t->level[k->level], S);
+    k->kernels->bicubic(photo, r.u, r.v, r.confidence, n, k->t->level[k->level], S);
     return true;
 }
 

@@ -5,7 +5,7 @@
 #include "lib/photo/texture.h"
 
 /* A pixel with this blended weight or less has no place. */
-#define TEXTURE_LEAST 0.004f
+#define TEXTURE_MIN 0.004f
 /* The confidence by the share of the coverage that has a place: whole from
  * three quarters on, since along an outline some of the coverage never has
  * one. */

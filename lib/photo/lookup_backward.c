@@ -93,7 +93,7 @@ static void lookup_place_backward(float *dp, const float duv[2],
 static bool lookup_confidence_backward(float *dp, float *dalpha,
                                        const float *p, float alpha, float d)
 {
-    const float cover = fmaxf(alpha, TEXTURE_LEAST);
+    const float cover = fmaxf(alpha, TEXTURE_MIN);
     const float own = TEXTURE_SHARE(p[2] / cover);
     const float slope = TEXTURE_SHARE(1) - TEXTURE_SHARE(0);
 
@@ -101,7 +101,7 @@ static bool lookup_confidence_backward(float *dp, float *dalpha,
         return false;
     if (own < 1) {
         dp[2] += d * slope / cover;
-        if (alpha > TEXTURE_LEAST)
+        if (alpha > TEXTURE_MIN)
             *dalpha -= d * slope * p[2] / (cover * cover);
     }
     return true;
@@ -124,7 +124,7 @@ void texture_lookup_backward(float *dplace, float *dalpha,
         float ny = ((float)(i / size) + 0.5f) * step - 1, duv[2];
         double at[2];
 
-        if (!(p[2] > TEXTURE_LEAST) ||
+        if (!(p[2] > TEXTURE_MIN) ||
             !lookup_confidence_backward(dplace + 3 * i, dalpha + i, p,
                                         alpha[i], d[4]))
             continue;

@@ -17,11 +17,11 @@ struct lookup_run {
     float nx, ny, step;         /* normalised position of the first pixel's
                                  * centre, and to the next one's */
     float half;                 /* half the texture's side */
-    _Alignas(64) float sure[LOOKUP_RUN];    /* confidence, 0 without a place */
+    _Alignas(64) float confidence[LOOKUP_RUN];    /* confidence, 0 without a place */
     float u[LOOKUP_RUN], v[LOOKUP_RUN];     /* places, the texture's pixels */
 };
 
-/* r->sure, u and v of n pixels, a multiple of 16, from what was blended there:
+/* r->confidence, u and v of n pixels, a multiple of 16, from what was blended there:
  * place (n,3) and alpha (n); whether any has a place. */
 typedef bool lookup_places_fn(struct lookup_run *r,
                               const struct splat_place_view *v,

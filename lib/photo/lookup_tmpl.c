@@ -39,29 +39,29 @@ static bool ISA(lookup_places)(struct lookup_run *r,
 {
     const float *A = v->A, *b = v->b, *S = v->shoulders, *neck = v->neck;
     const vf zero = vf_set(0), one = vf_set(1);
-    vf most = zero;
+    vf max = zero;
 
     for (size_t i = 0; i < n; i += VEC, place += 3 * VEC) {
         vf p = vf_load(place), q = vf_load(place + VEC);
         vf s = vf_load(place + 2 * VEC);
         vf weight = lookup_every_third(p, q, s, 2);
-        vm has = vf_gt(weight, vf_set(TEXTURE_LEAST));
+        vm has = vf_gt(weight, vf_set(TEXTURE_MIN));
 
         if (!vm_any(has)) {
-            vf_store(r->sure + i, zero);
+            vf_store(r->confidence + i, zero);
             continue;
         }
         vf over = one / vf_sel(has, weight, one);
         vf own = TEXTURE_SHARE(weight / vf_max(vf_load(alpha + i),
-                                               vf_set(TEXTURE_LEAST)));
-        vf sure = vf_keep(has, vf_clamp(own, zero, one));
+                                               vf_set(TEXTURE_MIN)));
+        vf confidence = vf_keep(has, vf_clamp(own, zero, one));
         vf nx = __builtin_convertvector(vi_iota() + (int)i, vf) * r->step +
                 r->nx;
         vf x = lookup_every_third(p, q, s, 0) * over + b[0] + 1;
         vf y = lookup_every_third(p, q, s, 1) * over + b[1] + 1;
 
-        vf_store(r->sure + i, sure);
-        most = vf_max(most, sure);
+        vf_store(r->confidence + i, confidence);
+        max = vf_max(max, confidence);
         vf share = vf_clamp(neck[0] * nx + (neck[1] * r->ny + neck[2]), zero,
                             one);
         x += share * (S[0] * nx + (S[1] * r->ny + S[4]));
@@ -69,7 +69,7 @@ static bool ISA(lookup_places)(struct lookup_run *r,
         vf_store(r->u + i, r->half * (A[0] * nx + A[1] * r->ny + x));
         vf_store(r->v + i, r->half * (A[2] * nx + A[3] * r->ny + y));
     }
-    return vm_any(vf_gt(most, zero));
+    return vm_any(vf_gt(max, zero));
 }
 
 /* ---- bicubic --------------------------------------------------------------

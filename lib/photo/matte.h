@@ -10,7 +10,7 @@
 #include "lib/net/matte_net.h"
 #include "lib/photo/matting.h"
 
-/* m->alpha, sure and back (and rgb beyond the picture) of the portrait m->rgb.
+/* m->alpha, confidence and back (and rgb beyond the picture) of the portrait m->rgb.
  * What is the person's is told by the network, if there is one and it sees
  * somebody where the head is, and else by the head's outline, and is decided by
  * the colours.  Somebody else, whom background parts from the head, is no part

@@ -400,7 +400,7 @@ static void matting_pixel(struct matting *m, const struct matting_work *k,
     float t, doubt;
 
     m->alpha[i] = matting_byte(p);
-    m->sure[i] = m->inside[i];
+    m->confidence[i] = m->inside[i];
     /* a prior that shows in no byte decides */
     const bool decided = m->alpha[i] == 0 || m->alpha[i] == 255;
     if (m->inside[i] && decided) {
@@ -416,7 +416,7 @@ static void matting_pixel(struct matting *m, const struct matting_work *k,
 
     if (!given && m->inside[i]) {
         m->alpha[i] = matting_byte(matting_posterior(&doubt, a, b, t, c, p));
-        m->sure[i] = matting_byte(1 - 2 * doubt);
+        m->confidence[i] = matting_byte(1 - 2 * doubt);
     }
     if (!m->back)
         return;

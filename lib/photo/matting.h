@@ -26,7 +26,7 @@ struct matting {
     uint8_t *rgb;               /* (n,n,3) in; beyond the picture, out */
     const uint8_t *inside;      /* (n,n) 0 beyond the picture's edges */
     uint8_t *alpha;             /* (n,n) out: 255, all is the person's */
-    uint8_t *sure;              /* (n,n) out: certainty, 255 less twice the
+    uint8_t *confidence;              /* (n,n) out: certainty, 255 less twice the
                                  * standard deviation of alpha */
     uint8_t *back;              /* (n,n,3) out: the background, also behind
                                  * the person */

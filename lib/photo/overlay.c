@@ -156,11 +156,11 @@ const uint8_t *overlay_draw(struct overlay *o, const uint8_t *rgb, size_t W,
 }
 
 /* The least of three, where fminf would be called for what may be no number. */
-static float overlay_least(float a, float b, float c)
+static float overlay_min(float a, float b, float c)
 {
-    const float least = a < b ? a : b;
+    const float min = a < b ? a : b;
 
-    return least < c ? least : c;
+    return min < c ? min : c;
 }
 
 /* Fill a triangle: pixels whose centre lies inside. */
@@ -168,10 +168,10 @@ static void overlay_fill(uint8_t *mask, size_t n, const float *a,
                          const float *b, const float *c)
 {
     const float top = (float)n;
-    float x0 = fmaxf(0, floorf(overlay_least(a[0], b[0], c[0])));
-    float y0 = fmaxf(0, floorf(overlay_least(a[1], b[1], c[1])));
-    float x1 = fminf(top, ceilf(-overlay_least(-a[0], -b[0], -c[0])) + 1);
-    float y1 = fminf(top, ceilf(-overlay_least(-a[1], -b[1], -c[1])) + 1);
+    float x0 = fmaxf(0, floorf(overlay_min(a[0], b[0], c[0])));
+    float y0 = fmaxf(0, floorf(overlay_min(a[1], b[1], c[1])));
+    float x1 = fminf(top, ceilf(-overlay_min(-a[0], -b[0], -c[0])) + 1);
+    float y1 = fminf(top, ceilf(-overlay_min(-a[1], -b[1], -c[1])) + 1);
 
     for (float y = y0 + 0.5f; y < y1; y++)
         for (float x = x0 + 0.5f; x < x1; x++) {

@@ -88,10 +88,10 @@ static void place_set_shoulders(struct splat_place_view *v,
     for (int k = 0; k < 2; k++)
         down[k] = end[2 + k] - end[k];
     /* a head that looks down sees it short */
-    const float least = (PLACE_NECK_TOP - PLACE_NECK_BOTTOM) * CAMERA_FOCAL /
+    const float min = (PLACE_NECK_TOP - PLACE_NECK_BOTTOM) * CAMERA_FOCAL /
                         (2 * fmaxf(source[11], CAMERA_NEAR));
     const float square = fmaxf(down[0] * down[0] + down[1] * down[1],
-                               least * least);
+                               min * min);
     for (int k = 0; k < 2; k++)
         v->neck[k] = (down[0] * map[k] + down[1] * map[2 + k]) / square;
     v->neck[2] = (down[0] * (map[4] + 1 - end[0]) +

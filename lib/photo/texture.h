@@ -56,7 +56,7 @@ void texture_straight(uint8_t *out, const uint8_t *rgb, const uint8_t *matte,
  *   alpha (size,size)    coverage
  * A pixel that no Gaussian with a place covers gets zeros.  The confidence is
  * the blended one's share of the coverage: how far the photograph is believed
- * is decided for each Gaussian (gaussian_shown), and nowhere else. */
+ * is decided for each Gaussian (gaussian_visible), and nowhere else. */
 void texture_lookup(float *photo, const struct texture *t,
                     const struct splat_place_view *v, const float *place,
                     const float *alpha, size_t size);

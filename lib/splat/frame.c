@@ -27,7 +27,7 @@ struct drawing {
     int shift;                 /* ... over the bits from here on */
     bool shared;               /* ... in equal shares, not as collected */
     size_t lo[SPLAT_MAX_THREADS], count[SPLAT_MAX_THREADS];
-    uint32_t least[SPLAT_MAX_THREADS], most[SPLAT_MAX_THREADS];
+    uint32_t min[SPLAT_MAX_THREADS], max[SPLAT_MAX_THREADS];
     size_t room;               /* of the tile lists */
     bool failed;
     bool kept;                 /* the last frame is still in the pictures */
@@ -55,7 +55,7 @@ static void frame_collect(struct drawing *f, int t, size_t i, size_t end)
 {
     struct splat_state *st = f->s->state;
     uint64_t *out = st->sort0 + f->lo[t] + f->count[t], *at = out;
-    uint32_t least = f->least[t], most = f->most[t];
+    uint32_t min = f->min[t], max = f->max[t];
 
     for (; i < end; i++) {
         uint32_t key = st->key[i];
@@ -64,12 +64,12 @@ static void frame_collect(struct drawing *f, int t, size_t i, size_t end)
         if (key == HIDDEN)
             continue;
         at++;
-        least = key < least ? key : least;
-        most = key > most ? key : most;
+        min = key < min ? key : min;
+        max = key > max ? key : max;
     }
     f->count[t] += (size_t)(at - out);
-    f->least[t] = least;
-    f->most[t] = most;
+    f->min[t] = min;
+    f->max[t] = max;
 }
 
 /* Project share t of what moved, and collect it. */
@@ -86,8 +86,8 @@ static void frame_project(void *ctx, size_t share)
 
     f->lo[t] = i - first;
     f->count[t] = 0;
-    f->least[t] = UINT32_MAX;
-    f->most[t] = 0;
+    f->min[t] = UINT32_MAX;
+    f->max[t] = 0;
     for (; i < end; i += BATCH) {
         size_t stop = frame_min_size(i + BATCH, end);
 
@@ -96,15 +96,15 @@ static void frame_project(void *ctx, size_t share)
     }
 }
 
-/* ---- sort: radix of 11 bits over (bits of z - least), stable ------------ */
+/* ---- sort: radix of 11 bits over (bits of z - min), stable ------------ */
 
 /* How many keys have each value of the digit at shift. */
 static void frame_histogram(uint32_t *h, const uint64_t *in, size_t n,
-                            uint32_t least, int shift)
+                            uint32_t min, int shift)
 {
     memset(h, 0, RADIX * sizeof *h);
     for (size_t i = 0; i < n; i++)
-        h[((uint32_t)(in[i] >> 32) - least) >> shift & (RADIX - 1)]++;
+        h[((uint32_t)(in[i] >> 32) - min) >> shift & (RADIX - 1)]++;
 }
 
 /* Where this thread's first entry of each digit goes. */
@@ -123,12 +123,12 @@ static void frame_offsets(uint32_t *at, const uint32_t *histogram, int t,
 
 /* Entries to where their digit goes; equal digits keep their order. */
 static void frame_scatter(uint64_t *out, uint32_t *at, const uint64_t *in,
-                          size_t n, uint32_t least, int shift)
+                          size_t n, uint32_t min, int shift)
 {
     for (size_t i = 0; i < n; i++) {
         uint64_t e = in[i];
 
-        out[at[((uint32_t)(e >> 32) - least) >> shift & (RADIX - 1)]++] = e;
+        out[at[((uint32_t)(e >> 32) - min) >> shift & (RADIX - 1)]++] = e;
     }
 }
 
@@ -158,7 +158,7 @@ static void frame_count_digits(void *ctx, size_t t)
     size_t lo, n = frame_share(&lo, f, (int)t);
 
     frame_histogram(f->s->state->histogram + t * RADIX, f->from + lo, n,
-                    f->least[0], f->shift);
+                    f->min[0], f->shift);
 }
 
 /* Share t of a pass, to where it goes. */
@@ -169,7 +169,7 @@ static void frame_move(void *ctx, size_t t)
     uint32_t at[RADIX];
 
     frame_offsets(at, f->s->state->histogram, (int)t, f->threads);
-    frame_scatter(f->to, at, f->from + lo, n, f->least[0], f->shift);
+    frame_scatter(f->to, at, f->from + lo, n, f->min[0], f->shift);
 }
 
 /* Sort what was collected; returns where it is, sort0 or sort1. */
@@ -177,11 +177,11 @@ static uint64_t *frame_sort(struct drawing *f)
 {
     struct splat_state *st = f->s->state;
     const size_t shares = (size_t)f->threads;
-    uint32_t most = 0;
+    uint32_t max = 0;
 
     for (int k = 0; k < f->threads; k++) {
-        f->least[0] = f->least[k] < f->least[0] ? f->least[k] : f->least[0];
-        most = f->most[k] > most ? f->most[k] : most;
+        f->min[0] = f->min[k] < f->min[0] ? f->min[k] : f->min[0];
+        max = f->max[k] > max ? f->max[k] : max;
     }
     f->from = st->sort0;
     f->to = st->sort1;
@@ -194,7 +194,7 @@ static uint64_t *frame_sort(struct drawing *f)
         f->from = f->to;
         f->to = swap;
         f->shared = true;
-        if (f->shift == 22 || (most - f->least[0]) >> (f->shift + 11) == 0)
+        if (f->shift == 22 || (max - f->min[0]) >> (f->shift + 11) == 0)
             break;
     }
     return f->from;

@@ -60,13 +60,13 @@ PARALLEL(pack_one, i, struct splat *, s, const struct gaussians *, g)
                 c < s->opt.channels ? pack_color(g, i, c) : 0;
 }
 
-PARALLEL(pack_fixed_part, i, float *, most, const struct gaussians *, g,
+PARALLEL(pack_fixed_part, i, float *, max, const struct gaussians *, g,
          struct splat_state *, st, int, C)
 {
     for (int e = 0; e < 32; e++) {
         /* element e of a row: lane e/8, low or high half of the lane */
         int c = e / 8 * 4 + e % 4 + (e % 8 >= 4 ? 16 : 0);
-        float x = c < C && most[c] > 0 ? pack_color(g, i, c) / most[c] * 32767
+        float x = c < C && max[c] > 0 ? pack_color(g, i, c) / max[c] * 32767
                                        : 0;
 
         st->fixed[i * 32 + (size_t)e] = (int16_t)lrintf(x);
@@ -80,16 +80,16 @@ PARALLEL(pack_fixed_part, i, float *, most, const struct gaussians *, g,
 static void pack_fixed(struct splat *s, const struct gaussians *g)
 {
     struct splat_state *st = s->state;
-    float most[SPLAT_MAX_CHANNELS] = {0};
+    float max[SPLAT_MAX_CHANNELS] = {0};
     int C = s->opt.channels;
 
     for (size_t i = 0; i < g->n; i++)
         for (int c = 0; c < C; c++)
-            most[c] = fmaxf(most[c], fabsf(pack_color(g, i, c)));
+            max[c] = fmaxf(max[c], fabsf(pack_color(g, i, c)));
     for (int c = 0; c < SPLAT_MAX_CHANNELS; c++)
-        st->fixed_scale[c] = most[c] / (32767.0f * 32767.0f);
+        st->fixed_scale[c] = max[c] / (32767.0f * 32767.0f);
 
-    parallel_each(pack_fixed_part, g->n, g->n > 10000 ? 1 : g->n, most, g, st,
+    parallel_each(pack_fixed_part, g->n, g->n > 10000 ? 1 : g->n, max, g, st,
                   C);
 }
 

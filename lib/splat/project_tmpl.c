@@ -17,8 +17,8 @@ void ISA(splat_project)(struct splat_state *s, size_t first, size_t last);
 #define MASK vm
 #define NAME(x) x
 #define load(p) vf_load(p)
-#define over(x, least) vf_gt(x, vf_set(least))
-#define within(x, most) vf_clamp(x, vf_set(-(most)), vf_set(most))
+#define over(x, min) vf_gt(x, vf_set(min))
+#define within(x, max) vf_clamp(x, vf_set(-(max)), vf_set(max))
 #define pick(on, x) vf_sel(on, x, vf_set(1))
 #define literal(x) ((float)(x))
 #include "lib/splat/project_math.inc"
@@ -50,10 +50,10 @@ VEC_INLINE vd rounded(vd x)
     return __builtin_convertvector(__builtin_convertvector(x, vh), vd);
 }
 
-/* x within -most .. most */
-VEC_INLINE vd within_double(vd x, float most)
+/* x within -max .. max */
+VEC_INLINE vd within_double(vd x, float max)
 {
-    vd lo = (vd){0} - most, hi = (vd){0} + most;
+    vd lo = (vd){0} - max, hi = (vd){0} + max;
 
     return select_double(x < lo, lo, select_double(x > hi, hi, x));
 }
@@ -61,7 +61,7 @@ VEC_INLINE vd within_double(vd x, float most)
 #define REAL vd
 #define MASK vl
 #define NAME(x) x##_double
-#define over_double(x, least) (rounded(x) > (double)(least))
+#define over_double(x, min) (rounded(x) > (double)(min))
 #define pick_double(on, x) select_double(on, x, (vd){0} + 1.0)
 #define literal_double(x) (x)
 #include "lib/splat/project_math.inc"
@@ -163,7 +163,7 @@ VEC_INLINE void project_place_fine(struct lanes *l, struct splat_state *s,
 }
 
 /* The confidence in what the photograph shows of Gaussians i and on: seen times
- * gaussian_shown. */
+ * gaussian_visible. */
 VEC_INLINE vf project_confidence(const struct splat_state *s, size_t i)
 {
     const float *toward = s->view.place.toward;
@@ -172,10 +172,10 @@ VEC_INLINE vf project_confidence(const struct splat_state *s, size_t i)
                             vf_set(1)));
     vf drawn = (vf_set(1) / vf_max(more, vf_set(1)) - GAUSSIAN_TORN) /
                (GAUSSIAN_DRAWN - GAUSSIAN_TORN);
-    vf turned = (more - GAUSSIAN_GONE) / (GAUSSIAN_TURNED - GAUSSIAN_GONE);
+    vf rotated = (more - GAUSSIAN_GONE) / (GAUSSIAN_ROTATED - GAUSSIAN_GONE);
 
     return vf_load(s->cloud.seen + i) *
-           vf_clamp(vf_min(drawn, turned), vf_set(0), vf_set(1));
+           vf_clamp(vf_min(drawn, rotated), vf_set(0), vf_set(1));
 }
 
 /* Place channels of Gaussians i and on: what their places in the source
@@ -186,7 +186,7 @@ VEC_INLINE void project_channels(struct splat_state *s, size_t i,
     const struct view *v = &s->view;
     vf x = l->x * vf_set(2 / (float)v->width) - vf_set(1);
     vf y = l->y * vf_set(2 / (float)v->height) - vf_set(1);
-    vf sure = project_confidence(s, i), row[4];
+    vf confidence = project_confidence(s, i), row[4];
     const float *n = v->place.neck;
     vf share = vf_clamp(vf_fma(vf_set(n[0]), x,
                                vf_fma(vf_set(n[1]), y, vf_set(n[2]))),
@@ -203,10 +203,10 @@ VEC_INLINE void project_channels(struct splat_state *s, size_t i,
         at = vf_fma(share, more, at);
 
         /* a centre may be anywhere where nothing was seen of it */
-        row[k] = vf_keep(vf_gt(sure, vf_set(0)),
-                         sure * (vf_load(s->cloud.uv[k] + i) - at));
+        row[k] = vf_keep(vf_gt(confidence, vf_set(0)),
+                         confidence * (vf_load(s->cloud.uv[k] + i) - at));
     }
-    row[2] = sure;
+    row[2] = confidence;
     row[3] = vf_set(0);
     vf_put_rows(s->place[i], row, 4);
 }

@@ -14,14 +14,14 @@
 VEC_INLINE void raster_block_rows(float out[4][TILE], const float *blocks)
 {
 #if VEC == 16
-    const __m512i turned = _mm512_setr_epi32(0, 4, 8, 12, 1, 5, 9, 13,
+    const __m512i rotated = _mm512_setr_epi32(0, 4, 8, 12, 1, 5, 9, 13,
                                              2, 6, 10, 14, 3, 7, 11, 15);
     vf r[4];
 
 #pragma GCC unroll 4
     for (size_t x = 0; x < 4; x++)
         r[x] = (vf)_mm512_permutexvar_ps(
-            turned, (__m512)vf_load(blocks + VEC * x));
+            rotated, (__m512)vf_load(blocks + VEC * x));
     vf_swap_quads(r);
 #pragma GCC unroll 4
     for (size_t y = 0; y < 4; y++)

@@ -82,7 +82,7 @@ int reference_init(struct reference *t, const struct gaussians *g,
 void reference_release(struct reference *t)
 {
     free(t->uv);
-    free(t->sure);
+    free(t->confidence);
     free(t->mean);
     free(t->scale);
     free(t->quat);

@@ -15,7 +15,7 @@ struct reference {
                                                       * (N,4) (N) (N,C) */
     double rt[12], fx, fy, cx, cy;
     double background[SPLAT_MAX_CHANNELS + 3];
-    double *uv, *sure;     /* owned; (N,2) from -1 to 1, (N) c; or NULL */
+    double *uv, *confidence;     /* owned; (N,2) from -1 to 1, (N) c; or NULL */
     struct splat_place_view view;
     uint32_t *order;       /* NULL, or (N): drawn in this order, not by depth
                             * (finite differences); owned by the caller */

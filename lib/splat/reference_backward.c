@@ -208,7 +208,7 @@ static void reference_place_backward(struct screen *s, const double *d_color,
                                      const struct reference *t, size_t i)
 {
     const double *d = d_color + (i + 1) * (size_t)t->channels - 3;
-    double u = -t->sure[i] * d[0], v = -t->sure[i] * d[1], J[4];
+    double u = -t->confidence[i] * d[0], v = -t->confidence[i] * d[1], J[4];
 
     splat_place_slope(J, &t->view, 2 * p->x / t->width - 1,
                       2 * p->y / t->height - 1);
@@ -223,7 +223,7 @@ static void reference_store(const struct reference_gradients *g,
 {
     struct gradient one = {0};
 
-    if (t->sure && g->color)
+    if (t->confidence && g->color)
         reference_place_backward(s, g->color, p, t, i);
     const double center[2] = {s->x, s->y};
 

@@ -99,7 +99,7 @@ static int traversal_fill_places(struct traversal *w,
     size_t C = (size_t)t->channels;
 
     w->color = t->color;
-    if (!t->sure)
+    if (!t->confidence)
         return 0;
     w->color = w->placed = malloc((t->n * C + 1) * sizeof *w->placed);
     if (!w->placed)
@@ -108,13 +108,13 @@ static int traversal_fill_places(struct traversal *w,
     for (size_t i = 0; i < t->n; i++) {
         double x = 2 * w->point[i].x / t->width - 1;
         double y = 2 * w->point[i].y / t->height - 1;
-        double *out = w->placed + (i + 1) * C - 3, sure = t->sure[i];
+        double *out = w->placed + (i + 1) * C - 3, confidence = t->confidence[i];
         double at[2];
 
         splat_place_at(at, &t->view, x, y);
         for (int k = 0; k < 2; k++)
-            out[k] = sure * (t->uv[2 * i + (size_t)k] - at[k]);
-        out[2] = sure;
+            out[k] = confidence * (t->uv[2 * i + (size_t)k] - at[k]);
+        out[2] = confidence;
     }
     return 0;
 }
@@ -235,10 +235,10 @@ size_t traversal_pixel(struct contribution *found, double *T_final,
 
 size_t traversal_longest(const struct traversal *w)
 {
-    size_t most = 0;
+    size_t max = 0;
 
     for (size_t a = 0; a < (size_t)w->tx * (size_t)w->ty; a++)
-        if (w->start[a + 1] - w->start[a] > most)
-            most = w->start[a + 1] - w->start[a];
-    return most;
+        if (w->start[a + 1] - w->start[a] > max)
+            max = w->start[a + 1] - w->start[a];
+    return max;
 }

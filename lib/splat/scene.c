@@ -145,7 +145,7 @@ static int scene_copy_arrays(struct scene *s, const struct gaus *g,
     }
     if (g->view && g->reach) {
         s->g.reach = s->reach = scene_copy(g->reach, n * sizeof *g->reach);
-        s->g.home = s->loaded;
+        s->g.source_mean = s->loaded;
     }
     if (g->view && g->tilt)
         s->g.tilt = s->tilt = scene_copy(g->tilt, 2 * n * sizeof *g->tilt);

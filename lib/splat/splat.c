@@ -160,7 +160,7 @@ void splat_release(struct splat *s)
         pages_free(st->block, st->block_bytes);
         pages_free(st->screen, st->screen_bytes);
         free(st->list);
-        free(st->tether);
+        free(st->fading);
         free(st);
     }
     memset(s, 0, sizeof *s);
@@ -182,13 +182,13 @@ static void splat_check_part(void *ctx, size_t k)
 {
     struct splat_check *c = ctx;
     const size_t end = (k + 1) * CHECKED < c->n ? (k + 1) * CHECKED : c->n;
-    size_t least = SIZE_MAX;
+    size_t min = SIZE_MAX;
 
     for (size_t i = k * CHECKED; i < end; i++)
         if (!(c->x[i] >= c->lo && c->x[i] <= c->hi))
-            least = i < least ? i : least;
-    for (size_t bad = c->bad; least < bad;)
-        if (atomic_compare_exchange_weak(&c->bad, &bad, least))
+            min = i < min ? i : min;
+    for (size_t bad = c->bad; min < bad;)
+        if (atomic_compare_exchange_weak(&c->bad, &bad, min))
             break;
 }
 
@@ -258,20 +258,20 @@ static int splat_load_tethers(struct splat *s, const struct gaussians *g,
 
     for (size_t i = 0; i < g->n && some; i++)
         n += g->reach[i] != 0;
-    free(st->tether);
-    st->tether = NULL;
-    st->tethers = 0;
+    free(st->fading);
+    st->fading = NULL;
+    st->fadings = 0;
     if (n == 0)
         return 0;
-    st->tether = malloc(n * sizeof *st->tether);
-    if (!st->tether)
+    st->fading = malloc(n * sizeof *st->fading);
+    if (!st->fading)
         return error_set(err, EX_OSERR, "%zu Gaussians: out of memory", n);
     for (size_t i = 0; i < g->n; i++) {
-        const float *home = (g->home ? g->home : g->mean) + 3 * i;
+        const float *source_mean = (g->source_mean ? g->source_mean : g->mean) + 3 * i;
 
         if (g->reach[i] != 0)
-            st->tether[st->tethers++] = (struct splat_tether){
-                i, g->seen[i], g->reach[i], {home[0], home[1], home[2]}};
+            st->fading[st->fadings++] = (struct splat_fading){
+                i, g->seen[i], g->reach[i], {source_mean[0], source_mean[1], source_mean[2]}};
     }
     return 0;
 }
@@ -334,12 +334,12 @@ static void splat_mark_moved(struct splat_state *st, size_t first, size_t count)
 static void splat_pull_tethers(struct splat_state *st, const float *mean,
                                size_t first, size_t count)
 {
-    for (size_t k = 0; k < st->tethers; k++) {
-        const struct splat_tether *t = &st->tether[k];
+    for (size_t k = 0; k < st->fadings; k++) {
+        const struct splat_fading *t = &st->fading[k];
 
         if (t->at >= first && t->at - first < count)
             st->cloud.seen[t->at] = gaussian_seen(
-                t->seen, t->reach, t->home, mean + 3 * (t->at - first));
+                t->seen, t->reach, t->source_mean, mean + 3 * (t->at - first));
     }
 }
 

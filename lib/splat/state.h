@@ -55,10 +55,10 @@ struct cloud {
     float *tilt[2];            /* likewise */
 };
 
-/* A Gaussian that the photograph shows only near home (gaussian_seen). */
-struct splat_tether {
+/* A Gaussian that the photograph shows only near source_mean (gaussian_seen). */
+struct splat_fading {
     size_t at;                 /* its number */
-    float seen, reach, home[3];
+    float seen, reach, source_mean[3];
 };
 
 struct splat_gradient_state;
@@ -88,8 +88,8 @@ struct splat_state {
     void *block;
     size_t block_bytes, screen_bytes;
     struct cloud cloud;
-    struct splat_tether *tether;    /* (tethers), in order */
-    size_t tethers;
+    struct splat_fading *fading;    /* (fadings), in order */
+    size_t fadings;
     struct projected_gaussian *projection;   /* (N) */
     float (*color)[4];         /* (N) the first channels */
     float (*place)[4];         /* (N) place channels and 0, or NULL */

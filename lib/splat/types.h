@@ -91,7 +91,7 @@ struct splat {
  * each Gaussian's own offset: M(x), which is A x + b on the head, positions from
  * -1 to 1 across a picture.  The three place channels of a Gaussian centred at x
  * are c (2 uv - 1 - M(x)), x before y, and c, the confidence in it: seen times
- * gaussian_shown. */
+ * gaussian_visible. */
 struct splat_place_view {
     float A[4];                   /* rows */
     float b[2];
@@ -101,7 +101,7 @@ struct splat_place_view {
                                    * + neck[1] y + neck[2] */
     float toward[2];              /* where this frame's camera is, seen from the
                                    * head along the source camera's axes: sines
-                                   * to the right and down (gaussian_shown) */
+                                   * to the right and down (gaussian_visible) */
 };
 #define SPLAT_PLACE_MAP 15      /* numbers of it before toward */
 

@@ -160,7 +160,7 @@ void align_release(struct align *a)
 void align_restart(struct align *a)
 {
     while (a->keys) {
-        free(a->key[--a->keys].sight);
+        free(a->key[--a->keys].visibility);
         free(a->key[a->keys].face);
     }
     a->misses = 0;
@@ -252,7 +252,7 @@ static void align_sum(struct align_sums *s, const struct align *a,
         (float)p->gain, (float)p->bias,
         {(float)c[0], (float)c[1], (float)c[2]}, (float)sigma};
 
-    align_kernels()->sum(s, k->sight, k->room, a->picture, &look, &r, step);
+    align_kernels()->sum(s, k->visibility, k->room, a->picture, &look, &r, step);
 }
 
 /* Weighted correlation of the frame's levels with the keyframe's. */
@@ -376,7 +376,7 @@ static struct align_keyframe *align_keyframe_room(struct align *a)
     for (size_t i = 1; i < a->keys; i++)
         if (a->key[i].used < k->used)
             k = &a->key[i];
-    free(k->sight);
+    free(k->visibility);
     free(k->face);
     return k;
 }
@@ -387,7 +387,7 @@ static void align_add_keyframe(struct align *a, const struct motion *m,
                                const struct align_view *v)
 {
     const struct align_look look = align_look(p, v);
-    float *level = a->work, *weight = level + a->room, *sight;
+    float *level = a->work, *weight = level + a->room, *visibility;
     size_t n = 0, room;
 
     align_kernels()->show(level, weight, a->point, a->normal, a->room,
@@ -399,11 +399,11 @@ static void align_add_keyframe(struct align *a, const struct motion *m,
         n += well;
     }
     room = align_room(n);
-    sight = calloc(5 * room + 1, sizeof *sight);
-    if (!sight)
+    visibility = calloc(5 * room + 1, sizeof *visibility);
+    if (!visibility)
         return;
     struct align_keyframe *k = align_keyframe_room(a);
-    k->sight = sight;
+    k->visibility = visibility;
     k->room = room;
     k->used = a->frames;
     k->face = a->face.codes ? malloc(2 * a->face.room * sizeof *k->face)
@@ -416,9 +416,9 @@ static void align_add_keyframe(struct align *a, const struct motion *m,
         if (!(weight[i] > 0))
             continue;
         for (size_t c = 0; c < 3; c++)
-            k->sight[c * room + to] = a->point[c * a->room + i];
-        k->sight[3 * room + to] = level[i];
-        k->sight[4 * room + to++] = weight[i];
+            k->visibility[c * room + to] = a->point[c * a->room + i];
+        k->visibility[3 * room + to] = level[i];
+        k->visibility[4 * room + to++] = weight[i];
     }
 }
 
@@ -441,7 +441,7 @@ bool align_step(struct align *a, struct motion *m, const float *rgb,
     const struct align_view v = align_make_view(q, in, size);
     struct align_keyframe *nearest = NULL;
     struct align_pose p = {.gain = 1};
-    double least = INFINITY;
+    double min = INFINITY;
 
     for (int k = 0; k < 9; k++)
         p.R[k] = m->R[k];
@@ -451,13 +451,13 @@ bool align_step(struct align *a, struct motion *m, const float *rgb,
     for (size_t k = 0; k < a->keys; k++) {
         double far = align_distance(&a->key[k], m->R, m->t);
 
-        if (far < least) {
-            least = far;
+        if (far < min) {
+            min = far;
             nearest = &a->key[k];
         }
     }
     if (nearest) {
-        if (align_fit(&p, a, nearest, least, &v) < AGREEMENT) {
+        if (align_fit(&p, a, nearest, min, &v) < AGREEMENT) {
             if (++a->misses == MISSES)
                 align_restart(a);
             return false;
@@ -468,10 +468,10 @@ bool align_step(struct align *a, struct motion *m, const float *rgb,
             m->t[k] = (float)p.t[k];
         align_fit_face(m, a, nearest, &p, &v);
         nearest->used = ++a->frames;
-        least = align_distance(nearest, m->R, m->t);
+        min = align_distance(nearest, m->R, m->t);
     }
     a->misses = 0;
-    if (!nearest || least > 1)
+    if (!nearest || min > 1)
         align_add_keyframe(a, m, &p, &v);
     return true;
 }

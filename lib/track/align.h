@@ -24,7 +24,7 @@
 struct align_keyframe {
     float R[9], t[3];
     size_t room;
-    float *sight;               /* (5,room): points that it shows well, at
+    float *visibility;               /* (5,room): points that it shows well, at
                                  * rest (3), their levels, their weights */
     float *face;                /* what it shows of the face (align_face_show),
                                  * or NULL */

@@ -119,7 +119,7 @@ static void align_face_gaps(struct align_face *f, size_t k, const float *d)
 static void align_face_choose(struct align_face *f, double *moves, float *d)
 {
     const struct head *h = f->id->head;
-    double whole[2], most = 0;
+    double whole[2], max = 0;
 
     for (int pass = 0; pass < 2; pass++)
         for (int k = ALIGN_FACE_LID(1);
@@ -127,8 +127,8 @@ static void align_face_choose(struct align_face *f, double *moves, float *d)
             align_face_get_direction(d, f, k);
             align_face_moves(whole, h, d);
             if (pass == 0 && k >= 0)
-                most = fmax(most, whole[0]);
-            if (pass == 0 || whole[0] < STILL * STILL * most)
+                max = fmax(max, whole[0]);
+            if (pass == 0 || whole[0] < STILL * STILL * max)
                 continue;
             for (size_t i = 0; i < 3 * h->V; i++)
                 moves[i / 3] += (double)d[i] * d[i];
@@ -142,11 +142,11 @@ static void align_face_choose(struct align_face *f, double *moves, float *d)
 static void align_face_points(struct align_face *f, const double *moves)
 {
     const struct head *h = f->id->head;
-    const double least = MOVES * h->scale;
+    const double min = MOVES * h->scale;
 
     identity_rest(f->verts, f->id);
     for (size_t v = 0; v < h->V; v++)
-        if (align_face_is_skin(h, v) && moves[v] > least * least &&
+        if (align_face_is_skin(h, v) && moves[v] > min * min &&
             !align_face_at_edge(h, f->verts, v))
             f->vertex[f->count++] = (int32_t)v;
     f->room = align_room(f->count);

@@ -88,8 +88,8 @@ typedef void align_show_fn(float *level, float *facing, const float *point,
                            const align_pixel *picture,
                            const struct align_look *look);
 
-/* s = sums over a keyframe's sight (5,room); a and b only where asked for. */
-typedef void align_sum_fn(struct align_sums *s, const float *sight,
+/* s = sums over a keyframe's visibility (5,room); a and b only where asked for. */
+typedef void align_sum_fn(struct align_sums *s, const float *visibility,
                           size_t room, const align_pixel *picture,
                           const struct align_look *look,
                           const struct align_residual *r, bool step);

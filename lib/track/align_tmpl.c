@@ -228,20 +228,20 @@ VEC_INLINE void align_rows(struct align_block *b, size_t i,
     vf_store(b->row[7] + i, vf_set(1));
 }
 
-/* VEC points of a sight, from sight[0] on, to i of the block. */
+/* VEC points of a sight, from visibility[0] on, to i of the block. */
 VEC_INLINE void align_add(struct align_lanes *l, struct align_block *b,
-                          size_t i, const float *sight, size_t room,
+                          size_t i, const float *visibility, size_t room,
                           const align_pixel *picture,
                           const struct align_look *look,
                           const struct align_residual *r, bool step)
 {
-    const vf seen = vf_load(sight + 3 * room);
+    const vf seen = vf_load(visibility + 3 * room);
     const float narrow = 1 / (4 * r->sigma * r->sigma);
     struct align_points p;
     vf w, off, x, y;
 
-    align_project_points(&p, sight, room, picture, look);
-    w = vf_keep(p.inside, vf_load(sight + 4 * room));
+    align_project_points(&p, visibility, room, picture, look);
+    w = vf_keep(p.inside, vf_load(visibility + 4 * room));
     off = r->gain * p.level[0] + r->bias - seen;
     x = w * p.level[0];
     y = w * seen;
@@ -279,7 +279,7 @@ VEC_INLINE void align_product(struct align_sums *s,
         s->a[ALIGN_UNKNOWNS * m + k] += (double)vf_sum(a[k]);
 }
 
-static void ISA(align_sum)(struct align_sums *s, const float *sight,
+static void ISA(align_sum)(struct align_sums *s, const float *visibility,
                            size_t room, const align_pixel *picture,
                            const struct align_look *look,
                            const struct align_residual *r, bool step)
@@ -292,7 +292,7 @@ static void ISA(align_sum)(struct align_sums *s, const float *sight,
         struct align_lanes l = {0};
 
         for (size_t i = 0; i < n; i += VEC)
-            align_add(&l, &b, i, sight + at + i, room, picture, look, r, step);
+            align_add(&l, &b, i, visibility + at + i, room, picture, look, r, step);
         s->weight += (double)vf_sum(l.weight);
         s->off += (double)vf_sum(l.off);
         s->x += (double)vf_sum(l.x);

@@ -8,7 +8,7 @@
 
 #include "lib/base/cpu.h"
 #include "lib/base/list.h"
-#include "lib/track/turned.h"
+#include "lib/track/rotated.h"
 #include "lib/track/take.h"
 
 void driver_init(struct driver *d, struct track *t, driver_read_fn *read,
@@ -134,14 +134,14 @@ static int driver_remember(struct driver *d, const struct frame *f,
 static int driver_look(struct driver *d, const struct frame *f,
                        struct error *err)
 {
-    /* turned_start writes nothing to it */
+    /* rotated_start writes nothing to it */
     const struct image im = {.width = f->width, .height = f->height,
                              .rgb = (uint8_t *)(uintptr_t)f->rgb};
 
     return d->early_count || d->live
                ? track_start(d->track, &d->found, f->rgb, f->width, f->height,
                              f->time, err)
-               : turned_start(d->track, &d->found, &d->lying, &im, f->time,
+               : rotated_start(d->track, &d->found, &d->lying, &im, f->time,
                               err);
 }
 
@@ -156,8 +156,8 @@ static enum driver_status driver_no_face(const struct driver *d,
         error_set(err, EX_DATAERR, "no frames");
     else if (d->track->opt.face > 1)
         error_set(err, EX_DATAERR, "%zu face%s seen in %zu frames of %zu x "
-                  "%zu pixels (expected %ld for --face)", d->track->most_faces,
-                  d->track->most_faces == 1 ? "" : "s", d->early_count, f->width,
+                  "%zu pixels (expected %ld for --face)", d->track->max_faces,
+                  d->track->max_faces == 1 ? "" : "s", d->early_count, f->width,
                   f->height, d->track->opt.face);
     else if (d->lying)
         error_set(err, EX_DATAERR, "no upright face in %zu frame%s (the first "

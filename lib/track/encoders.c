@@ -4,7 +4,7 @@
 
 #include <string.h>
 
-/* E_m, with its sure head and what it says of calm faces where the model has
+/* E_m, with its confidence head and what it says of calm faces where the model has
  * them. */
 static int encoders_init_motion(struct encoders *e, const struct model *m,
                                 struct error *err)
@@ -13,7 +13,7 @@ static int encoders_init_motion(struct encoders *e, const struct model *m,
                             m->config.motion_net, err))
         return -1;
     if (m->st && st_find(m->st, "motion.sure.weight"))
-        motion_encoder_add_sure(&e->motion, "motion.");
+        motion_encoder_add_confidence(&e->motion, "motion.");
     if (m->st && st_find(m->st, "motion.rest"))
         motion_encoder_add_rest(&e->motion, "motion.");
     return 0;

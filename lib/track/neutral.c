@@ -45,15 +45,15 @@ static int neutral_choose(struct motion *m, const struct neutral *n,
                           struct driver *d, size_t nexp, struct error *err)
 {
     struct driver_frame f;
-    double least = INFINITY;
+    double min = INFINITY;
     int rc, found = 0;
 
     while ((rc = driver_next(d, &f, err)) > 0) {
         if (f.r.lost || (!n->automatic && f.picture.index != n->frame))
             continue;
         const double tension = relative_tension(&f.r.motion, nexp);
-        if (tension < least) {
-            least = tension;
+        if (tension < min) {
+            min = tension;
             *m = f.r.motion;
             found = 1;
         }

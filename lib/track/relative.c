@@ -48,15 +48,15 @@ void relative_init(struct relative *r, const struct motion *source,
 static void relative_rotate(float R[9], const float neutral[9],
                             const float source[9])
 {
-    double a[9], n[9], s[9], turned[9], out[9];
+    double a[9], n[9], s[9], rotated[9], out[9];
 
     for (int i = 0; i < 9; i++) {
         a[i] = (double)R[i];
         n[i] = (double)neutral[i];
         s[i] = (double)source[i];
     }
-    mat3_mul_nt_d(turned, a, n);
-    mat3_mul_d(out, turned, s);
+    mat3_mul_nt_d(rotated, a, n);
+    mat3_mul_d(out, rotated, s);
     for (int i = 0; i < 9; i++)
         R[i] = (float)out[i];
 }

@@ -77,32 +77,32 @@ void search_release(struct search *s)
 }
 
 /* Keep q among the surest, of neighbours the surer one. */
-static size_t search_keep(struct square *best, float *sure, size_t n,
+static size_t search_keep(struct square *best, float *confidence, size_t n,
                           struct square q, float how)
 {
     size_t at = n;
 
     for (size_t i = 0; i < n; i++)
         if (hypot(best[i].x - q.x, best[i].y - q.y) < SEARCH_APART * q.size) {
-            if (sure[i] >= how)
+            if (confidence[i] >= how)
                 return n;
             at = i;
             break;
         }
-    if (at == SEARCH_BEST && sure[--at] >= how)
+    if (at == SEARCH_BEST && confidence[--at] >= how)
         return n;
     n += at == n;
-    for (; at > 0 && sure[at - 1] < how; at--) {
+    for (; at > 0 && confidence[at - 1] < how; at--) {
         best[at] = best[at - 1];
-        sure[at] = sure[at - 1];
+        confidence[at] = confidence[at - 1];
     }
     best[at] = q;
-    sure[at] = how;
+    confidence[at] = how;
     return n;
 }
 
 /* E_m on `count` squares of the shrunken picture. */
-static size_t search_look(struct search *s, struct square *best, float *sure,
+static size_t search_look(struct search *s, struct square *best, float *confidence,
                           size_t n, const struct square *q, size_t count)
 {
     const size_t crop = 3 * CROP_NET * CROP_NET;
@@ -112,7 +112,7 @@ static size_t search_look(struct search *s, struct square *best, float *sure,
                        3 * s->W, q[i < count ? i : count - 1]);
     motion_encoder_forward(s->out, s->rgb, s->net);
     for (size_t i = 0; i < count; i++)
-        n = search_keep(best, sure, n, q[i], motion_encoder_sure(s->net, i));
+        n = search_keep(best, confidence, n, q[i], motion_encoder_confidence(s->net, i));
     return n;
 }
 
@@ -140,7 +140,7 @@ size_t search_level(struct square best[SEARCH_BEST], struct search *s,
     const double side = SEARCH_LARGEST * fmin((double)s->W, (double)s->H) /
                         pow(SEARCH_RATIO, (double)level);
     const size_t nx = search_along(side, s->W), ny = search_along(side, s->H);
-    float sure[SEARCH_BEST] = {0};
+    float confidence[SEARCH_BEST] = {0};
     struct square q[16];
     size_t n = 0, waiting = 0;
 
@@ -152,7 +152,7 @@ size_t search_level(struct square best[SEARCH_BEST], struct search *s,
                                        side};
         if (waiting < s->net->batch && waiting < 16 && k + 1 < nx * ny)
             continue;
-        n = search_look(s, best, sure, n, q, waiting);
+        n = search_look(s, best, confidence, n, q, waiting);
         waiting = 0;
     }
     for (size_t i = 0; i < n; i++) {

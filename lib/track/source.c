@@ -13,7 +13,7 @@
 #include "lib/photo/overlay.h"
 #include "lib/track/relative.h"
 #include "lib/track/tta.h"
-#include "lib/track/turned.h"
+#include "lib/track/rotated.h"
 
 const char *source_matte_name(enum source_matte how)
 {
@@ -32,14 +32,14 @@ static int source_turn(struct image *im, struct image *mask, int quarters,
     struct image *const each[2] = {im, mask};
 
     for (int i = 0; i < 2 && quarters; i++) {
-        struct image turned;
+        struct image rotated;
 
         if (!each[i])
             continue;
-        if (turned_copy(&turned, each[i], quarters, err))
+        if (rotated_copy(&rotated, each[i], quarters, err))
             return -1;
         image_release(each[i]);
-        *each[i] = turned;
+        *each[i] = rotated;
     }
     return 0;
 }
@@ -49,11 +49,11 @@ static int source_find_upright(struct source *s, struct track *t,
                                struct track_result *r, struct image *im,
                                struct image *mask, struct error *err)
 {
-    const int found = turned_start(t, r, &s->turned, im, 0, err);
+    const int found = rotated_start(t, r, &s->rotated, im, 0, err);
 
-    if (!s->turned)
+    if (!s->rotated)
         return found;
-    return source_turn(im, mask, s->turned, err)
+    return source_turn(im, mask, s->rotated, err)
                ? -1
                : track_start(t, r, im->rgb, im->width, im->height, 0, err);
 }
@@ -70,22 +70,22 @@ static int source_find_face(struct source *s, struct track *t,
         return -1;
     if (!found && t->opt.face > 1)
         return error_set(err, EX_DATAERR, "%zu face%s in a picture of %zu x "
-                         "%zu pixels (expected %ld for --face)", t->most_faces,
-                         t->most_faces == 1 ? "" : "s", im->width, im->height,
+                         "%zu pixels (expected %ld for --face)", t->max_faces,
+                         t->max_faces == 1 ? "" : "s", im->width, im->height,
                          t->opt.face);
     if (!found)
         return error_set(err, EX_DATAERR, "no face in a picture of %zu x %zu "
                          "pixels (looked for faces from a twelfth of the "
                          "picture up%s; --crop X,Y,SIZE says where it is)",
                          im->width, im->height,
-                         t->tta.net->sure.ps ? ", upright and turned" : "");
+                         t->tta.net->confidence.ps ? ", upright and turned" : "");
     s->person.source = r.motion;
     s->person.source.pose.exp = s->person.source.exp;
     s->person.calm = s->person.source;
     relative_calm(&s->person.calm, t->head->nexp,
                   motion_encoder_rest(t->tta.net));
     s->person.has_source = true;
-    s->sure = r.sure;
+    s->confidence = r.confidence;
     s->window = t->window;
     s->faces = t->faces;
     s->person.crop[0] = (float)t->window.x;
@@ -150,7 +150,7 @@ static void source_forget_window(struct source *s)
     free(s->person.rgb);
     free(s->person.matte);
     free(s->person.back);
-    free(s->person.sure);
+    free(s->person.confidence);
     free(s->inside);
 }
 
@@ -166,10 +166,10 @@ static int source_cut_window(struct source *s, const struct image *im,
     s->person.rgb = malloc(3 * S * S);
     s->person.matte = malloc(S * S);
     s->person.back = malloc(3 * S * S);
-    s->person.sure = malloc(S * S);
+    s->person.confidence = malloc(S * S);
     s->inside = malloc(S * S);
     if (!s->person.rgb || !s->person.matte || !s->person.back ||
-        !s->person.sure || !s->inside)
+        !s->person.confidence || !s->inside)
         return error_set(err, EX_OSERR, "no memory for the source crop");
     square_inside(s->inside, S, im->width, im->height, s->window);
     rc = crop_resize_u8(s->person.rgb, S, im->rgb, im->width, im->height,
@@ -200,7 +200,7 @@ static struct matting source_matting(const struct source *s)
 {
     const struct person *p = &s->person;
 
-    return (struct matting){p->size, p->rgb, s->inside, p->matte, p->sure,
+    return (struct matting){p->size, p->rgb, s->inside, p->matte, p->confidence,
                             p->back};
 }
 

@@ -26,8 +26,8 @@ struct source {
     struct track_faces faces;   /* in it, as it stands upright */
     uint8_t *inside;            /* (size,size) 255 where the window shows the
                                  * picture, 0 beyond its edges */
-    float sure;                 /* of E_m that it shows a face, 0 to 1 */
-    int turned;                 /* quarter turns clockwise that the picture
+    float confidence;                 /* of E_m that it shows a face, 0 to 1 */
+    int rotated;                 /* quarter turns clockwise that the picture
                                  * was given to stand upright, 0 to 3 */
     double crop_s, motion_s, shape_s, matte_s, detect_s;
 };

@@ -18,8 +18,8 @@
 #define CHECK_EVERY 30         /* frames between looks by the detector */
 #define CHECK_AGAIN 5          /* and after one that failed */
 #define CUT_CORRELATION 0.3    /* of thumbnails: below it is another scene */
-#define SURE_ENOUGH 0.35       /* E_m less sure than this lost its face */
-#define SURE_FOUND 0.82        /* and than this has found none: of the faces in
+#define CONFIDENCE_ENOUGH 0.35       /* E_m less sure than this lost its face */
+#define CONFIDENCE_FOUND 0.82        /* and than this has found none: of the faces in
                                 * tests/bench/README.md 95 % are above 0.84 at
                                 * every turn, panoramas without one below 0.81 */
 #define FLAT_DEVIATION 0.01    /* a crop with less contrast shows nothing */
@@ -57,7 +57,7 @@ int track_init(struct track *t, const struct identity *id,
         error_set(err, EX_OSERR, "no memory for the face crop");
     else if (motion_tta_init(&t->tta, net, 1, id->head, !opt->no_tta,
                              !opt->still, err) == 0 &&
-             (!net->sure.ps || search_init(&t->search, net, err) == 0))
+             (!net->confidence.ps || search_init(&t->search, net, err) == 0))
         return 0;
     track_release(t);
     return -1;
@@ -141,7 +141,7 @@ static int track_encode(struct track *t, struct track_result *r,
         return -1;
     t1 = cpu_seconds();
     motion_tta_forward(out, &t->tta, t->input);
-    r->sure = motion_tta_sure(&t->tta, 0);
+    r->confidence = motion_tta_confidence(&t->tta, 0);
     t2 = cpu_seconds();
     track_decode(&r->motion, out, crop, t->opt.size);
     r->crop_s += t1 - t0;
@@ -297,7 +297,7 @@ static int track_try(struct track *t, struct track_result *r,
         return 0;
     if (track_refine_crop(t, r, rgb, W, H, q, err) != 0)
         return -1;
-    return (double)r->sure >= SURE_FOUND;
+    return (double)r->confidence >= CONFIDENCE_FOUND;
 }
 
 /* Of n of the detector's faces those that E_m is sure of, into *faces; of these
@@ -308,7 +308,7 @@ static int track_compare(struct track_faces *faces, struct track *t,
                          size_t n, const uint8_t *rgb, size_t W, size_t H,
                          struct error *err)
 {
-    double most = -2;
+    double max = -2;
 
     *faces = (struct track_faces){.chosen = t->opt.face
                                       ? (size_t)t->opt.face - 1 : 0};
@@ -321,8 +321,8 @@ static int track_compare(struct track_faces *faces, struct track *t,
             return -1;
         if (!found)
             continue;
-        if (t->started && like > most) {
-            most = like;
+        if (t->started && like > max) {
+            max = like;
             faces->chosen = faces->n;
         }
         faces->crop[faces->n++] = square_out_of(t->crop, t->window,
@@ -352,8 +352,8 @@ static int track_detect(struct track *t, struct track_result *r,
         return -1;
     if (!t->started)
         t->faces = faces;
-    if (faces.n > t->most_faces)
-        t->most_faces = faces.n;
+    if (faces.n > t->max_faces)
+        t->max_faces = faces.n;
     return faces.chosen < faces.n
                ? track_try(t, r, rgb, W, H, faces.crop[faces.chosen], err)
                : 0;
@@ -368,18 +368,18 @@ static int track_try_level(struct track *t, struct track_result *r,
 {
     struct square q[SEARCH_BEST];
     const size_t n = search_level(q, &t->search, level);
-    double sure = 0;
+    double confidence = 0;
 
     for (size_t i = 0; i < n; i++) {
         const int found = track_try(t, r, rgb, W, H, q[i], err);
         if (found < 0)
             return -1;
-        if (!found || (double)r->sure < sure)
+        if (!found || (double)r->confidence < confidence)
             continue;
-        sure = (double)r->sure;
+        confidence = (double)r->confidence;
         *best = square_out_of(t->crop, t->window, t->opt.size);
     }
-    return sure > 0;
+    return confidence > 0;
 }
 
 /* The largest face that E_m is sure of, wherever it is: 1, 0, -1. */
@@ -391,7 +391,7 @@ static int track_look(struct track *t, struct track_result *r,
     struct square best;
     int found = 0;
 
-    if (!t->tta.net->sure.ps || !t->levels)
+    if (!t->tta.net->confidence.ps || !t->levels)
         return 0;
     if (search_take(&t->search, rgb, W, H, err))
         return -1;
@@ -562,7 +562,7 @@ static const char *track_find_fault(struct track *t,
     why = track_implausible(t, &r->motion, next, t->crop, W, H);
     if (!why)
         why = track_doubtful(t, &r->motion, rgb, W, H);
-    if (!why && r->sure < SURE_ENOUGH)
+    if (!why && r->confidence < CONFIDENCE_ENOUGH)
         why = "no whole, upright face is seen";
     if (why)
         return why;

@@ -52,7 +52,7 @@ struct track_result {
     bool lost;
     bool detected;              /* the detector saw the face, which it does
                                  * upright alone; not only E_m */
-    float sure;                 /* of E_m, 0 to 1, that the crop shows a face
+    float confidence;                 /* of E_m, 0 to 1, that the crop shows a face
                                  * in place; 1 from models that do not say */
     enum track_event event;
     const char *why;            /* of TRACK_LOST */
@@ -82,7 +82,7 @@ struct track {
     struct square window;               /* picture pixels */
     struct square crop;                 /* next one, window pixels */
     struct track_faces faces;
-    size_t most_faces;                  /* of the pictures that were tried */
+    size_t max_faces;                  /* of the pictures that were tried */
     size_t levels;                      /* of search.h's, where no detector
                                          * sees a face; 0: none */
     bool started, lost, has_thumb;

@@ -187,11 +187,11 @@ void motion_tta_forward(float *out, struct motion_tta *t, const float *rgb)
                            &t->across);
 }
 
-float motion_tta_sure(const struct motion_tta *t, size_t n)
+float motion_tta_confidence(const struct motion_tta *t, size_t n)
 {
-    float sure = motion_encoder_sure(t->net, n);
+    float confidence = motion_encoder_confidence(t->net, n);
 
-    return t->mirror ? 0.5f * (sure + motion_encoder_sure(t->net,
+    return t->mirror ? 0.5f * (confidence + motion_encoder_confidence(t->net,
                                                           t->batch + n))
-                     : sure;
+                     : confidence;
 }

@@ -78,6 +78,6 @@ void motion_tta_release(struct motion_tta *t);
 /* out (B,120) of crops rgb (B,224,224,3). */
 void motion_tta_forward(float *out, struct motion_tta *t, const float *rgb);
 /* How sure E_m was of crop n of them, its mirror image counted in. */
-float motion_tta_sure(const struct motion_tta *t, size_t n);
+float motion_tta_confidence(const struct motion_tta *t, size_t n);
 
 #endif

@@ -15,7 +15,7 @@
                          * ear comes into view in twice as many */
 #define DARK 0.02f      /* of full brightness: what is darker tells nothing */
 #define STEP 0.5f       /* in brightness that counts at most: eyes that shut */
-#define TURNED 1.3      /* by which likeness falls with a radian between two
+#define ROTATED 1.3      /* by which likeness falls with a radian between two
                          * heads (tests/bench/alike.sh) */
 
 int views_init(struct views *v, const struct source *first,
@@ -141,7 +141,7 @@ int views_likeness(double *likeness, const struct views *v,
         apart += d * d;
     }
     *likeness = 2 * views_correlation(face, face + 1, v->head) - sqrt(apart) +
-                TURNED * rotation_distance(p[0]->source.R, p[1]->source.R);
+                ROTATED * rotation_distance(p[0]->source.R, p[1]->source.R);
     free(block);
     return 0;
 }
@@ -151,11 +151,11 @@ int views_likeness(double *likeness, const struct views *v,
 /* Whether the head is turned another way than in every picture before. */
 static bool views_is_new(const struct views *v, const float R[9])
 {
-    double least = rotation_distance(v->first->person.source.R, R);
+    double min = rotation_distance(v->first->person.source.R, R);
 
     for (size_t k = 0; k < v->n; k++)
-        least = fmin(least, rotation_distance(v->source[k].person.source.R, R));
-    return least > NEW;
+        min = fmin(min, rotation_distance(v->source[k].person.source.R, R));
+    return min > NEW;
 }
 
 /* The picture im, which is taken over, as one more of the person: 1; 0: it shows
@@ -180,7 +180,7 @@ static int views_take(struct views *v, struct views_report *r,
         image_release(im);
         return -1;
     }
-    r->stranger = r->likeness < VIEWS_ALIKE;
+    r->stranger = r->likeness < VIEWS_SIMILAR;
     if (r->stranger) {
         source_release(s);
         image_release(im);
@@ -290,14 +290,14 @@ static void views_mean(struct person *first, const struct views *v, size_t n,
     float *out = part(first);
 
     for (size_t i = 0; i < n; i++) {
-        double total = (double)v->first->sure, sum = total * (double)out[i];
+        double total = (double)v->first->confidence, sum = total * (double)out[i];
 
         for (size_t k = 0; k < v->n; k++) {
             struct person more = v->source[k].person;
-            const double sure = (double)v->source[k].sure;
+            const double confidence = (double)v->source[k].confidence;
 
-            sum += sure * (double)part(&more)[i];
-            total += sure;
+            sum += confidence * (double)part(&more)[i];
+            total += confidence;
         }
         out[i] = (float)(sum / fmax(total, 1e-12));
     }

@@ -27,7 +27,7 @@ struct views {
 /* The least likeness (views_likeness) of one person's faces: on validation people
  * 0 of 13 pairs of photographs and 8 % of scans' are under it, and 70 and 88 % of
  * strangers' (tests/bench/alike.sh). */
-#define VIEWS_ALIKE (-0.8)
+#define VIEWS_SIMILAR (-0.8)
 
 /* What became of a file. */
 struct views_report {
@@ -55,7 +55,7 @@ int views_add(struct views *v, struct views_report *r, const char *path,
 /* How much a face is like the first one: twice the correlation of the steps in
  * brightness along the mesh's edges that both pictures show, less the distance
  * of their shapes as E_beta has them, standard deviations, plus 1.3 for each
- * radian between the heads.  VIEWS_ALIKE and more: one person.  EX_OSERR. */
+ * radian between the heads.  VIEWS_SIMILAR and more: one person.  EX_OSERR. */
 int views_likeness(double *likeness, const struct views *v,
                    const struct source *s, struct error *err);
 

@@ -8,7 +8,7 @@
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
-#define MOST_PIXELS 65536
+#define MAX_PIXELS 65536
 
 static void take_y4m(FILE *fp)
 {
@@ -21,7 +21,7 @@ static void take_y4m(FILE *fp)
     if (!fgets(line, sizeof line, fp))
         return;
     line[strcspn(line, "\n")] = 0;
-    if (y4m_parse(&y, line, &err) != 0 || y.width * y.height > MOST_PIXELS)
+    if (y4m_parse(&y, line, &err) != 0 || y.width * y.height > MAX_PIXELS)
         return;
     bytes = y4m_frame_bytes(&y);
     planes = calloc(1, bytes);
@@ -38,7 +38,7 @@ static void take_pnm(FILE *fp)
     uint8_t *rgb = NULL;
     size_t room = 0, w, h;
 
-    while (pnm_read(fp, &rgb, &room, &w, &h, MOST_PIXELS, &err) == 1)
+    while (pnm_read(fp, &rgb, &room, &w, &h, MAX_PIXELS, &err) == 1)
         ;
     free(rgb);
 }
@@ -48,7 +48,7 @@ static void take_png(FILE *fp)
     struct error err;
     struct image im;
 
-    while (png_read_next(&im, fp, MOST_PIXELS, &err) == 0)
+    while (png_read_next(&im, fp, MAX_PIXELS, &err) == 0)
         image_release(&im);
 }
 

@@ -15,7 +15,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
 /* Bytes of the binary part behind such JSON. */
 #define BINARY_BYTES 8192
-#define MOST_JSON 65536
+#define MAX_JSON 65536
 
 /* JSON as a whole file in out, or the bytes as they are. */
 static size_t glb_wrap(uint8_t *out, const uint8_t *data, size_t size)
@@ -53,10 +53,10 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     void *block = NULL;
     volatile float sum = 0;
     char path[40];
-    static uint8_t whole[28 + MOST_JSON + BINARY_BYTES];
+    static uint8_t whole[28 + MAX_JSON + BINARY_BYTES];
     int fd;
 
-    if (size == 0 || size > MOST_JSON)
+    if (size == 0 || size > MAX_JSON)
         return 0;
     fd = memory_file(path, whole, glb_wrap(whole, data, size));
     if (fd < 0)

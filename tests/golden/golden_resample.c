@@ -7,7 +7,7 @@
 #include "tests/golden/golden.h"
 
 /* [B,C,n] to [B,n,C], or back when to_planes. */
-static float *resample_turned(const float *x, size_t B, size_t C, size_t n,
+static float *resample_rotated(const float *x, size_t B, size_t C, size_t n,
                               bool to_planes)
 {
     float *y = malloc(B * C * n * sizeof *y);
@@ -40,7 +40,7 @@ static float *resample_input(struct golden *g, const char *name, size_t n,
 static void compare_planes(struct golden *g, const char *name,
                            const float *x, size_t B, size_t C, size_t n)
 {
-    float *y = resample_turned(x, B, C, n, true);
+    float *y = resample_rotated(x, B, C, n, true);
 
     golden_compare(g, name, y, B * C * n);
     free(y);
@@ -65,12 +65,12 @@ struct sampling {
 static void run_sampling(struct golden *g, const struct sampling *s)
 {
     const size_t in = s->H * s->W;
-    float *x = resample_turned(s->x, s->B, s->C, in, false);
+    float *x = resample_rotated(s->x, s->B, s->C, in, false);
     float *out = malloc(s->B * s->N * s->C * sizeof *out);
     float *gx = calloc(s->B * in * s->C, sizeof *gx);
     float *ggrid = calloc(s->B * s->N * 2, sizeof *ggrid);
     float *probe = golden_probe_array(g->seed, s->B * s->C * s->N);
-    float *gout = resample_turned(probe, s->B, s->C, s->N, false);
+    float *gout = resample_rotated(probe, s->B, s->C, s->N, false);
     char name[80];
 
     grid_sample(out, x, s->grid, s->B, s->H, s->W, s->C, s->N, s->align,
@@ -95,7 +95,7 @@ static void run_edge(struct golden *g, const struct sampling *s)
 {
     size_t count;
     float *grid = golden_f32(g, "gs.edge_grid", &count);
-    float *x = resample_turned(s->x, s->B, s->C, s->H * s->W, false);
+    float *x = resample_rotated(s->x, s->B, s->C, s->H * s->W, false);
     size_t N = count / 2 / s->B;
     float *out = malloc(s->B * N * s->C * sizeof *out);
     char name[80];
@@ -184,12 +184,12 @@ static void run_resizing(struct golden *g, const struct resizing *s)
     const size_t in = s->H * s->W, out = s->h * s->w;
     struct resize *r = resize_plan(s->kind, s->H, s->W, s->h, s->w, s->fy,
                                    s->fx);
-    float *x = resample_turned(s->x, s->B, s->C, in, false);
+    float *x = resample_rotated(s->x, s->B, s->C, in, false);
     float *y = malloc(s->B * s->C * out * sizeof *y);
     float *gx = calloc(s->B * s->C * in, sizeof *gx);
     float *tmp = malloc(resize_scratch(r, s->C) * sizeof *tmp);
     float *probe = golden_probe_array(g->seed, s->B * s->C * out);
-    float *gout = resample_turned(probe, s->B, s->C, out, false);
+    float *gout = resample_rotated(probe, s->B, s->C, out, false);
     char name[96];
 
     resize_forward(r, y, x, s->B, s->C, tmp);

@@ -83,7 +83,7 @@ static void cheek_found(void)
 /* What its Gaussians are, and the others. */
 static void cheek_placed(const struct source_mesh *m)
 {
-    double off = 0, before = 0, beyond = 0;
+    double off = 0, before = 0, outside = 0;
     bool others = true, dense = true, deeper = true;
     double y;
 
@@ -100,7 +100,7 @@ static void cheek_placed(const struct source_mesh *m)
         off = fmax(off, fabs(at[1] - (2.0 * (double)(k / N) + 1) / N));
         if (isfinite(all.depth[k]) && z < 11.99f) {
             before = fmax(before, all.depth[k] - z);
-            beyond = fmax(beyond, z - (11.2 + RADIUS + 0.02));
+            outside = fmax(outside, z - (11.2 + RADIUS + 0.02));
         }
         deeper = deeper && (cheek_radius(k, &y) > RADIUS - 0.04 ||
                             z > all.depth[k] + 0.01f);
@@ -111,7 +111,7 @@ static void cheek_placed(const struct source_mesh *m)
     }
     check("each where its cell is", off, 1e-5);
     check("never before the skin", before, 1e-5);
-    check("nor beyond where it turns away", beyond, 1e-5);
+    check("nor beyond where it turns away", outside, 1e-5);
     check_that("inside the outline, behind the skin", deeper);
     check_that("dense, of the picture's colour", dense);
     check_that("other Gaussians are as they were", others);

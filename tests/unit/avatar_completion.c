@@ -13,11 +13,11 @@
 /* ---- colours -------------------------------------------------------------- */
 
 /* A strip of 2 by WIDE vertices, its left half seen. */
-enum { WIDE = 24, V = 2 * WIDE, F = 2 * (WIDE - 1), MOST = 6 * V };
+enum { WIDE = 24, V = 2 * WIDE, F = 2 * (WIDE - 1), MAX = 6 * V };
 
 static int32_t faces[3 * F];
-static float rgb[3 * MOST], trust[MOST], scratch[COMPLETION_SCRATCH(MOST)];
-static size_t mirror[MOST];
+static float rgb[3 * MAX], trust[MAX], scratch[COMPLETION_SCRATCH(MAX)];
+static size_t mirror[MAX];
 
 static void completion_strip(struct densify *d)
 {

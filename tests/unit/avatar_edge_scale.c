@@ -8,23 +8,23 @@
 
 #define N 64
 #define RADIUS 20.0
-#define LEAST 0.6f
+#define MIN 0.6f
 
 /* How far cell k is from the nearest one outside of the disc. */
 static double edge_distance(size_t k, const float *rgba)
 {
-    double least = INFINITY;
+    double min = INFINITY;
 
     for (size_t i = 0; i < N * N; i++)
         if (!(rgba[4 * i + 3] > 0))
-            least = fmin(least, hypot((double)(i % N) - (double)(k % N),
+            min = fmin(min, hypot((double)(i % N) - (double)(k % N),
                                       (double)(i / N) - (double)(k / N)));
-    return least;
+    return min;
 }
 
 int main(void)
 {
-    static float rgba[4 * N * N], most[N * N], scale[3 * N * N];
+    static float rgba[4 * N * N], max[N * N], scale[3 * N * N];
     static float clamped[3 * N * N], grad[3 * N * N];
     double worst = 0, apart = 0;
     size_t smaller = 0, wrong = 0;
@@ -34,21 +34,21 @@ int main(void)
 
         rgba[4 * k + 3] = hypot(x, y) < RADIUS;
     }
-    edge_scale_find(most, rgba, LEAST, N);
+    edge_scale_find(max, rgba, MIN, N);
     for (size_t k = 0; k < N * N; k++) {
-        const double exact = fmax(0.5 * edge_distance(k, rgba), LEAST);
+        const double exact = fmax(0.5 * edge_distance(k, rgba), MIN);
 
-        worst = fmax(worst, fabs(most[k] / exact - 1));
+        worst = fmax(worst, fabs(max[k] / exact - 1));
     }
     check("half the way to the edge, relative", worst, 0.09);
     for (size_t i = 0; i < 3 * N * N; i++) {
         scale[i] = 0.01f * (float)(i % 7);
         grad[i] = 1;
     }
-    edge_scale_clamp(scale, clamped, most, 0.02f, N * N);
+    edge_scale_clamp(scale, clamped, max, 0.02f, N * N);
     edge_scale_clamp_backward(grad, clamped, N * N);
     for (size_t i = 0; i < 3 * N * N; i++) {
-        const float own = 0.01f * (float)(i % 7), limit = 0.02f * most[i / 3];
+        const float own = 0.01f * (float)(i % 7), limit = 0.02f * max[i / 3];
 
         apart = fmax(apart, fabs(scale[i] - fmin(own, limit)));
         smaller += own > limit;
@@ -59,7 +59,7 @@ int main(void)
                smaller > N * N && smaller < 3 * N * N && wrong == 0);
     for (size_t k = 0; k < N * N; k++)
         rgba[4 * k + 3] = 1;
-    edge_scale_find(most, rgba, LEAST, N);
-    check_that("without an edge nothing is clamped", isinf(most[N + 1]));
+    edge_scale_find(max, rgba, MIN, N);
+    check_that("without an edge nothing is clamped", isinf(max[N + 1]));
     return check_status();
 }

@@ -271,13 +271,13 @@ static void gradient_vertices(struct world *w, const float *dverts)
 /* The frame's rotation turns the shoulders; its translation nothing. */
 static void gradient_camera(struct world *w, const float dcam[12])
 {
-    double most = 0;
+    double max = 0;
 
     for (int i = 0; i < 12; i++)
-        most = fmax(most, fabs(dcam[i]));
+        max = fmax(max, fabs(dcam[i]));
     check("camera: gradient of the neck blend by differences",
           worst_slope(w, w->frame, dcam, 12, 1), 1e-5);
-    check("camera: it has one (0 or 1 missing)", most > 1 ? 0 : 1, 0.5);
+    check("camera: it has one (0 or 1 missing)", max > 1 ? 0 : 1, 0.5);
 }
 
 /* x + w (B x - x), B = p + R_d^T from (x - p). */

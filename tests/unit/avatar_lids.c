@@ -20,15 +20,15 @@ static double lid_mean(const float *rgb, const struct head *h,
                        const struct head_avatar *w, const struct densify *d,
                        double lo, double hi, bool margin)
 {
-    double sum = 0, n = 0, most = 0;
+    double sum = 0, n = 0, max = 0;
 
     for (size_t v = 0; v < d->V; v++)
-        most = fmax(most, -h->l_eyelid[3 * v + 1]);
+        max = fmax(max, -h->l_eyelid[3 * v + 1]);
     for (size_t v = 0; v < d->V; v++) {
         double down = -(h->l_eyelid[3 * v + 1] + h->r_eyelid[3 * v + 1]);
 
         if (w->lid[v] > 0 && (w->fold[v] < w->lid[v]) == margin &&
-            down >= lo * most && down <= hi * most) {
+            down >= lo * max && down <= hi * max) {
             sum += rgb[3 * v];
             n++;
         }
@@ -64,12 +64,12 @@ static double lid_largest_change(const float *a, const float *b,
                                  const struct head_avatar *w, size_t D,
                                  bool on_lids)
 {
-    double most = 0;
+    double max = 0;
 
     for (size_t k = 0; k < D; k++)
         if ((w->lid[k] > 0) == on_lids)
-            most = fmax(most, fabs((double)a[3 * k] - b[3 * k]));
-    return most;
+            max = fmax(max, fabs((double)a[3 * k] - b[3 * k]));
+    return max;
 }
 
 /* How wide the left margin is, of how wide the lid is that comes down. */

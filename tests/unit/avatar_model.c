@@ -142,11 +142,11 @@ static double model_likeness(struct baker *m, const float *verts)
 static int model_differs(const float *a, size_t of_a, const float *b,
                          size_t of_b, size_t n)
 {
-    const size_t least = of_a < of_b ? of_a : of_b;
+    const size_t min = of_a < of_b ? of_a : of_b;
     int bad = 0;
 
     for (size_t i = 0; i < n; i++)
-        bad |= memcmp(a + i * of_a, b + i * of_b, least * sizeof *a) != 0;
+        bad |= memcmp(a + i * of_a, b + i * of_b, min * sizeof *a) != 0;
     return bad;
 }
 

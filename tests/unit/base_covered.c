@@ -11,7 +11,7 @@
 #include "tests/check.h"
 
 #define PIXELS 300
-#define MOST 5000              /* runs that outgrow the first room */
+#define MAX 5000              /* runs that outgrow the first room */
 #define BYTES 10
 
 /* A picture of n pixels in runs of about so many. */
@@ -45,7 +45,7 @@ static size_t covered_join(uint8_t *packed, const struct covered *c)
 
 static void count_rows(const float *alpha, size_t n, size_t width)
 {
-    size_t start[MOST], before = 0, height = n / width;
+    size_t start[MAX], before = 0, height = n / width;
     size_t all = covered_rows(start, alpha, height, width);
 
     for (size_t i = 0; i < height * width; i++) {
@@ -96,7 +96,7 @@ int main(void)
     for (size_t n = 0; n <= PIXELS; n++)
         for (double run = 1; run < 200; run *= 3)
             round_trip(&c, n, run);
-    round_trip(&c, MOST, 1);
+    round_trip(&c, MAX, 1);
     covered_release(&c);
     return check_status();
 }

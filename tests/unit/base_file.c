@@ -19,13 +19,13 @@ static void file_write(const char *path, size_t n, const char *last)
     fclose(f);
 }
 
-/* Whether a file of n bytes comes back when `most` are allowed. */
-static bool file_returns(const char *path, size_t n, size_t most)
+/* Whether a file of n bytes comes back when `max` are allowed. */
+static bool file_returns(const char *path, size_t n, size_t max)
 {
     struct error err = {0};
 
     file_write(path, n, ".");
-    char *text = file_read_text(path, most, &err);
+    char *text = file_read_text(path, max, &err);
     bool ok = text && strlen(text) == n && (n == 0 || text[n - 1] == '.') &&
               (n < 2 || text[n - 2] == 'a' + (int)((n - 2) % 26));
 
@@ -34,11 +34,11 @@ static bool file_returns(const char *path, size_t n, size_t most)
 }
 
 /* Whether it is refused with this code and a message with this in it. */
-static bool file_fails(const char *path, size_t most, int code,
+static bool file_fails(const char *path, size_t max, int code,
                        const char *message)
 {
     struct error err = {0};
-    char *text = file_read_text(path, most, &err);
+    char *text = file_read_text(path, max, &err);
 
     free(text);
     return !text && err.code == code && strstr(err.text, message) &&

@@ -9,11 +9,11 @@
 #include "lib/base/cpu.h"
 #include "tests/check.h"
 
-#define MOST 5000
+#define MAX 5000
 
 struct count {
-    atomic_uchar seen[MOST];
-    atomic_int busy[PARALLEL_MOST];     /* slots in use */
+    atomic_uchar seen[MAX];
+    atomic_int busy[PARALLEL_MAX];     /* slots in use */
     atomic_int bad;
     bool nested;
     atomic_int kept;            /* items whose denormals were not flushed */
@@ -53,7 +53,7 @@ static int count_run(struct count *c, size_t count, size_t grain, bool nested)
     c->nested = nested;
     parallel_for(count, grain, count_part, c);
     bad = c->bad;
-    for (size_t i = 0; i < MOST; i++)
+    for (size_t i = 0; i < MAX; i++)
         bad += c->seen[i] != (i < count);
     return bad;
 }
@@ -74,8 +74,8 @@ static struct count count;
 /* All counts of threads, sizes about the corners. */
 static void sizes_run(void)
 {
-    static const int widths[] = {1, 2, 3, 7, PARALLEL_MOST};
-    static const size_t sizes[] = {0, 1, 2, 3, 7, 64, 65, 1000, MOST};
+    static const int widths[] = {1, 2, 3, 7, PARALLEL_MAX};
+    static const size_t sizes[] = {0, 1, 2, 3, 7, 64, 65, 1000, MAX};
     int bad = 0;
 
     for (int w = 0; w < 5; w++) {
@@ -104,16 +104,16 @@ int main(void)
 #if defined(__x86_64__) || defined(__aarch64__)
     cpu_flush_denormals();
     for (int i = 0, n = 0; i < 200; i++, n += count.kept) {
-        count_run(&count, MOST, 1, false);
+        count_run(&count, MAX, 1, false);
         if (i == 199)
             expect("items that keep denormals", n, 0, 0);
     }
     cpu_keep_denormals();
-    count_run(&count, MOST, 1, false);
-    check_that("and all keep them when the caller does", count.kept == MOST);
+    count_run(&count, MAX, 1, false);
+    check_that("and all keep them when the caller does", count.kept == MAX);
 #endif
     parallel_alone(true);
-    count_run(&count, MOST, 1, false);
-    expect("alone: all of it", count.kept, MOST, 0);
+    count_run(&count, MAX, 1, false);
+    expect("alone: all of it", count.kept, MAX, 0);
     return check_status();
 }

@@ -61,20 +61,20 @@ static void check_truth(const struct data_frame *f)
 /* A quarter turn moves pixels onto pixels: (x, y) to (-y, x). */
 static void check_pixels(const struct data_frame *f)
 {
-    static float plain[NET * NET * 3], turned[NET * NET * 3];
+    static float plain[NET * NET * 3], rotated[NET * NET * 3];
     const struct square q = {SIZE / 2, SIZE / 2, NET};
     struct data_frame t;
     double worst = 0;
 
     data_turn(&t, f, M_PI / 2);
     expect("sampled", data_sample(plain, NET, f, q, NULL, NULL, NULL), 0, 0);
-    expect("sampled", data_sample(turned, NET, &t, q, NULL, NULL, NULL), 0, 0);
+    expect("sampled", data_sample(rotated, NET, &t, q, NULL, NULL, NULL), 0, 0);
     for (int y = 0; y < NET; y++)
         for (int x = 0; x < NET; x++)
             for (int c = 0; c < 3; c++) {
                 int to = x * NET + (NET - 1 - y);
 
-                worst = fmax(worst, fabs((double)turned[3 * to + c] -
+                worst = fmax(worst, fabs((double)rotated[3 * to + c] -
                                          (double)plain[3 * (y * NET + x)
                                                        + c]));
             }

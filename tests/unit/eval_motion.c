@@ -18,11 +18,11 @@ static void motion_eval_twist(const char *to, const char *from, double degrees,
     double a = degrees * 3.14159265358979 / 180;
     float turn[9] = {(float)cos(a), (float)-sin(a), 0, (float)sin(a),
                      (float)cos(a), 0, 0, 0, 1}, R[9];
-    uint64_t most = 8 - (uint64_t)less;
+    uint64_t max = 8 - (uint64_t)less;
     int n;
 
     while (in && out && stream_read(in, &rec, &err) > 0) {
-        if (record_is(&rec, "IMAG") || rec.frame >= most)
+        if (record_is(&rec, "IMAG") || rec.frame >= max)
             continue;
         if (record_is(&rec, "MOTN")) {
             mat3_mul(R, turn, record_find(&rec, "rot")->data);

@@ -90,16 +90,16 @@ static void run_encoders(struct networks *n)
     struct error err = {0};
     size_t count = 3 * 224 * 224, S = MATTE_SIDE;
     float *rgb = noise("picture", count, true);
-    float code[MOTION_OUT], beta[SHAPE_ENCODER_OUT], sure;
+    float code[MOTION_OUT], beta[SHAPE_ENCODER_OUT], confidence;
 
     REQUIRE(motion_encoder_plan(&e->motion, 1, plain, &err) == 0, "%s",
             err.text);
     motion_encoder_forward(code, rgb, &e->motion);
-    sure = motion_encoder_sure(&e->motion, 0);
+    confidence = motion_encoder_confidence(&e->motion, 0);
     save_network(n, NETWORK_MOTION);
     save("motion", "picture", rgb, count);
     save("motion", "code", code, MOTION_OUT);
-    save("motion", "sure", &sure, 1);
+    save("motion", "sure", &confidence, 1);
     shape_encoder_forward(beta, rgb, &e->shape);
     save_network(n, NETWORK_SHAPE);
     save("shape", "picture", rgb, count);

@@ -17,12 +17,12 @@
 
 static int compose_worst(const uint8_t *a, const uint8_t *b, size_t n)
 {
-    int most = 0;
+    int max = 0;
 
     for (size_t i = 0; i < n; i++)
-        if (abs(a[i] - b[i]) > most)
-            most = abs(a[i] - b[i]);
-    return most;
+        if (abs(a[i] - b[i]) > max)
+            max = abs(a[i] - b[i]);
+    return max;
 }
 
 static void test_versions(void)
@@ -32,7 +32,7 @@ static void test_versions(void)
     static uint16_t h[3 * N], g[3 * N];
     const struct compose_table *t = compose_table();
     struct random r;
-    int most = 0, over = 0, half = 0;
+    int max = 0, over = 0, half = 0;
 
     random_init(&r, 7, "compose");
     for (size_t i = 0; i < 3 * N; i++) {
@@ -54,12 +54,12 @@ static void test_versions(void)
             memset(b, 0xa5, sizeof b);
             compose_c(a, color, alpha, bg, step, n);
             t->blend(b, color, alpha, bg, step, n);
-            most = fmax(most, compose_worst(a, b, 3 * n));
+            max = fmax(max, compose_worst(a, b, 3 * n));
             over += memcmp(b + 3 * n, a + 3 * n, 8) != 0;
         }
     compose_quantise_c(a, color, 3 * N);
     t->quantise(b, color, 3 * N);
-    most = fmax(most, compose_worst(a, b, 3 * N));
+    max = fmax(max, compose_worst(a, b, 3 * N));
     color[5] = 0;
     compose_half_c(h, color, 3 * N);
     t->half(g, color, 3 * N);
@@ -71,8 +71,8 @@ static void test_versions(void)
         half |= memcmp(u, v, sizeof u) != 0;
     }
     printf("%s against plain: largest difference %d level\n",
-           cpu_level_name(cpu_level()), most);
-    check_that("versions agree within one level", most <= 1);
+           cpu_level_name(cpu_level()), max);
+    check_that("versions agree within one level", max <= 1);
     check_that("nothing is written past the end", over == 0);
     check_that("halves are the same bits", half == 0);
 }

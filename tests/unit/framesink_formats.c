@@ -60,7 +60,7 @@ static void test_y4m_numbers(void)
         {{255, 255, 255}, {235, 128, 128}, false},
         {{0, 0, 0}, {16, 128, 128}, false},
     };
-    int most = 0;
+    int max = 0;
 
     for (size_t i = 0; i < sizeof t / sizeof *t; i++) {
         struct y4m y = {.width = 1, .height = 1, .bt601 = t[i].bt601};
@@ -76,10 +76,10 @@ static void test_y4m_numbers(void)
             y4m_from_rgb(p, a, &y);
             y4m_to_rgb(b, p, &y);
             for (int k = 0; k < 3; k++)
-                most = abs(a[k] - b[k]) > most ? abs(a[k] - b[k]) : most;
+                max = abs(a[k] - b[k]) > max ? abs(a[k] - b[k]) : max;
         }
-    printf("4:4:4 round trip: largest difference %d levels\n", most);
-    check_that("4:4:4 round trip within 2 levels", most <= 2);
+    printf("4:4:4 round trip: largest difference %d levels\n", max);
+    check_that("4:4:4 round trip within 2 levels", max <= 2);
 }
 
 static void test_chroma(void)
@@ -88,7 +88,7 @@ static void test_chroma(void)
     struct y4m y = {.width = W, .height = H, .chroma = Y4M_420,
                     .site_x = 0.5, .site_y = 0.5};
     uint8_t rgb[3 * W * H], back[3 * W * H], planes[W * H + 2 * 4 * 3];
-    int most = 0;
+    int max = 0;
 
     check_that("odd sides round up", y4m_frame_bytes(&y) == sizeof planes);
     for (size_t i = 0; i < W * H; i++) {
@@ -99,8 +99,8 @@ static void test_chroma(void)
     y4m_from_rgb(planes, rgb, &y);
     y4m_to_rgb(back, planes, &y);
     for (size_t i = 0; i < sizeof rgb; i++)
-        most = abs(rgb[i] - back[i]) > most ? abs(rgb[i] - back[i]) : most;
-    check_that("4:2:0 of odd size keeps a flat colour", most <= 2);
+        max = abs(rgb[i] - back[i]) > max ? abs(rgb[i] - back[i]) : max;
+    check_that("4:2:0 of odd size keeps a flat colour", max <= 2);
 }
 
 static void test_pictures(void)

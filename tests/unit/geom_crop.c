@@ -22,7 +22,7 @@ static struct square some_square(struct random *r, size_t W, size_t H)
 static void test_sampling(void)
 {
     struct random r;
-    double most = 0, most_f = 0, over = 0;
+    double max = 0, max_f = 0, over = 0;
 
     random_init(&r, 3, "crop");
     for (int t = 0; t < 300; t++) {
@@ -45,10 +45,10 @@ static void test_sampling(void)
         crop_sample_u8(got, n, u, W, H, stride, q);
         over += got[3 * n * n] != 77;
         for (size_t i = 0; i < 3 * n * n; i++)
-            most = fmax(most, fabs(got[i] - want[i]));
+            max = fmax(max, fabs(got[i] - want[i]));
         crop_sample(got, n, f, W, H, q);
         for (size_t i = 0; i < 3 * n * n; i++)
-            most_f = fmax(most_f, fabs(got[i] - want[i]));
+            max_f = fmax(max_f, fabs(got[i] - want[i]));
         free(u);
         free(d);
         free(f);
@@ -56,8 +56,8 @@ static void test_sampling(void)
         free(got);
     }
     printf("instruction set %s\n", cpu_level_name(cpu_level()));
-    check("8-bit sampling against double", most, 1e-6);
-    check("float sampling against double", most_f, 1e-6);
+    check("8-bit sampling against double", max, 1e-6);
+    check("float sampling against double", max_f, 1e-6);
     check("writes past the end", over, 0);
 }
 

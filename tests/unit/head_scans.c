@@ -147,16 +147,16 @@ static double lips_apart(const struct head *h, const float *v)
 static double neck_widening(const struct head *h, const float *v)
 {
     const float mm = (float)MM;
-    double most = 0;
+    double max = 0;
 
     for (size_t i = 0; i < h->V; i++) {
         const float *x = h->v_template + 3 * i;
 
         if (h->region[i] == REGION_NECK && mm * fabsf(x[0]) > 35 &&
             mm * x[1] < -70)
-            most = fmax(most, MM * (fabsf(v[3 * i]) - fabsf(x[0])));
+            max = fmax(max, MM * (fabsf(v[3 * i]) - fabsf(x[0])));
     }
-    return most;
+    return max;
 }
 
 static void test_jaw(const struct head *h)
@@ -426,7 +426,7 @@ static void test_corners(const struct head *h)
 static void test_mouth(const struct head *h)
 {
     const struct head_avatar w = h->avatar;
-    float corner = 0, ring = 1, far = 0, most = 0, crease = 0;
+    float corner = 0, ring = 1, far = 0, max = 0, crease = 0;
 
     for (size_t i = 0; i < h->nlip_inner; i++) {
         const size_t v = (size_t)h->lip_inner[i];
@@ -435,7 +435,7 @@ static void test_mouth(const struct head *h)
         corner = fmaxf(corner, w.stretch[v]);
     }
     for (size_t v = 0; v < h->V; v++) {
-        most = fmaxf(most, w.stretch[v]);
+        max = fmaxf(max, w.stretch[v]);
         if (h->region[v] == REGION_NOSE || w.moving[v] == 0)
             far = fmaxf(far, fmaxf(w.seam[v], w.stretch[v] - 1));
         if (h->region[v] == REGION_BROW)
@@ -445,7 +445,7 @@ static void test_mouth(const struct head *h)
     check_range("stretch of the lips' corners", (double)corner, 1.5, 2.5);
     check("nose and skull: neither seam nor stretch", (double)far, 0.3);
     check_range("stretch below the brows", (double)crease, 1.4, 2.5);
-    check_range("most stretch", (double)most, 1.5, 4);
+    check_range("most stretch", (double)max, 1.5, 4);
 }
 
 int main(void)

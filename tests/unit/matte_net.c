@@ -16,7 +16,7 @@ static void test_loss(void)
 {
     enum { COUNT = 40 };
     float logit[COUNT], alpha[COUNT], weight[COUNT], d[COUNT], unused[COUNT];
-    double want = 0, most = 0;
+    double want = 0, max = 0;
     struct random r;
 
     random_init(&r, 1, "matte loss");
@@ -40,9 +40,9 @@ static void test_loss(void)
         logit[i] = keep - h;
         double down = matte_net_loss(unused, logit, alpha, weight, 2, COUNT);
         logit[i] = keep;
-        most = fmax(most, fabs((up - down) / (2 * (double)h) - (double)d[i]));
+        max = fmax(max, fabs((up - down) / (2 * (double)h) - (double)d[i]));
     }
-    check("its gradient against differences", most, 1e-5);
+    check("its gradient against differences", max, 1e-5);
     logit[0] = 300;
     alpha[0] = weight[0] = 1;
     check_that("a sure logit is finite",
@@ -119,7 +119,7 @@ static void test_window(void)
     static float rgb[3 * S * S], alpha[S * S], weight[S * S];
     const uint8_t person[3] = {90, 140, 60}, wall[3] = {240, 240, 240};
     const struct data_augment all = {1, 1, 1, 0};
-    double least = 1, most = 0, seen = 0, outside = 0;
+    double min = 1, max = 0, seen = 0, outside = 0;
     struct error err = {0};
     struct data_frame f;
     struct random r;
@@ -132,15 +132,15 @@ static void test_window(void)
         REQUIRE(!portrait_sample(rgb, alpha, weight, S, &f, &f, &all, &r,
                                  &err), "%s", err.text);
         for (int i = 0; i < 3 * S * S; i++) {
-            least = fmin(least, (double)rgb[i]);
-            most = fmax(most, (double)rgb[i]);
+            min = fmin(min, (double)rgb[i]);
+            max = fmax(max, (double)rgb[i]);
         }
         for (int i = 0; i < S * S; i++) {
             seen += (double)alpha[i] / (40.0 * S * S);
             outside += weight[i] <= 0;
         }
     }
-    check_that("colours from 0 to 1", least >= 0 && most <= 1);
+    check_that("colours from 0 to 1", min >= 0 && max <= 1);
     check_that("a window beyond the picture counts for nothing", outside > 0);
     check("share of the person in the mean, from 0.42", fabs(seen - 0.42), 0.1);
 }

@@ -85,7 +85,7 @@ static inline double media_apart(const struct image *a, const struct image *b,
                                  double *mean)
 {
     const size_t n = 3 * a->width * a->height;
-    double most = 0, sum = 0;
+    double max = 0, sum = 0;
 
     if (mean)
         *mean = INFINITY;
@@ -94,12 +94,12 @@ static inline double media_apart(const struct image *a, const struct image *b,
     for (size_t i = 0; i < n; i++) {
         const double d = abs(a->rgb[i] - b->rgb[i]);
 
-        most = fmax(most, d);
+        max = fmax(max, d);
         sum += d;
     }
     if (mean)
         *mean = sum / (double)n;
-    return most;
+    return max;
 }
 
 /* check() of how far two pictures are apart; both are released. */

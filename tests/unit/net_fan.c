@@ -242,16 +242,16 @@ static void check_heat(const float *heat, const struct map *rgb)
 {
     struct map truth = plain_net(rgb);
     size_t n = truth.n * truth.n * truth.C;
-    double most = 0, size = 1e-30;
+    double max = 0, size = 1e-30;
 
     check_that("sizes", truth.n == SIDE / 4 && truth.C == FAN_LANDMARKS);
     for (size_t i = 0; i < n; i++) {
         double d = fabs((double)heat[i] - truth.v[i]);
 
-        most = d <= most ? most : d;        /* a NaN stays */
+        max = d <= max ? max : d;        /* a NaN stays */
         size = fmax(size, fabs(truth.v[i]));
     }
-    check("heat maps", most / size, 2e-5);
+    check("heat maps", max / size, 2e-5);
     free(truth.v);
 }
 
@@ -292,18 +292,18 @@ static void check_gradient(struct fan *f, struct map *rgb, uint64_t seed)
 /* Centre of mass within three pixels of map k's largest value; its mass. */
 static double plain_centre(double at[2], const struct map *m, size_t k)
 {
-    size_t most = 0;
+    size_t max = 0;
     double mass = 0;
 
     for (size_t i = 0; i < m->n * m->n; i++)
-        most = m->v[i * m->C + k] > m->v[most * m->C + k] ? i : most;
+        max = m->v[i * m->C + k] > m->v[max * m->C + k] ? i : max;
     at[0] = at[1] = 0;
     for (size_t i = 0; i < m->n * m->n; i++) {
         double x = (double)(i % m->n), y = (double)(i / m->n);
         double v = fmax(0, m->v[i * m->C + k]);
 
-        if (fabs(x - (double)(most % m->n)) > 3 ||
-            fabs(y - (double)(most / m->n)) > 3)
+        if (fabs(x - (double)(max % m->n)) > 3 ||
+            fabs(y - (double)(max / m->n)) > 3)
             continue;
         mass += v;
         at[0] += v * x;

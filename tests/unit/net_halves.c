@@ -198,19 +198,19 @@ static void halves_compare(enum network k, const struct halves_result *half,
                            const struct halves_result *full)
 {
     const struct params *ps = &full->ps;
-    double out = halves_distance(half->out, full->out, full->outs), most = 0;
+    double out = halves_distance(half->out, full->out, full->outs), max = 0;
 
     CHECK(out <= 0.01, "%s: output differs by %.3g", network_name[k], out);
     if (full->ins)
-        most = halves_check(k, "the input", half->din, full->din, full->ins);
+        max = halves_check(k, "the input", half->din, full->din, full->ins);
     if (k == PLANE || k == POINTS)
         halves_check(k, "the direction", half->ddir, full->ddir, 3);
     for (size_t t = 0; t < ps->count; t++)
-        most = fmax(most, halves_check(k, ps->tensor[t].name,
+        max = fmax(max, halves_check(k, ps->tensor[t].name,
                                        param_g(&half->ps, t), param_g(ps, t),
                                        ps->tensor[t].count));
     printf("%s: output %.2g, gradients %.2g at most\n", network_name[k], out,
-           most);
+           max);
 }
 
 int main(void)

@@ -12,7 +12,7 @@
 enum { S = 32, C = 8, PHOTO = 5, FIELD = 4, N = S * S,
        OUT = 3 * N + FIELD * N / 16 };
 
-#define SMALL 1e-3f     /* nothing reaches NARROW_REFINER_MOST */
+#define SMALL 1e-3f     /* nothing reaches NARROW_REFINER_MAX */
 
 static float feat[C * N], photo[PHOTO * N], rgb[3 * N], probe[OUT];
 static float dfeat[C * N], dphoto[PHOTO * N], turn[RELATIVE_POSE_SIZE];
@@ -124,7 +124,7 @@ static void photo_held(enum nn_mode mode)
 {
     struct refiner r;
     struct params ps;
-    double most = 0, least = 1, slope = 0;
+    double max = 0, min = 1, slope = 0;
 
     photo_make(&r, &ps, true, mode);
     photo_fill(ps.w, ps.total, "weights", 0.2);
@@ -134,11 +134,11 @@ static void photo_held(enum nn_mode mode)
         const double added = fabs((double)rgb[i] -
                                   (double)feat[i / 3 * C + i % 3]);
 
-        most = fmax(most, added);
-        least = fmin(least, added);
+        max = fmax(max, added);
+        min = fmin(min, added);
     }
-    check("held to the most", most - (double)NARROW_REFINER_MOST, 1e-6);
-    check("all of it", (double)NARROW_REFINER_MOST - least, 1e-6);
+    check("held to the most", max - (double)NARROW_REFINER_MAX, 1e-6);
+    check("all of it", (double)NARROW_REFINER_MAX - min, 1e-6);
     if (mode == NN_TRAIN) {
         const size_t k = params_find(&ps, "r.rgb.bias");
 

@@ -66,12 +66,12 @@ static struct map plain_pool(const struct map *in)
 
     for (size_t i = 0; i < out.h * out.w * out.C; i++) {
         size_t c = i % out.C, x = i / out.C % out.w, y = i / out.C / out.w;
-        double most = -INFINITY;
+        double max = -INFINITY;
 
         for (size_t yy = 2 * y; yy < 2 * y + 3 && yy < in->h; yy++)
             for (size_t xx = 2 * x; xx < 2 * x + 3 && xx < in->w; xx++)
-                most = fmax(most, in->v[(yy * in->w + xx) * in->C + c]);
-        out.v[i] = most;
+                max = fmax(max, in->v[(yy * in->w + xx) * in->C + c]);
+        out.v[i] = max;
     }
     return out;
 }
@@ -120,15 +120,15 @@ static double plain_loss(const struct map *rgb, float *const *probe,
 /* Greatest difference over the greatest value. */
 static double squeezenet_relative(const float *x, const double *truth, size_t n)
 {
-    double most = 0, size = 1e-30;
+    double max = 0, size = 1e-30;
 
     for (size_t i = 0; i < n; i++) {
-        most = fmax(most, fabs((double)x[i] - truth[i]));
+        max = fmax(max, fabs((double)x[i] - truth[i]));
         size = fmax(size, fabs(truth[i]));
         if (isnan(x[i]))
             return INFINITY;
     }
-    return most / size;
+    return max / size;
 }
 
 static void check_layers(struct squeezenet *s, const struct map *rgb)

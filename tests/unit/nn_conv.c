@@ -149,16 +149,16 @@ static void conv_test_compare(const char *what, const struct shape *s,
                               const float *x, const double *truth, size_t n,
                               double tolerance)
 {
-    double worst = 0, most = 1e-30;
+    double worst = 0, max = 1e-30;
 
     for (size_t i = 0; i < n; i++) {
         worst = fmax(worst, fabs((double)x[i] - truth[i]));
-        most = fmax(most, fabs(truth[i]));
+        max = fmax(max, fabs(truth[i]));
     }
-    CHECK(worst <= tolerance * most,
+    CHECK(worst <= tolerance * max,
           "%s of %zux%zux%zux%zu -> %zu, kernel %zu, stride %zu: error %.2g "
           "of the largest", what, s->B, s->h, s->w, s->in, s->out, s->k, s->s,
-          worst / most);
+          worst / max);
 }
 
 static uint64_t conv_test_bits(uint64_t sum, const float *x, size_t n)
@@ -309,17 +309,17 @@ static void check_shape(const struct shape *s)
     const bool halves = s->kind == HALVES || s->kind == KEPT;
     const float *b = s->kind == FLOATS || s->kind == KEPT ? param_w(&ps, 1)
                                                           : NULL;
-    double most = halves ? 1e-2 : 1e-5;
+    double max = halves ? 1e-2 : 1e-5;
     conv_test_reference(&r, in, w, b, NULL, s, oh, ow);
-    conv_test_compare("output", s, out, r.out, r.out_n, most);
+    conv_test_compare("output", s, out, r.out, r.out_n, max);
     memset(r.din, 0, r.in_n * sizeof(double));
     memset(r.dw, 0, r.w_n * sizeof(double));
     conv_test_reference(&r, in, w, b, dout, s, oh, ow);
-    conv_test_compare("input gradient", s, din, r.din, r.in_n, most);
-    conv_test_compare("weight gradient", s, param_g(&ps, 0), r.dw, r.w_n, most);
+    conv_test_compare("input gradient", s, din, r.din, r.in_n, max);
+    conv_test_compare("weight gradient", s, param_g(&ps, 0), r.dw, r.w_n, max);
     if (b)
         conv_test_compare("bias gradient", s, param_g(&ps, 1), r.db, r.b_n,
-                          most);
+                          max);
     params_release(&ps);
     conv_test_drop(&r);
     free(in);

@@ -133,8 +133,8 @@ static void rates_compare(void)
 
 int main(void)
 {
-    const size_t most = 37 * 37 * 1536;
-    float *in = malloc(most * sizeof *in), *out = malloc(most * sizeof *out);
+    const size_t max = 37 * 37 * 1536;
+    float *in = malloc(max * sizeof *in), *out = malloc(max * sizeof *out);
     const struct form_rates r = form_rates();
     struct random dice;
 
@@ -143,7 +143,7 @@ int main(void)
     cpu_flush_denormals();
     parallel_set_width(1);
     random_init(&dice, 1, "forms");
-    for (size_t i = 0; i < most; i++)
+    for (size_t i = 0; i < max; i++)
         in[i] = (float)random_range(&dice, -1, 1);
     rates_compare();
     printf("%s: products a cycle f32 %g, bf16 %g, int8 %g\n", cpu_name(),

@@ -44,7 +44,7 @@ static double stem_plain(double *out, const float *in, const struct conv *c,
 {
     const float *w = param_w(c->ps, c->weight), *b = param_w(c->ps, c->bias);
     size_t oh = s->h / 2, ow = s->w / 2;
-    double most = 0;
+    double max = 0;
 
     for (size_t i = 0; i < s->B * oh * ow * s->O; i++) {
         size_t o = i % s->O, x = i / s->O % ow, y = i / s->O / ow;
@@ -57,9 +57,9 @@ static double stem_plain(double *out, const float *in, const struct conv *c,
                    (double)w[(o * s->C + ch) * 4 + dy * 2 + dx];
         }
         out[i] = sum > 0 ? sum : (double)ACT_SLOPE * sum;
-        most = fmax(most, fabs(out[i]));
+        max = fmax(max, fabs(out[i]));
     }
-    return most;
+    return max;
 }
 
 /* Values that half floats hold, among them zero and the tiny ones. */
@@ -161,14 +161,14 @@ static void stem_run(const struct shape *s)
     stem_values(half, in, n);
     for (size_t y = 0; y < rows; y++)
         memcpy(part + y * wide, in + y * row, row * sizeof *in);
-    double most = stem_plain(truth, in, &c, s);
+    double max = stem_plain(truth, in, &c, s);
     fused_stem_forward(out, rgb,
                        &(struct feature_view){ .f32 = in, .stride = row }, &f);
     for (size_t i = 0; i < outs; i++)
         worst = fmax(worst, fabs((double)out[i] - truth[i]));
     printf("%zux%zu, %zu -> %zu: error %.1e of the largest value\n", s->w,
-           s->h, s->C, s->O, worst / most);
-    check_same(worst < 1e-5 * most, "the sum", s);
+           s->h, s->C, s->O, worst / max);
+    check_same(worst < 1e-5 * max, "the sum", s);
     for (size_t i = 0; i < 3 * pixels; i++)
         check_same(rgb[i] == in[i / 3 * s->C + i % 3], "the coarse picture", s);
     const struct feature_view views[] = {

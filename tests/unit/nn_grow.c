@@ -98,7 +98,7 @@ int main(void)
     struct params nps, wps;
     struct safetensors *st;
     struct random r;
-    double worst = 0, most = 0;
+    double worst = 0, max = 0;
     int fd = mkstemp(path);
 
     random_init(&r, 9, "grow picture");
@@ -117,11 +117,11 @@ int main(void)
     grow_look(b, &wide, rgb, NN_INFER);
     for (int k = 0; k < MOTION_OUT; k++) {
         worst = fmax(worst, fabs((double)a[k] - (double)b[k]));
-        most = fmax(most, fabs((double)a[k]));
+        max = fmax(max, fabs((double)a[k]));
         ones[k] = 1;
     }
-    printf("wide and narrow differ by %.1e of %.1e\n", worst, most);
-    check_that("the same function", most > 0 && worst < 1e-5 * most);
+    printf("wide and narrow differ by %.1e of %.1e\n", worst, max);
+    check_that("the same function", max > 0 && worst < 1e-5 * max);
 
     grow_look(b, &wide, rgb, NN_FROZEN);
     motion_encoder_backward(NULL, ones, &wide);

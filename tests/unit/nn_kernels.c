@@ -183,15 +183,15 @@ static void kernel_prepare(void)
 /* Greatest difference of all that a kernel wrote, over the greatest value. */
 static double kernel_apart(const float *a, const float *b, size_t n)
 {
-    double most = 0, size = 1e-30;
+    double max = 0, size = 1e-30;
 
     for (size_t i = 0; i < n; i++) {
-        most = fmax(most, fabs((double)a[i] - (double)b[i]));
+        max = fmax(max, fabs((double)a[i] - (double)b[i]));
         size = fmax(size, fabs((double)b[i]));
         if (isnan(a[i]) != isnan(b[i]))
             return INFINITY;
     }
-    return most / size;
+    return max / size;
 }
 
 static void kernel_poison(void)
@@ -217,13 +217,13 @@ static int kernel_compare(const struct kernel_case *c, enum cpu_level level)
     memcpy(want_bytes, bytes, sizeof bytes);
     kernel_poison();
     c->run(nn_kernels_at(level), c->rows, c->C);
-    double most = kernel_apart(out[0], want, ROOM);
+    double max = kernel_apart(out[0], want, ROOM);
     bool same = !memcmp(want_half, half, sizeof half) &&
                 !memcmp(want_bytes, bytes, sizeof bytes);
-    if (same && most <= c->tolerance)
+    if (same && max <= c->tolerance)
         return 0;
     printf("%s %zux%zu, %s: %g (at most %g)%s\n", c->name, c->rows, c->C,
-           cpu_level_name(level), most, c->tolerance,
+           cpu_level_name(level), max, c->tolerance,
            same ? "" : ", other bytes");
     return 1;
 }

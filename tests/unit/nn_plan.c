@@ -7,7 +7,7 @@
 #include "lib/base/random.h"
 #include "lib/nn/plan.h"
 
-enum { MAPS = 12, STEPS = 400, MOST = 200000 };
+enum { MAPS = 12, STEPS = 400, MAX = 200000 };
 
 /* A map that is in use, filled with its number. */
 struct map {
@@ -39,7 +39,7 @@ static int plan_live_at_once(struct nn_plan *p, struct random *r)
             m->data = NULL;
             continue;
         }
-        m->count = 1 + random_below(r, MOST);
+        m->count = 1 + random_below(r, MAX);
         m->data = nn_plan_map(p, m->count);
         m->number = (float)step;
         bad = !m->data || (uintptr_t)m->data % 64;
@@ -61,18 +61,18 @@ static int plan_parts(void)
 
     nn_pool_use(&pool);
     nn_plan_init(&first, opt);
-    float *large = nn_plan_map(&first, 4 * MOST);
+    float *large = nn_plan_map(&first, 4 * MAX);
     bad |= nn_plan_finish(&first, NULL) != 0;
     nn_plan_init(&second, opt);
     for (int i = 0; i < 3; i++) {
-        float *part = nn_plan_map(&second, MOST);
+        float *part = nn_plan_map(&second, MAX);
 
-        bad |= part < large || part + MOST > large + 4 * MOST;
+        bad |= part < large || part + MAX > large + 4 * MAX;
     }
     bad |= nn_plan_finish(&second, NULL) != 0;
     nn_plan_release(&second);
     nn_plan_init(&second, opt);         /* the parts are one again */
-    bad |= nn_plan_map(&second, 4 * MOST) != large;
+    bad |= nn_plan_map(&second, 4 * MAX) != large;
     bad |= nn_plan_finish(&second, NULL) != 0;
     nn_pool_use(NULL);
     nn_plan_release(&first);

@@ -29,7 +29,7 @@ static const struct palette palette[2] = {
 static struct drawing {
     uint8_t rgb[3 * P], head[P], inside[P];
     double person[P], own[3 * P], wall[3 * P];
-    uint8_t alpha[P], sure[P], back[3 * P];
+    uint8_t alpha[P], confidence[P], back[3 * P];
 } d;
 
 static double depth(double x, double y, double cx, double cy, double rx,
@@ -47,17 +47,17 @@ static double cover(double deep)
  * the head to both sides and hang down. */
 static double locks(double x, double y)
 {
-    double most = 0;
+    double max = 0;
 
     for (int k = 0; k < LOCKS; k++) {
         const double side = k % 2 ? 1 : -1, out = 10 + 4 * k;
 
         for (double t = 0; t <= 1; t += 0.01)
-            most = fmax(most, cover(0.9 -
+            max = fmax(max, cover(0.9 -
                 hypot(x - 127 - side * (38 + out * sin(2.2 * t)),
                       y - 110 - 10 * (k / 2) - 45 * t)));
     }
-    return most;
+    return max;
 }
 
 /* Pixel i from its truth, with noise. */
@@ -98,7 +98,7 @@ static void draw(const struct palette *p, double wall(double, double, int))
 
 static struct matting found(void)
 {
-    return (struct matting){N, d.rgb, d.inside, d.alpha, d.sure, d.back};
+    return (struct matting){N, d.rgb, d.inside, d.alpha, d.confidence, d.back};
 }
 
 static void find(void)
@@ -147,19 +147,19 @@ static double alpha_error(double lo, double hi)
     return sum / n;
 }
 
-/* Of the background where the person covers at least `least`, the share that is
+/* Of the background where the person covers at least `min`, the share that is
  * off by more than `levels`. */
-static double ghost(double least, double levels)
+static double ghost(double min, double levels)
 {
     double off = 0, n = 0;
 
     for (size_t i = 0; i < P; i++) {
-        double most = 0;
+        double max = 0;
 
         for (size_t c = 3 * i; c < 3 * i + 3; c++)
-            most = fmax(most, fabs(d.back[c] - d.wall[c]));
-        off += d.person[i] > least && most > levels;
-        n += d.person[i] > least;
+            max = fmax(max, fabs(d.back[c] - d.wall[c]));
+        off += d.person[i] > min && max > levels;
+        n += d.person[i] > min;
     }
     return off / n;
 }
@@ -190,16 +190,16 @@ static double halo(const double wall[3])
 /* Most by which a channel of the picture misses any sum of both layers. */
 static double imbalance(void)
 {
-    double most = 0;
+    double max = 0;
 
     for (size_t c = 0; c < 3 * P; c++) {
         const double own = d.rgb[c] -
                            (255 - d.alpha[c / 3]) * d.back[c] / 255.0;
 
         if (d.inside[c / 3])
-            most = fmax(most, fmax(-own, own - d.alpha[c / 3]));
+            max = fmax(max, fmax(-own, own - d.alpha[c / 3]));
     }
-    return most;
+    return max;
 }
 
 static void test_hair(const struct palette *p, const double other[3])
@@ -325,7 +325,7 @@ static void test_small(void)
 static void test_beyond(void)
 {
     double off = 0;
-    bool sure = false;
+    bool confidence = false;
 
     draw(&palette[0], NULL);
     for (size_t i = 0; i < P; i++)
@@ -336,12 +336,12 @@ static void test_beyond(void)
     solve();
     for (size_t i = 0; i < P; i++)
         if (!d.inside[i]) {
-            sure |= d.sure[i] != 0;
+            confidence |= d.confidence[i] != 0;
             for (size_t c = 3 * i; c < 3 * i + 3 && d.alpha[i] == 0; c++)
                 off = fmax(off, fabs(d.rgb[c] - d.wall[c]));
         }
     check("the wall goes on beyond the picture, levels", off, 14);
-    check_that("where nothing is sure", !sure);
+    check_that("where nothing is sure", !confidence);
     check_range("a body goes on below it", d.alpha[240 * N + 127], 250, 255);
     check_range("of its colour", d.rgb[3 * (240 * N + 127)], 100, 140);
 }

@@ -55,11 +55,11 @@ static int places_reference(struct reference *r, const struct testscene *t,
         return -1;
     color = scene_grab(r->n * (C + 3), sizeof *color);
     r->uv = scene_grab(2 * r->n, sizeof *r->uv);
-    r->sure = scene_grab(r->n, sizeof *r->sure);
+    r->confidence = scene_grab(r->n, sizeof *r->confidence);
     for (size_t i = 0; i < r->n; i++) {
         memcpy(color + i * (C + 3), r->color + i * C, C * sizeof *color);
-        r->sure[i] = gaussians_seen(g, i) *
-                     gaussian_shown(g->tilt + 2 * i, view.toward);
+        r->confidence[i] = gaussians_seen(g, i) *
+                     gaussian_visible(g->tilt + 2 * i, view.toward);
         for (size_t k = 0; k < 2; k++)
             r->uv[2 * i + k] = 2 * (double)g->uv[2 * i + k] - 1;
     }
@@ -151,13 +151,13 @@ static void places_forward(int channels, bool depth)
     free(other);
 }
 
-/* What is left of seen, by the way from home over the reach. */
+/* What is left of seen, by the way from source_mean over the reach. */
 static void places_reach(void)
 {
     static const struct { double way, left; } at[] = {
         {0, 1}, {1.0 / 3, 1}, {0.5, 0.84375}, {2.0 / 3, 0.5}, {1, 0}, {9, 0}
     };
-    const float home[3] = {0.1f, -0.2f, 0.3f};
+    const float source_mean[3] = {0.1f, -0.2f, 0.3f};
     double worst = 0, lid = 0;
 
     for (size_t k = 0; k < sizeof at / sizeof *at; k++) {
@@ -167,12 +167,12 @@ static void places_reach(void)
         const float sunk[3] = {0.1f, -0.2f - up, 0.3f + aside};
 
         worst = fmax(worst, fabs(0.8 * at[k].left -
-                                 gaussian_seen(0.8f, 0.05f, home, risen)));
-        worst = fmax(worst, fabs(0.8 - gaussian_seen(0.8f, 0, home, risen)));
+                                 gaussian_seen(0.8f, 0.05f, source_mean, risen)));
+        worst = fmax(worst, fabs(0.8 - gaussian_seen(0.8f, 0, source_mean, risen)));
         lid = fmax(lid, fabs(0.8 * at[k].left -
-                             gaussian_seen(0.8f, -0.05f, home, sunk)));
+                             gaussian_seen(0.8f, -0.05f, source_mean, sunk)));
         lid = fmax(lid, fabs(0.8 * at[k].left -
-                             gaussian_seen(0.8f, -0.04f, home, risen)));
+                             gaussian_seen(0.8f, -0.04f, source_mean, risen)));
     }
     check("seen within reach of home", worst, 1e-5);
     check("of a lid: the way up does not count", lid, 1e-5);
@@ -195,7 +195,7 @@ static void places_shown(void)
 
             tilt[axis] = (float)at[k].tilt;
             way[axis] = (float)at[k].way;
-            worst = fmax(worst, fabs(gaussian_shown(tilt, way) -
+            worst = fmax(worst, fabs(gaussian_visible(tilt, way) -
                                      at[k].shown));
         }
     check("shown by slope and way", worst, 1e-6);
@@ -206,7 +206,7 @@ static void places_shown(void)
 static void places_moving(void)
 {
     struct testscene t;
-    float *home = scene_grab(3 * N, sizeof *home);
+    float *source_mean = scene_grab(3 * N, sizeof *source_mean);
     float *reach = scene_grab(N, sizeof *reach);
     struct splat_options o = splat_defaults(SIZE, SIZE, 3);
     struct splat s = {0};
@@ -219,10 +219,10 @@ static void places_moving(void)
     struct splat_place_view first = {.A = {1, 0, 0, 1}};
 
     places_scene(&t, N, 43);
-    memcpy(home, t.g.mean, 3 * N * sizeof *home);
+    memcpy(source_mean, t.g.mean, 3 * N * sizeof *source_mean);
     for (size_t i = 0; i < N; i += 2)
         reach[i] = (i % 4 ? 0.001f : -0.001f) * (float)(i % 60);
-    t.g.home = home;
+    t.g.source_mean = source_mean;
     t.g.reach = reach;
     o.place = true;
     o.exp_degree = 5;
@@ -247,7 +247,7 @@ static void places_moving(void)
                memcmp(place, fresh, P * 3 * sizeof *place) != 0);
     splat_release(&s);
     places_release(&t);
-    free(home);
+    free(source_mean);
     free(reach);
     free(image);
     free(place);

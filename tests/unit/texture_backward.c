@@ -200,12 +200,12 @@ static void backward_position(double uv[2], size_t j)
 /* What pixel i adds to the loss. */
 static double lookup_loss(const struct texture *t, size_t i)
 {
-    const double sure = backward_confidence(i);
+    const double confidence = backward_confidence(i);
     const float *by = probe + TEXTURE_PHOTO * i;
-    double uv[2], loss = by[4] * sure;
+    double uv[2], loss = by[4] * confidence;
 
     backward_position(uv, i);
-    for (int c = 0; c < 4 && sure > 0; c++)
+    for (int c = 0; c < 4 && confidence > 0; c++)
         loss += (double)by[c] * lookup_number(t->level[0], uv[0], uv[1], c);
     return loss;
 }
@@ -256,10 +256,10 @@ static void backward_lookup(void)
     REQUIRE(texture_init(&t, rgb8, matte, back, S, &err) == 0, "%s", err.text);
     texture_lookup(photo, &t, &view, place_f, cover_f, S);
     for (size_t i = 0; i < PIXELS; i++) {
-        double sure = backward_confidence(i);
+        double confidence = backward_confidence(i);
 
-        off = fmax(off, fabs(sure - (double)photo[TEXTURE_PHOTO * i + 4]));
-        doubted += sure > 0 && sure < 1;
+        off = fmax(off, fabs(confidence - (double)photo[TEXTURE_PHOTO * i + 4]));
+        doubted += confidence > 0 && confidence < 1;
     }
     check("confidence", off, 1e-5);
     check_that("most pixels are doubted a little", doubted > PIXELS / 3);

@@ -279,7 +279,7 @@ static void test_levels(void)
 
 /* ---- confidence --------------------------------------------------------- */
 
-static float lookup_sure(size_t x, size_t y)
+static float lookup_confidence(size_t x, size_t y)
 {
     return photo[TEXTURE_PHOTO * (y * S + x) + 4];
 }
@@ -297,7 +297,7 @@ static void test_nothing(const struct texture *t)
         if (i % S >= S / 2)
             memset(place + 3 * i, 0, 3 * sizeof *place);
     lookup_run(t);
-    check_that("beside nothing: full", lookup_sure(S / 2 - 1, 9) == 1);
+    check_that("beside nothing: full", lookup_confidence(S / 2 - 1, 9) == 1);
     check_that("nothing: zeros",
                !memcmp(photo + TEXTURE_PHOTO * (9 * S + S / 2),
                        (float[TEXTURE_PHOTO]){0},
@@ -306,7 +306,7 @@ static void test_nothing(const struct texture *t)
 
 static void test_shares(const struct texture *t)
 {
-    static const struct { float seen, alpha, sure; } at[] = {
+    static const struct { float seen, alpha, confidence; } at[] = {
         {0.75f, 1, 1}, {0.5f, 1, 0.6f}, {0.25f, 0.5f, 0.6f},
         {0.1f, 1, 0}, {1, 1, 1}, {0.5f, 0.5f, 1}};
 
@@ -317,7 +317,7 @@ static void test_shares(const struct texture *t)
         lookup_run(t);
         snprintf(what, sizeof what, "confidence of a share of %g in %g",
                  at[k].seen, at[k].alpha);
-        expect(what, lookup_sure(40, 40), at[k].sure, 1e-5);
+        expect(what, lookup_confidence(40, 40), at[k].confidence, 1e-5);
     }
 }
 

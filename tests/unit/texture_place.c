@@ -14,7 +14,7 @@ enum { N = 64 };
 
 /* The frontal camera at distance z, turned by axis-angle a about the head and
  * then rolled in the picture. */
-static void place_turned(float cam[12], const float a[3], float roll, float z)
+static void place_rotated(float cam[12], const float a[3], float roll, float z)
 {
     const float front[9] = {1, 0, 0, 0, -1, 0, 0, 0, -1};
     const float axis[3] = {0, 0, roll};
@@ -101,18 +101,18 @@ static void place_planes(void)
     const float look[3] = {0.1f, -0.3f, 0.05f};
     float source[12], cam[12], yaw[3];
 
-    place_turned(source, look, 0.2f, 12);
+    place_rotated(source, look, 0.2f, 12);
     check("source's own view: no offset, at any depth",
           largest_offset(source, source, 0.6), 2e-6);
-    place_turned(cam, look, 0.2f, 18);
+    place_rotated(cam, look, 0.2f, 18);
     check("further away: none in the plane",
           largest_offset(source, cam, 0), 2e-6);
-    place_turned(cam, look, -0.9f, 8);
+    place_rotated(cam, look, -0.9f, 8);
     check("rolled and nearer: none in the plane",
           largest_offset(source, cam, 0), 2e-6);
     memcpy(yaw, look, sizeof yaw);
     yaw[1] += 0.5f;
-    place_turned(cam, yaw, 0.2f, 12);
+    place_rotated(cam, yaw, 0.2f, 12);
     /* a point that is 0.7 to the side comes 0.7 sin 29 degrees nearer: 3 % of
      * its distance from the middle, 0.7 */
     check("turned: of the plane what perspective adds",
@@ -135,12 +135,12 @@ static void round_trip(void)
 
         for (int i = 0; i < 3; i++)
             a[i] = (float)random_range(&r, -0.5, 0.5);
-        place_turned(source, a, (float)random_range(&r, -1, 1), 12);
+        place_rotated(source, a, (float)random_range(&r, -1, 1), 12);
         for (int i = 0; i < 3; i++)
             a[i] += (float)random_range(&r, -0.6, 0.6);
         float far = (float)random_range(&r, 8, 20);
 
-        place_turned(cam, a, (float)random_range(&r, -1, 1), far);
+        place_rotated(cam, a, (float)random_range(&r, -1, 1), far);
         place_facing(mean, source, 0.6, &r);
         for (size_t i = 0; i < N; i++) {
             uv[2 * i] = (float)random_uniform(&r);
@@ -170,7 +170,7 @@ static void round_trip(void)
 static void place_shoulders(void)
 {
     const float look[3] = {0.1f, -0.3f, 0.05f}, pivot[3] = {0, -0.2f, -0.1f};
-    const float turned[3] = {0.15f, 0.6f, 0.05f};
+    const float rotated[3] = {0.15f, 0.6f, 0.05f};
     float source[12], cam[12], body[12], from[9], mean[3 * N], driven[3 * N];
     float was[2 * N], is[2 * N], weight[N];
     struct splat_place_view v, head;
@@ -179,8 +179,8 @@ static void place_shoulders(void)
     size_t lows = 0, highs = 0;
 
     random_init(&r, 5, "shoulders");
-    place_turned(source, look, 0.2f, 12);
-    place_turned(cam, turned, 0.1f, 11);
+    place_rotated(source, look, 0.2f, 12);
+    place_rotated(cam, rotated, 0.1f, 11);
     for (int i = 0; i < 9; i++)
         from[i] = source[4 * (i / 3) + i % 3];
     neck_blend_body(body, pivot, from, cam);
@@ -219,12 +219,12 @@ static void place_steep(void)
     float source[12], cam[12], largest = 0;
     bool finite = true;
 
-    place_turned(source, none, 0, 12);
+    place_rotated(source, none, 0, 12);
     for (int degrees = 60; degrees <= 180; degrees += 5) {
         float a[3] = {0, (float)degrees * 0.01745329f, 0};
         struct splat_place_view v;
 
-        place_turned(cam, a, 0, 12);
+        place_rotated(cam, a, 0, 12);
         place_view_make(&v, source, cam, NULL);
         for (int i = 0; i < 4; i++) {
             finite = finite && isfinite(v.A[i]);
@@ -246,7 +246,7 @@ static void place_outside(void)
     const float scale[12] = {0.1f, 0.1f, 0.1f, 0.1f, 0.1f, 0.1f,
                              0.1f, 0.1f, 0.1f, 0.1f, 0.1f, 0.1f};
 
-    place_turned(cam, none, 0, 12);
+    place_rotated(cam, none, 0, 12);
     place_of_source(uv, seen, mean, scale, cam, 4);
     check_that("inside: seen as before", seen[0] == 0.5f);
     check_that("beside, below and behind: not seen",

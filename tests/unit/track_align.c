@@ -195,12 +195,12 @@ static void align_turn_off(float off[9], const struct motion *m,
  * the depths' ratio. */
 static double align_nearest(const struct align *a, const struct motion *m)
 {
-    double least = INFINITY;
+    double min = INFINITY;
 
     for (size_t k = 0; k < a->keys; k++)
-        least = fmin(least, rotation_distance(a->key[k].R, m->R) +
+        min = fmin(min, rotation_distance(a->key[k].R, m->R) +
                                 fabs(log((double)a->key[k].t[2] / m->t[2])));
-    return least;
+    return min;
 }
 
 /* When there are as many keyframes as there may be, later poses still get one;

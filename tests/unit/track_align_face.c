@@ -141,14 +141,14 @@ static void face_lips(struct head *h)
 {
     for (size_t l = 61; l < 68; l++) {
         const float y = l < 64 ? 0.3f : -0.3f;
-        double least = INFINITY;
+        double min = INFINITY;
 
         for (size_t i = 0; i < h->F; i++) {
             const float *p = h->v_template + 3 * h->f[3 * i];
             const double far = hypot(p[1] - y, p[0]) + (p[2] < 0);
 
-            if (far < least) {
-                least = far;
+            if (far < min) {
+                min = far;
                 h->landmark_faces[l] = (int32_t)i;
             }
         }

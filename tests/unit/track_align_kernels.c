@@ -20,7 +20,7 @@
 /* A picture, points that it shows, and a pose. */
 struct scene {
     float rgb[12 * N * N];
-    float sight[5 * ROOM], normal[3 * ROOM];
+    float visibility[5 * ROOM], normal[3 * ROOM];
     struct align_look look;
     struct align_residual r;
     float direction[3 * CODES * ROOM], x[FACE];
@@ -46,13 +46,13 @@ static void scene_make(struct scene *s)
     s->r = (struct align_residual){0.9f, 12, {0.1f, 0.02f, 10.9f}, 30};
     for (size_t i = 0; i < POINTS; i++) {
         for (size_t k = 0; k < 3; k++) {
-            s->sight[k * ROOM + i] = (float)(0.3 * random_normal(&rand));
+            s->visibility[k * ROOM + i] = (float)(0.3 * random_normal(&rand));
             s->normal[k * ROOM + i] = (float)(0.6 * random_normal(&rand));
         }
         if (i % 97 == 0)
-            s->sight[2 * ROOM + i] = 12;
-        s->sight[3 * ROOM + i] = (float)(255 * random_uniform(&rand));
-        s->sight[4 * ROOM + i] = (float)random_uniform(&rand);
+            s->visibility[2 * ROOM + i] = 12;
+        s->visibility[3 * ROOM + i] = (float)(255 * random_uniform(&rand));
+        s->visibility[4 * ROOM + i] = (float)random_uniform(&rand);
         for (size_t k = 0; k < 3 * CODES; k++)
             s->direction[k * ROOM + i] = (float)(0.02 * random_normal(&rand));
     }
@@ -116,7 +116,7 @@ static bool reference_see(double x[3], double level[3],
     for (int k = 0; k < 3; k++) {
         x[k] = s->look.t[k];
         for (int c = 0; c < 3; c++)
-            x[k] += (double)s->look.R[3 * k + c] * s->sight[c * ROOM + i];
+            x[k] += (double)s->look.R[3 * k + c] * s->visibility[c * ROOM + i];
     }
     for (int k = 0; k < 2; k++) {
         uv[k] = s->look.focal * x[k] / x[2] + s->look.corner[k];
@@ -161,7 +161,7 @@ static void reference_sum(struct align_sums *to, const struct scene *s,
 {
     memset(to, 0, sizeof *to);
     for (size_t i = 0; i < POINTS; i++) {
-        const double y = s->sight[3 * ROOM + i], w = s->sight[4 * ROOM + i];
+        const double y = s->visibility[3 * ROOM + i], w = s->visibility[4 * ROOM + i];
         double x[3], level[3], row[U];
 
         if (!reference_see(x, level, s, picture, i))
@@ -213,7 +213,7 @@ static void reference_move(struct scene *moved, const struct scene *s)
     *moved = *s;
     for (size_t i = 0; i < POINTS; i++)
         for (size_t k = 0; k < 3 * CODES; k++)
-            moved->sight[k % 3 * ROOM + i] +=
+            moved->visibility[k % 3 * ROOM + i] +=
                 s->x[ALIGN_FACE_LIGHT + k / 3] * s->direction[k * ROOM + i];
 }
 
@@ -243,13 +243,13 @@ static void reference_face(struct align_face_sums *to, const struct scene *s,
     reference_move(&moved, s);
     memset(to, 0, sizeof *to);
     for (size_t i = 0; i < POINTS; i++) {
-        const double w = s->sight[4 * ROOM + i];
+        const double w = s->visibility[4 * ROOM + i];
         double x[3], level[3], row[FACE];
 
         if (!reference_see(x, level, &moved, picture, i))
             continue;
         const double r = s->r.gain * level[0] + s->r.bias -
-                         s->sight[3 * ROOM + i];
+                         s->visibility[3 * ROOM + i];
         const double narrow = w / (1 + r * r / (4 * s->r.sigma * s->r.sigma));
 
         to->weight += w;
@@ -289,7 +289,7 @@ static double show_apart(const struct align_kernels *k, const struct scene *s,
     static float level[ROOM], facing[ROOM];
     double worst = 0;
 
-    k->show(level, facing, s->sight, s->normal, ROOM, picture, &s->look);
+    k->show(level, facing, s->visibility, s->normal, ROOM, picture, &s->look);
     for (size_t i = 0; i < POINTS; i++) {
         double x[3], seen[3] = {0}, along = 0;
 
@@ -313,7 +313,7 @@ static void test_face(const struct align_kernels *k, const char *name,
 {
     static struct align_face_sums sums, truth;
     const struct align_face_points points = {
-        s->sight, s->direction, s->sight + 3 * ROOM, s->sight + 4 * ROOM,
+        s->visibility, s->direction, s->visibility + 3 * ROOM, s->visibility + 4 * ROOM,
         ROOM, CODES};
     char title[64];
 
@@ -342,11 +342,11 @@ static void test_kernels(const struct align_kernels *k, const char *name,
     check(title, worst, 1e-4);
     snprintf(title, sizeof title, "%s: levels and facing", name);
     check(title, show_apart(k, s, picture, exact), 2e-5);
-    k->sum(&sums, s->sight, ROOM, picture, &s->look, &s->r, true);
+    k->sum(&sums, s->visibility, ROOM, picture, &s->look, &s->r, true);
     reference_sum(&truth, s, exact);
     snprintf(title, sizeof title, "%s: sums", name);
     check(title, align_sums_difference(&sums, &truth), 1e-5);
-    k->sum(&brief, s->sight, ROOM, picture, &s->look, &s->r, false);
+    k->sum(&brief, s->visibility, ROOM, picture, &s->look, &s->r, false);
     snprintf(title, sizeof title, "%s: without a step the same sums", name);
     check_that(title, brief.weight == sums.weight && brief.off == sums.off &&
                           brief.xy == sums.xy && brief.a[0] == 0);

@@ -20,20 +20,20 @@
 
 static double motion_orthonormal(const float R[9])
 {
-    double most = 0, det;
+    double max = 0, det;
 
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++) {
             double dot = 0;
             for (int k = 0; k < 3; k++)
                 dot += (double)R[3 * i + k] * R[3 * j + k];
-            most = fmax(most, fabs(dot - (i == j)));
+            max = fmax(max, fabs(dot - (i == j)));
         }
     det = R[0] * (R[4] * R[8] - R[5] * R[7])
         - R[1] * (R[3] * R[8] - R[5] * R[6])
         + R[2] * (R[3] * R[7] - R[4] * R[6]);
-    most = fmax(most, fabs(det - 1));
-    return isfinite(most) ? most : 1e9;
+    max = fmax(max, fabs(det - 1));
+    return isfinite(max) ? max : 1e9;
 }
 
 static void test_rotation(void)
@@ -49,16 +49,16 @@ static void test_rotation(void)
     struct random r;
     struct motion m;
     float out[MOTION_OUT] = {0}, want[9];
-    double most = 0, same = 0;
+    double max = 0, same = 0;
 
     out[MOTION_TRANS + 2] = 7;
     for (size_t i = 0; i < sizeof hard / sizeof *hard; i++) {
         memcpy(out, hard[i], sizeof hard[i]);
         track_decode(&m, out, crop, 512);
-        most = fmax(most, motion_orthonormal(m.R));
+        max = fmax(max, motion_orthonormal(m.R));
     }
-    check("6D: hard cases are rotations", most, 1e-6);
-    most = 0;
+    check("6D: hard cases are rotations", max, 1e-6);
+    max = 0;
     random_init(&r, 11, "track rotation");
     for (int i = 0; i < 20000; i++) {
         double scale = exp(random_range(&r, -12, 12));
@@ -68,14 +68,14 @@ static void test_rotation(void)
             for (int k = 0; k < 3; k++)
                 out[3 + k] = out[k] * (1 + (float)random_normal(&r) * 1e-3f);
         track_decode(&m, out, crop, 512);
-        most = fmax(most, motion_orthonormal(m.R));
+        max = fmax(max, motion_orthonormal(m.R));
         if (i % 3 == 0)
             continue;
         rotation_6d(want, out);
         for (int k = 0; k < 9; k++)
             same = fmax(same, fabs(m.R[k] - want[k]));
     }
-    check("6D: random ones, a third nearly parallel, are rotations", most,
+    check("6D: random ones, a third nearly parallel, are rotations", max,
           1e-6);
     check("6D: ordinary ones are Gram-Schmidt", same, 0);
 }
@@ -164,7 +164,7 @@ static void test_landmarks(const struct head *h)
     struct landmarks l;
     struct random r;
     struct error err = {0};
-    double most = 0;
+    double max = 0;
 
     random_init(&r, 8, "track landmarks");
     for (int i = 0; i < 100; i++)
@@ -177,8 +177,8 @@ static void test_landmarks(const struct head *h)
     head_landmarks(want, h, verts);
     landmarks_pose(got, &l, &m);
     for (int i = 0; i < 3 * 68; i++)
-        most = fmax(most, fabs(want[i] - got[i]));
-    check("landmarks of the small head are those of the whole", most, 1e-6);
+        max = fmax(max, fabs(want[i] - got[i]));
+    check("landmarks of the small head are those of the whole", max, 1e-6);
     landmarks_release(&l);
     identity_release(&id);
     free(verts);

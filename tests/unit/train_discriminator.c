@@ -331,7 +331,7 @@ int main(void)
 {
     const struct box face = {16, 20, 44, 44}, none = {5, 5, 5, 9};
     const struct box corner = {50, 0, 64, 12};
-    size_t sure = 0;
+    size_t confidence = 0;
     struct discriminator d;
     struct reference r;
     struct error err = {0};
@@ -347,8 +347,8 @@ int main(void)
     check_fool(&d, &r, &corner, 24, 0);
     check_learn(&d, &r, &face);
     for (size_t i = 0; i < d.patches; i++)      /* the last is of a */
-        sure += d.x[L][i] > 1;
-    check_range("patches beyond the hinge", (double)sure, 1,
+        confidence += d.x[L][i] > 1;
+    check_range("patches beyond the hinge", (double)confidence, 1,
                 (double)d.patches - 1);
     check_that("any number of threads", everything(&d, &face, 1) ==
                                             everything(&d, &face, 3));

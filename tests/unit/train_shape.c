@@ -117,7 +117,7 @@ static void test_value(const struct head *h)
     got = shape_loss(NULL, beta, t.truth, &t.marks);
     check("landmarks' error, relative", fabs(got / want - 1), 1e-5);
 
-    double g[DIRS], most = 0, step = 1e-3;
+    double g[DIRS], max = 0, step = 1e-3;
     got = shape_loss(g, beta, t.truth, &t.marks);
     for (int k = 0; k < DIRS; k += 7) {
         float keep = beta[k];
@@ -126,9 +126,9 @@ static void test_value(const struct head *h)
         beta[k] = keep - (float)step;
         double down = shape_loss(NULL, beta, t.truth, &t.marks);
         beta[k] = keep;
-        most = fmax(most, fabs((up - down) / (2 * step) - g[k]));
+        max = fmax(max, fabs((up - down) / (2 * step) - g[k]));
     }
-    check("gradient by beta against differences", most / got, 1e-3);
+    check("gradient by beta against differences", max / got, 1e-3);
     check("nothing is wrong with the truth",
           shape_loss(NULL, beta, beta, &all), 1.1e-6);
     shape_loss_release(&all);
@@ -171,7 +171,7 @@ static void test_mirror(const struct head *h, const int *mirror)
     struct head_mirror across;
     float beta[DIRS], other[DIRS];
     float *a = malloc(3 * h->V * sizeof *a), *b = malloc(3 * h->V * sizeof *b);
-    double most = 0;
+    double max = 0;
     size_t odd = 0;
     struct random r;
     struct error err;
@@ -189,11 +189,11 @@ static void test_mirror(const struct head *h, const int *mirror)
     shape_vertices(b, h, other);
     for (size_t v = 0; v < h->V; v++) {
         const float *p = a + 3 * v, *q = b + 3 * (size_t)mirror[v];
-        most = fmax(most, fabs((double)p[0] + q[0]));
-        most = fmax(most, fabs((double)p[1] - q[1]));
-        most = fmax(most, fabs((double)p[2] - q[2]));
+        max = fmax(max, fabs((double)p[0] + q[0]));
+        max = fmax(max, fabs((double)p[1] - q[1]));
+        max = fmax(max, fabs((double)p[2] - q[2]));
     }
-    check("mirrored shape, mirrored vertices, head units", most, 1e-5);
+    check("mirrored shape, mirrored vertices, head units", max, 1e-5);
     check("both kinds of directions", odd > 0 && odd < DIRS ? 0 : 1, 0);
 out:
     free(a);
@@ -244,7 +244,7 @@ static void test_motion(const struct head *h, const int *mirror)
     struct motion_mirror across;
     float a[MOTION_OUT], b[MOTION_OUT], mean[MOTION_OUT], Ra[9], Rb[9];
     float *x = malloc(3 * h->V * sizeof *x), *y = malloc(3 * h->V * sizeof *y);
-    double square = 0, turned = 0, back = 0;
+    double square = 0, rotated = 0, back = 0;
     struct random r;
     struct error err;
 
@@ -273,7 +273,7 @@ static void test_motion(const struct head *h, const int *mirror)
     }
     for (int i = 0; i < 9; i++) {
         int odd = (i / 3 == 0) != (i % 3 == 0);
-        turned = fmax(turned, fabs((double)Ra[i] - (odd ? -Rb[i] : Rb[i])));
+        rotated = fmax(rotated, fabs((double)Ra[i] - (odd ? -Rb[i] : Rb[i])));
     }
     memcpy(mean, a, sizeof mean);
     motion_mirror_mean(mean, b, &across);
@@ -282,7 +282,7 @@ static void test_motion(const struct head *h, const int *mirror)
     /* some of the scans' expressions are symmetric only to a cosine of 0.98 */
     check("mirrored motion, mirrored vertices, mm rms",
           sqrt(square / (double)h->V) / (double)h->scale * 1e3, 0.5);
-    check("mirrored rotation", turned, 1e-5);
+    check("mirrored rotation", rotated, 1e-5);
     check("the mean of a row and its mirror image", back, 1e-7);
 out:
     free(x);
@@ -317,7 +317,7 @@ static void test_looks(const struct head *h)
     struct nn_options opt = {NN_INFER, NN_F32};
     struct square q = {0, 0, 1};
     float a[SHAPE_ENCODER_OUT], b[SHAPE_ENCODER_OUT];
-    double most = 0, size = 0;
+    double max = 0, size = 0;
     int flip = 0;
     struct error err;
 
@@ -334,11 +334,11 @@ static void test_looks(const struct head *h)
     if (shape_tta_forward(b, &l, q, shape_look, &flip, &err))
         shape_die(&err);
     for (int k = 0; k < SHAPE_ENCODER_OUT; k++) {
-        most = fmax(most, fabs((double)a[k] - l.across.sign[k] *
+        max = fmax(max, fabs((double)a[k] - l.across.sign[k] *
                                               b[l.across.from[k]]));
         size = fmax(size, fabs((double)a[k]));
     }
-    check("mirrored picture, mirrored shape, relative", most / size, 1e-3);
+    check("mirrored picture, mirrored shape, relative", max / size, 1e-3);
     shape_tta_release(&l);
     shape_encoder_release(&net);
     params_release(&ps);

@@ -93,11 +93,11 @@ static void fill_zeros(struct task *t)
     random_init(&r, 5, "train_system");
     for (size_t k = 0; k < t->ps.count; k++) {
         const struct param *p = &t->ps.tensor[k];
-        float *w = param_w(&t->ps, k), most = 0;
+        float *w = param_w(&t->ps, k), max = 0;
 
         for (size_t i = 0; i < p->count; i++)
-            most = fmaxf(most, fabsf(w[i]));
-        for (size_t i = 0; i < p->count && most == 0 && !p->frozen; i++)
+            max = fmaxf(max, fabsf(w[i]));
+        for (size_t i = 0; i < p->count && max == 0 && !p->frozen; i++)
             w[i] = (float)(0.05 * random_normal(&r));
     }
 }

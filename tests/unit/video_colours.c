@@ -91,7 +91,7 @@ static void to_ffmpeg(const char *dir)
 
 /* A clip of a telephone that was held upright: as ffmpeg turns it and zimg makes
  * colours of it, chroma at its place, which is the bottom of two rows then. */
-static void colours_turned(const char *dir)
+static void colours_rotated(const char *dir)
 {
     static uint8_t seen[3 * 64 * 48];
     char command[900], path[300];
@@ -161,7 +161,7 @@ int main(void)
     from_ffmpeg(folder, "hd-601.mov", "1280x720", "bt601", tags601);
     from_ffmpeg(folder, "hd-601.mkv", "1280x720", "bt601", tags601);
     to_ffmpeg(folder);
-    colours_turned(folder);
+    colours_rotated(folder);
     colours_planes("yuv420p", "mpeg2video");
     colours_planes("yuv420p", "mpeg1video");
     colours_planes("yuv422p", "ffv1");

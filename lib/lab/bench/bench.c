@@ -32,12 +32,12 @@ struct bench_times bench_quantiles(double *ms, size_t n)
     return (struct bench_times){n, ms[0], ms[n / 2], ms[n * 95 / 100]};
 }
 
-int bench_time(struct bench_times *t, double seconds, size_t least,
+int bench_time(struct bench_times *t, double seconds, size_t min,
                int (*call)(void *context, struct error *err), void *context,
                struct error *err)
 {
-    enum { MOST = 4096 };
-    double *ms = malloc(MOST * sizeof *ms), begun = cpu_seconds();
+    enum { MAX = 4096 };
+    double *ms = malloc(MAX * sizeof *ms), begun = cpu_seconds();
     size_t runs = 0;
     int rc = -1;
 
@@ -45,7 +45,7 @@ int bench_time(struct bench_times *t, double seconds, size_t least,
         return error_set(err, EX_OSERR, "out of memory");
     if (call(context, err))
         goto out;
-    while (runs < MOST && (runs < least || cpu_seconds() - begun < seconds)) {
+    while (runs < MAX && (runs < min || cpu_seconds() - begun < seconds)) {
         double start = cpu_seconds();
 
         if (call(context, err))

@@ -56,9 +56,9 @@ struct bench_times {
 
 /* Of n > 0 times, which are sorted. */
 struct bench_times bench_quantiles(double *ms, size_t n);
-/* Call repeatedly for about `seconds`, at least `least` times (after one that
+/* Call repeatedly for about `seconds`, at least `min` times (after one that
  * is not counted).  -1 when a call fails. */
-int bench_time(struct bench_times *t, double seconds, size_t least,
+int bench_time(struct bench_times *t, double seconds, size_t min,
                int (*call)(void *context, struct error *err), void *context,
                struct error *err);
 

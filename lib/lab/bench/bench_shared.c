@@ -22,14 +22,14 @@
 #define FRAMES 60           /* of the clip: longer than what starting takes */
 #define ROUNDS 64           /* at most */
 #define BEGIN_US 100000     /* microseconds until neighbours are under way */
-#define MOST_THREADS 4      /* for each that -j says: the row of too many */
+#define MAX_THREADS 4      /* for each that -j says: the row of too many */
 
 /* What a program runs beside, and how. */
 static const struct circumstance {
     const char *knob;
     int loops;              /* busy programs */
     bool spid;              /* SpiD's spid-animate */
-    bool threads;           /* MOST_THREADS times as many as -j says */
+    bool threads;           /* MAX_THREADS times as many as -j says */
     int nice;               /* added to this program's */
 } circumstances[] = {
     {.knob = "alone"},
@@ -97,7 +97,7 @@ static double shared_time(const struct shared *s, enum program program,
 {
     pid_t beside[8] = {0};
     int n = 0, status = -1;
-    const int threads = s->b->threads * (c->threads ? MOST_THREADS : 1);
+    const int threads = s->b->threads * (c->threads ? MAX_THREADS : 1);
 
     while (n < c->loops)
         beside[n++] = shared_start(s, PROGRAMS, 0, 0);

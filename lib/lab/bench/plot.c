@@ -10,7 +10,7 @@
 
 #include "lib/base/cpu.h"
 
-enum { WIDE = 1800, HIGH = 1200, MOST = 200, GLYPH = 7, LINE = 15 };
+enum { WIDE = 1800, HIGH = 1200, MAX = 200, GLYPH = 7, LINE = 15 };
 enum { PANELS = 4 };            /* a wide one, three below it */
 #define FLOOR -9                /* errors below 1e-9 are drawn at the bottom */
 
@@ -31,11 +31,11 @@ struct panel {
     const char *title;          /* a stage's name */
     struct box frame;           /* pixels */
     double x0, x1, y0, y1;      /* log10 */
-    struct mark mark[MOST];
+    struct mark mark[MAX];
     size_t marks;
-    const struct bench_row *group[MOST];
+    const struct bench_row *group[MAX];
     int groups;
-    struct box taken[2 * MOST]; /* by points and labels */
+    struct box taken[2 * MAX]; /* by points and labels */
     size_t takens;
 };
 
@@ -74,7 +74,7 @@ static void plot_gather(struct panel *p, const struct bench *b,
                         const char *stage)
 {
     p->title = stage;
-    for (size_t i = 0; i < b->rows && p->marks < MOST; i++) {
+    for (size_t i = 0; i < b->rows && p->marks < MAX; i++) {
         const struct bench_row *r = &b->row[i];
         double y = -r->psnr_db / 20;
         int g = 0;
@@ -130,7 +130,7 @@ static void plot_widen(double *lo, double *hi, double x)
 /* Remember that a box of the panel holds something. */
 static void plot_take(struct panel *p, struct box b)
 {
-    if (p->takens < 2 * MOST)
+    if (p->takens < 2 * MAX)
         p->taken[p->takens++] = b;
 }
 

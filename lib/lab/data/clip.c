@@ -61,7 +61,7 @@ static int clip_state_init(struct clip_state *s, size_t frames,
 static int clip_resize(struct person *p, size_t size, struct error *err)
 {
     struct person small = {0}, own = {.rgb = p->rgb, .matte = p->matte,
-                                      .back = p->back, .sure = p->sure,
+                                      .back = p->back, .confidence = p->confidence,
                                       .size = p->size};
 
     if (p->size == size)
@@ -71,7 +71,7 @@ static int clip_resize(struct person *p, size_t size, struct error *err)
     p->rgb = small.rgb;
     p->matte = small.matte;
     p->back = small.back;
-    p->sure = small.sure;
+    p->confidence = small.confidence;
     p->size = small.size;
     person_release(&own);
     return 0;

@@ -39,7 +39,7 @@ static double negative_place(struct square *q, const struct data_frame *f,
     case NEGATIVE_HALF:
         negative_move(q, random_range(r, 0.42, 0.65), r);
         return upright;
-    case NEGATIVE_TURNED:
+    case NEGATIVE_ROTATED:
         return random_uniform(r) < 0.6
             ? upright + 90 * DEGREE * (double)(1 + random_below(r, 3))
             : random_range(r, 65, 295) * DEGREE;

@@ -10,7 +10,7 @@ enum negative {
     NEGATIVE_NONE,        /* upright, whole and in place: accepted */
     NEGATIVE_MISSED,      /* beside the face: hair, clothes, wall */
     NEGATIVE_HALF,        /* half of the face is cut off */
-    NEGATIVE_TURNED,      /* by 60 degrees and more, often by 90 or 180 */
+    NEGATIVE_ROTATED,      /* by 60 degrees and more, often by 90 or 180 */
     NEGATIVE_SIZE,        /* far too near or too far */
     NEGATIVE_PIECES,      /* parts of a face in wrong places */
     NEGATIVE_COUNT

@@ -185,7 +185,7 @@ static float4 sample_point(const struct data_frame *f, double x, double y)
 }
 
 /* sample_plain of a turned frame. */
-static void sample_turned(float4 *out, size_t n, const struct data_frame *f,
+static void sample_rotated(float4 *out, size_t n, const struct data_frame *f,
                           struct square q)
 {
     const double c = cos(f->turn), s = sin(f->turn);
@@ -288,7 +288,7 @@ static float4 *sample_square(size_t n, const struct data_frame *f,
                                          64);
 
     if (tx && rgba && f->turn != 0) {
-        sample_turned(rgba, n, f, q);
+        sample_rotated(rgba, n, f, q);
     } else if (tx && rgba) {
         sample_plain(rgba, n, f, q, tx, tx + n, rgba + n * n);
     } else {

@@ -59,7 +59,7 @@ static double portrait_certainty(const struct matting *m)
     double sum = 0, all = 0;
 
     for (size_t i = 0; i < m->n * m->n; i++) {
-        sum += m->sure[i];
+        sum += m->confidence[i];
         all += m->inside[i] > 0;
     }
     return all > 0 ? sum / all : 0;
@@ -82,8 +82,8 @@ int portrait_cut(struct portrait *p, const uint8_t *rgb, size_t W, size_t H,
                  const struct motion *motion, struct error *err)
 {
     const size_t n = p->size * p->size;
-    uint8_t *sure = p->scratch, *inside = sure + n, *head = inside + n;
-    struct matting m = {p->size, p->rgb, inside, p->mask, sure, p->back};
+    uint8_t *confidence = p->scratch, *inside = confidence + n, *head = inside + n;
+    struct matting m = {p->size, p->rgb, inside, p->mask, confidence, p->back};
     bool seen;
 
     if (crop_resize_u8(p->rgb, p->size, rgb, W, H, 3 * W, 3, window))

@@ -199,16 +199,16 @@ static int map_fit(float *out, double *left, const struct map_basis *T,
 static int map_jaw(float *row, const struct head *h, int k, struct error *err)
 {
     struct identity id;
-    struct head_motion rest = {0}, turned = {0};
+    struct head_motion rest = {0}, rotated = {0};
     float *still = map_floats(3 * h->V, sizeof *still, err);
 
     if (!still || head_fold(&id, h, NULL, 0, err)) {
         free(still);
         return -1;
     }
-    turned.jaw[k] = JAW;
+    rotated.jaw[k] = JAW;
     head_pose(still, &id, &rest);
-    head_pose(row, &id, &turned);
+    head_pose(row, &id, &rotated);
     for (size_t i = 0; i < 3 * h->V; i++)
         row[i] -= still[i];
     identity_release(&id);

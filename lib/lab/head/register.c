@@ -376,17 +376,17 @@ static void register_swell_move(struct fit *f)
     struct registration *r = f->r;
 
     for (size_t v = 0; v < r->s->nv; v++) {
-        const double *home = f->d + 3 * v, *n = f->normal + 3 * v;
+        const double *source_mean = f->d + 3 * v, *n = f->normal + 3 * v;
         double *x = r->at + 3 * v, up = 0;
 
         if (register_is_still(r, v) || register_is_ball(r, v)
             || r->match[v].trust < 1 || f->along[v] < 0.5)
             continue;
         for (int c = 0; c < 3; c++)
-            up += n[c] * (x[c] - home[c]);
+            up += n[c] * (x[c] - source_mean[c]);
         up = fmax(-0.001, fmin(0.001, up + 0.6 * f->weight[v] / f->along[v]));
         for (int c = 0; c < 3; c++)
-            x[c] = home[c] + up * n[c];
+            x[c] = source_mean[c] + up * n[c];
     }
     register_mirror(r->at, r);
 }

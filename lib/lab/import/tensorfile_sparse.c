@@ -79,7 +79,7 @@ static int sparse_add(struct sparse *s, double row, double column,
 
 /* csr, csc (turned) and bsr: line i holds entries start[i] to start[i+1], each
  * a block of numbers. */
-static int sparse_lines(struct sparse *s, bool turned, bool blocks)
+static int sparse_lines(struct sparse *s, bool rotated, bool blocks)
 {
     struct row data = {0}, at = {0}, start = {0};
     size_t lines, inside, from = 0;
@@ -90,7 +90,7 @@ static int sparse_lines(struct sparse *s, bool turned, bool blocks)
         || sparse_row(&start, s, sparse_get(s, "indptr"), 1))
         goto out;
     inside = data.block[0] * data.block[1];
-    lines = s->dim[turned] / (data.block[0] ? data.block[0] : 1);
+    lines = s->dim[rotated] / (data.block[0] ? data.block[0] : 1);
     if (data.n != at.n * inside || start.n == 0 || start.n - 1 != lines ||
         (s->dim[1] && data.n / s->dim[1] > s->dim[0])) {
         error_set(s->err, EX_DATAERR, "sparse matrix of %zu by %zu has %zu "
@@ -111,8 +111,8 @@ static int sparse_lines(struct sparse *s, bool turned, bool blocks)
                 double across = at.x[from] * (double)data.block[1]
                                 + (double)(k % data.block[1]);
 
-                if (sparse_add(s, turned ? across : line,
-                               turned ? line : across,
+                if (sparse_add(s, rotated ? across : line,
+                               rotated ? line : across,
                                data.x[from * inside + k]))
                     goto out;
             }

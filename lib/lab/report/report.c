@@ -227,10 +227,10 @@ static int report_write_limits(FILE *f, const char *card, struct error *err)
  * the median is shown. */
 static int report_write_times(FILE *f, const char *dir)
 {
-    enum { MOST = 40 };
-    char path[4096], line[512], names[MOST][64];
-    const char *name[MOST];
-    double value[MOST];
+    enum { MAX = 40 };
+    char path[4096], line[512], names[MAX][64];
+    const char *name[MAX];
+    double value[MAX];
     size_t n = 0;
     int column = -1;
     FILE *in = NULL;
@@ -242,7 +242,7 @@ static int report_write_times(FILE *f, const char *dir)
         report_write_missing(f, "stats.tsv");
         return 0;
     }
-    while (n < MOST && fgets(line, sizeof line, in)) {
+    while (n < MAX && fgets(line, sizeof line, in)) {
         char *save = NULL, *cell = strtok_r(line, "\t\n", &save);
 
         for (int k = 0; cell; k++, cell = strtok_r(NULL, "\t\n", &save)) {

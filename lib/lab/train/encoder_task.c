@@ -69,9 +69,9 @@ int encoder_task_draw(struct encoder_task *e, const struct task *t,
             drawn = (size_t)(k->frame - k->who->frame);
         }
         if (c->augment.roll > 0) {
-            data_turn(&k->turned, k->frame, M_PI / 180 * random_normal(&k->r)
+            data_turn(&k->rotated, k->frame, M_PI / 180 * random_normal(&k->r)
                                             * (double)c->augment.roll);
-            k->frame = &k->turned;
+            k->frame = &k->rotated;
         }
         k->q = data_jitter(k->frame, c->augment.jitter, &k->r);
         if (partner)

@@ -16,7 +16,7 @@
 struct encoder_item {
     const struct data_person *who;
     const struct data_frame *frame;     /* the stream's, or */
-    struct data_frame turned;           /* turned in its plane */
+    struct data_frame rotated;           /* turned in its plane */
     struct square q;            /* the part of the frame that was cut */
     struct random r;            /* behind what the crop drew */
 };

@@ -37,11 +37,11 @@ static void predicted_shape_move(struct data_motion *m, double size,
                                  const double place[3])
 {
     for (int i = 0; i < 3; i++) {
-        double turned = 0;
+        double rotated = 0;
 
         for (int j = 0; j < 3; j++)
-            turned += (double)m->rot[3 * i + j] * place[j];
-        m->trans[i] = (float)(size * (double)m->trans[i] - turned);
+            rotated += (double)m->rot[3 * i + j] * place[j];
+        m->trans[i] = (float)(size * (double)m->trans[i] - rotated);
     }
 }
 

@@ -15,8 +15,8 @@ static int task_make(struct task *t, struct error *err)
         return task_motion_init(t, err);
     case STAGE_MATTE:
         return task_matte_init(t, err);
-    case STAGE_SURE:
-        return task_sure_init(t, err);
+    case STAGE_CONFIDENCE:
+        return task_confidence_init(t, err);
     default:
         return task_avatar_init(t, err);
     }

@@ -68,7 +68,7 @@ int task_motion_init(struct task *t, struct error *err);
 /* E_beta, ... */
 int task_shape_init(struct task *t, struct error *err);
 /* ... how sure E_m is, ... */
-int task_sure_init(struct task *t, struct error *err);
+int task_confidence_init(struct task *t, struct error *err);
 /* ... the matte network, ... */
 int task_matte_init(struct task *t, struct error *err);
 /* ... branches and refiner, or all of the model. */

@@ -1,12 +1,12 @@
 /* A quarter turn at a time, the matte with the colours. */
-#include "lib/track/turned.h"
+#include "lib/track/rotated.h"
 
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 
 /* Pixels of `step` bytes. */
-static uint8_t *turned_plane(const uint8_t *from, size_t W, size_t H,
+static uint8_t *rotated_plane(const uint8_t *from, size_t W, size_t H,
                              size_t step, int quarters)
 {
     uint8_t *to = malloc(W * H * step + 1), *p = to;
@@ -24,7 +24,7 @@ static uint8_t *turned_plane(const uint8_t *from, size_t W, size_t H,
     return to;
 }
 
-int turned_copy(struct image *out, const struct image *im, int quarters,
+int rotated_copy(struct image *out, const struct image *im, int quarters,
                 struct error *err)
 {
     const size_t W = im->width, H = im->height;
@@ -32,8 +32,8 @@ int turned_copy(struct image *out, const struct image *im, int quarters,
     *out = *im;
     out->width = quarters % 2 ? H : W;
     out->height = quarters % 2 ? W : H;
-    out->rgb = turned_plane(im->rgb, W, H, 3, quarters);
-    out->alpha = im->alpha ? turned_plane(im->alpha, W, H, 1, quarters)
+    out->rgb = rotated_plane(im->rgb, W, H, 3, quarters);
+    out->alpha = im->alpha ? rotated_plane(im->alpha, W, H, 1, quarters)
                            : NULL;
     if (out->rgb && (out->alpha || !im->alpha))
         return 0;
@@ -44,26 +44,26 @@ int turned_copy(struct image *out, const struct image *im, int quarters,
 
 /* The quarter turns, 1 to 3, in which a face that track_start finds is surest; 0
  * where none shows one; -1. */
-static int turned_best(struct track *t, const struct image *im, double time,
+static int rotated_best(struct track *t, const struct image *im, double time,
                        struct error *err)
 {
-    float sure = 0;
+    float confidence = 0;
     int best = 0;
 
     for (int k = 1; k < 4; k++) {
         struct track_result r;
-        struct image turned;
+        struct image rotated;
 
-        if (turned_copy(&turned, im, k, err))
+        if (rotated_copy(&rotated, im, k, err))
             return -1;
-        const int found = track_start(t, &r, turned.rgb, turned.width,
-                                      turned.height, time, err);
+        const int found = track_start(t, &r, rotated.rgb, rotated.width,
+                                      rotated.height, time, err);
 
-        image_release(&turned);
+        image_release(&rotated);
         if (found < 0)
             return -1;
-        if (found && r.sure > sure) {
-            sure = r.sure;
+        if (found && r.confidence > confidence) {
+            confidence = r.confidence;
             best = k;
         }
     }
@@ -75,25 +75,25 @@ static int turned_best(struct track *t, const struct image *im, double time,
  * picture is turned to where the detector sees a face if it sees none as the
  * picture is, and else where E_m is surest if it sees none either as the picture
  * is. */
-int turned_start(struct track *t, struct track_result *r, int *quarters,
+int rotated_start(struct track *t, struct track_result *r, int *quarters,
                  const struct image *im, double time, struct error *err)
 {
     const size_t levels = t->levels;
-    const bool once = !t->tta.net->sure.ps || t->opt.has_crop;
+    const bool once = !t->tta.net->confidence.ps || t->opt.has_crop;
     int found;
 
     *quarters = 0;
     t->levels = once ? levels : 0;
     found = track_start(t, r, im->rgb, im->width, im->height, time, err);
     if (found == 0 && !once)
-        *quarters = turned_best(t, im, time, err);
+        *quarters = rotated_best(t, im, time, err);
     t->levels = levels;
     if (found || once || *quarters)
         return found ? found : *quarters < 0 ? -1 : 0;
     found = track_start(t, r, im->rgb, im->width, im->height, time, err);
     if (found == 0) {
         t->levels = TRACK_QUICK;        /* of lying faces, large ones alone */
-        *quarters = turned_best(t, im, time, err);
+        *quarters = rotated_best(t, im, time, err);
         t->levels = levels;
     }
     return *quarters < 0 ? -1 : found;

@@ -5,24 +5,24 @@
 
 #include "lib/lab/data/negative.h"
 #include "lib/base/crop.h"
-#include "lib/net/sure_head.h"
-#include "lib/track/turned.h"
+#include "lib/net/confidence_head.h"
+#include "lib/track/rotated.h"
 #include "tests/check.h"
 
 enum { FEATURES = 7, SIDE = 96, CROP = 3 * CROP_NET * CROP_NET };
 
 static void test_head(void)
 {
-    struct sure_head none = {0}, s;
+    struct confidence_head none = {0}, s;
     struct params ps;
     struct error err = {0};
     float pooled[FEATURES], *w, *g;
     double worst = 0;
 
-    check_that("without a head it is sure", sure_head_forward(&none, NULL) ==
+    check_that("without a head it is sure", confidence_head_forward(&none, NULL) ==
                1);
     params_init(&ps);
-    sure_head_init(&s, &ps, "motion.", FEATURES);
+    confidence_head_init(&s, &ps, "motion.", FEATURES);
     REQUIRE(!params_allocate(&ps, &err) &&
             !params_allocate_gradients(&ps, &err), "%s", err.text);
     params_randomise(&ps, 3);
@@ -32,7 +32,7 @@ static void test_head(void)
     g = param_g(&ps, s.w);
     for (int truth = 0; truth < 2; truth++) {
         memset(ps.g, 0, ps.total * sizeof *ps.g);
-        sure_head_loss(&s, pooled, truth, 0.5);
+        confidence_head_loss(&s, pooled, truth, 0.5);
         double bias = (double)*param_g(&ps, s.b);
         float own[FEATURES];
         memcpy(own, g, sizeof own);
@@ -41,9 +41,9 @@ static void test_head(void)
             double lo, hi;
 
             *at = was - 1e-2f;
-            lo = sure_head_loss(&s, pooled, truth, 0.5);
+            lo = confidence_head_loss(&s, pooled, truth, 0.5);
             *at = was + 1e-2f;
-            hi = sure_head_loss(&s, pooled, truth, 0.5);
+            hi = confidence_head_loss(&s, pooled, truth, 0.5);
             *at = was;
             worst = fmax(worst, fabs((hi - lo) / 2e-2 -
                                      (k < FEATURES ? (double)own[k] : bias)));
@@ -51,8 +51,8 @@ static void test_head(void)
     }
     check("gradient of the logistic loss", worst, 2e-5);
     check("loss and probability agree",
-          fabs(sure_head_loss(&s, pooled, 1, 1) +
-               log((double)sure_head_forward(&s, pooled))), 1e-6);
+          fabs(confidence_head_loss(&s, pooled, 1, 1) +
+               log((double)confidence_head_forward(&s, pooled))), 1e-6);
     params_release(&ps);
 }
 
@@ -60,26 +60,26 @@ static void test_turned(void)
 {
     uint8_t rgb[2 * 3 * 3], alpha[6];
     struct image im = {.width = 3, .height = 2, .rgb = rgb, .alpha = alpha};
-    struct image turned, back;
+    struct image rotated, back;
     struct error err = {0};
 
     for (int i = 0; i < 18; i++)
         rgb[i] = (uint8_t)i;
     for (int i = 0; i < 6; i++)
         alpha[i] = (uint8_t)(10 * i);
-    REQUIRE(!turned_copy(&turned, &im, 1, &err), "%s", err.text);
+    REQUIRE(!rotated_copy(&rotated, &im, 1, &err), "%s", err.text);
     /* clockwise: the bottom left pixel comes to the top left */
-    check_that("a quarter turn", turned.width == 2 && turned.height == 3 &&
-               turned.rgb[0] == 9 && turned.alpha[0] == 30 &&
-               turned.alpha[1] == 0 && turned.alpha[5] == 20);
-    REQUIRE(!turned_copy(&back, &turned, 3, &err), "%s", err.text);
+    check_that("a quarter turn", rotated.width == 2 && rotated.height == 3 &&
+               rotated.rgb[0] == 9 && rotated.alpha[0] == 30 &&
+               rotated.alpha[1] == 0 && rotated.alpha[5] == 20);
+    REQUIRE(!rotated_copy(&back, &rotated, 3, &err), "%s", err.text);
     check_that("and back", back.width == 3 && !memcmp(back.rgb, rgb, 18) &&
                !memcmp(back.alpha, alpha, 6));
-    image_release(&turned);
+    image_release(&rotated);
     image_release(&back);
-    REQUIRE(!turned_copy(&turned, &im, 2, &err), "%s", err.text);
-    check_that("half a turn", turned.alpha[0] == 50 && turned.alpha[5] == 0);
-    image_release(&turned);
+    REQUIRE(!rotated_copy(&rotated, &im, 2, &err), "%s", err.text);
+    check_that("half a turn", rotated.alpha[0] == 50 && rotated.alpha[5] == 0);
+    image_release(&rotated);
 }
 
 /* A frame with a bright square for a face. */
@@ -121,7 +121,7 @@ static void test_negative(void)
     check_that("colours in range", inside);
     check_range("in place: the face in the middle", middle[NEGATIVE_NONE], 0.99,
                 1.0001);
-    check_range("turned: there, too", middle[NEGATIVE_TURNED], 0.99,
+    check_range("turned: there, too", middle[NEGATIVE_ROTATED], 0.99,
                 1.0001);
     check_range("missed: not there", middle[NEGATIVE_MISSED], 0, 0.1);
 }

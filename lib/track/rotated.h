@@ -1,6 +1,6 @@
 /* Photographs that lie on their side or stand on their head. */
-#ifndef SPID_TRACK_TURNED_H
-#define SPID_TRACK_TURNED_H
+#ifndef SPID_TRACK_ROTATED_H
+#define SPID_TRACK_ROTATED_H
 
 #include "formats/image.h"
 #include "lib/base/error.h"
@@ -10,12 +10,12 @@
  * and *quarters is how many quarter turns clockwise show one, or 0 where none
  * does; -1.  Where E_m cannot say how sure it is, or the
  * crop is given, nothing is turned. */
-int turned_start(struct track *t, struct track_result *r, int *quarters,
+int rotated_start(struct track *t, struct track_result *r, int *quarters,
                  const struct image *im, double time, struct error *err);
 
 /* out = im turned by `quarters` (0 to 3) quarter turns clockwise, in memory of
  * its own. */
-int turned_copy(struct image *out, const struct image *im, int quarters,
+int rotated_copy(struct image *out, const struct image *im, int quarters,
                 struct error *err);
 
 #endif

@@ -1,4 +1,4 @@
-/* E_m's sure head (lib/net/sure_head.h): logistic regression on the pooled
+/* E_m's confidence head (lib/net/confidence_head.h): logistic regression on the pooled
  * features of the encoder as it is, from crops in place against negative
  * samples. */
 #include <stdlib.h>
@@ -9,27 +9,27 @@
 #include "lib/lab/data/contact_sheet.h"
 #include "lib/base/crop.h"
 #include "lib/net/mobilenet.h"
-#include "lib/net/sure_head.h"
+#include "lib/net/confidence_head.h"
 #include "lib/lab/train/task.h"
 
 #define CROP ((size_t)CROP_NET * CROP_NET * 3)
 #define SHEET_COLS 6
 
-enum { FIGURE_REFUSED, FIGURE_BELIEVED, FIGURE_COUNT };
+enum { FIGURE_REFUSED, FIGURE_CONFIDENCE, FIGURE_COUNT };
 static const char *const figure_name[FIGURE_COUNT] = {
     "refused_pct", "believed_pct"
 };
 
 struct impl {
     struct mobilenet net;       /* for inference: nothing of it learns */
-    struct sure_head head;
+    struct confidence_head head;
     bool folded;                /* net has seen its weights */
     size_t batch;
     float *rgb, *pooled;        /* (B,224,224,3), (B,features) */
     enum negative *how;         /* (B) */
 };
 
-static void sure_task_release(struct task *t)
+static void confidence_task_release(struct task *t)
 {
     struct impl *m = t->impl;
 
@@ -43,7 +43,7 @@ static void sure_task_release(struct task *t)
 }
 
 /* Half of the crops are in place. */
-static enum negative sure_task_kind(struct random *r)
+static enum negative confidence_task_kind(struct random *r)
 {
     return random_uniform(r) < 0.5
         ? NEGATIVE_NONE
@@ -51,7 +51,7 @@ static enum negative sure_task_kind(struct random *r)
 }
 
 /* The features of the crops in m->rgb. */
-static void sure_task_forward(struct impl *m)
+static void confidence_task_forward(struct impl *m)
 {
     if (!m->folded)
         mobilenet_update(&m->net);
@@ -60,7 +60,7 @@ static void sure_task_forward(struct impl *m)
 }
 
 /* Faces in place and negative samples, with the truth of each. */
-static int sure_task_pass(struct task *t, double *parts, uint64_t step,
+static int confidence_task_pass(struct task *t, double *parts, uint64_t step,
                           size_t micro, struct error *err)
 {
     struct impl *m = t->impl;
@@ -73,27 +73,27 @@ static int sure_task_pass(struct task *t, double *parts, uint64_t step,
 
         data_random(&r, (uint64_t)c->seed, step, micro * m->batch + i);
         f = data_pool_draw(t->pool, &who, &r);
-        m->how[i] = sure_task_kind(&r);
+        m->how[i] = confidence_task_kind(&r);
         if (negative_sample(m->rgb + i * CROP, f, m->how[i], &c->augment, &r,
                             err))
             return -1;
     }
-    sure_task_forward(m);
+    confidence_task_forward(m);
     for (size_t i = 0; i < m->batch; i++)
-        parts[0] += sure_head_loss(&m->head, m->pooled + i * m->net.features,
+        parts[0] += confidence_head_loss(&m->head, m->pooled + i * m->net.features,
                                    m->how[i] == NEGATIVE_NONE,
                                    1.0 / (double)c->batch);
     return 0;
 }
 
 /* The head needs no preparation. */
-static void sure_task_update(struct task *t)
+static void confidence_task_update(struct task *t)
 {
     (void)t;
 }
 
 /* Crop number n of the validation people into place i of the batch. */
-static int sure_task_take(struct task *t, size_t i, size_t n,
+static int confidence_task_take(struct task *t, size_t i, size_t n,
                           struct error *err)
 {
     struct impl *m = t->impl;
@@ -110,7 +110,7 @@ static int sure_task_take(struct task *t, size_t i, size_t n,
 }
 
 /* Of crops in place and of negatives, the share on the wrong side of a half. */
-static int sure_task_validate(struct task *t, double *figures,
+static int confidence_task_validate(struct task *t, double *figures,
                               struct error *err)
 {
     struct impl *m = t->impl;
@@ -119,16 +119,16 @@ static int sure_task_validate(struct task *t, double *figures,
 
     for (size_t k = 0; k + m->batch <= n; k += m->batch) {
         for (size_t i = 0; i < m->batch; i++)
-            if (sure_task_take(t, i, k + i, err))
+            if (confidence_task_take(t, i, k + i, err))
                 return -1;
-        sure_task_forward(m);
+        confidence_task_forward(m);
         for (size_t i = 0; i < m->batch; i++) {
-            float sure = sure_head_forward(&m->head, m->pooled +
+            float confidence = confidence_head_forward(&m->head, m->pooled +
                                            i * m->net.features);
             int bad = m->how[i] != NEGATIVE_NONE;
 
             count[bad]++;
-            wrong[bad] += bad ? sure >= 0.5f : sure < 0.5f;
+            wrong[bad] += bad ? confidence >= 0.5f : confidence < 0.5f;
         }
     }
     for (int k = 0; k < FIGURE_COUNT; k++)
@@ -137,7 +137,7 @@ static int sure_task_validate(struct task *t, double *figures,
 }
 
 /* A row of crops of each kind, surest pictures as they come. */
-static int sure_task_sheet(struct task *t, uint8_t **rgb, size_t *H,
+static int confidence_task_sheet(struct task *t, uint8_t **rgb, size_t *H,
                            size_t *W, struct error *err)
 {
     struct impl *m = t->impl;
@@ -167,13 +167,13 @@ static int sure_task_sheet(struct task *t, uint8_t **rgb, size_t *H,
     return rc;
 }
 
-static const struct task_type sure_task_type = {
-    0, sure_task_release, sure_task_pass, sure_task_update,
-    sure_task_validate, sure_task_sheet
+static const struct task_type confidence_task_type = {
+    0, confidence_task_release, confidence_task_pass, confidence_task_update,
+    confidence_task_validate, confidence_task_sheet
 };
 
 /* Encoder and head; only the head learns. */
-static int sure_task_networks(struct task *t, struct error *err)
+static int confidence_task_networks(struct task *t, struct error *err)
 {
     const struct nn_options opt = {NN_INFER, NN_F32};
     struct impl *m = t->impl;
@@ -185,7 +185,7 @@ static int sure_task_networks(struct task *t, struct error *err)
         return -1;
     for (size_t i = 0; i < t->ps.count; i++)
         t->ps.tensor[i].frozen = true;
-    sure_head_init(&m->head, &t->ps, "motion.", m->net.features);
+    confidence_head_init(&m->head, &t->ps, "motion.", m->net.features);
     if (params_allocate(&t->ps, err) ||
         params_allocate_gradients(&t->ps, err))
         return -1;
@@ -193,20 +193,20 @@ static int sure_task_networks(struct task *t, struct error *err)
     return mobilenet_plan(&m->net, m->batch, CROP_NET, CROP_NET, opt, err);
 }
 
-int task_sure_init(struct task *t, struct error *err)
+int task_confidence_init(struct task *t, struct error *err)
 {
     struct impl *m = calloc(1, sizeof *m);
 
     if (!m)
         return error_set(err, EX_OSERR, "out of memory");
     t->impl = m;
-    t->type = &sure_task_type;
+    t->type = &confidence_task_type;
     t->nparts = 1;
     t->part_name[0] = "logistic";
     t->nfigures = FIGURE_COUNT;
     memcpy(t->figure_name, figure_name, sizeof figure_name);
     m->batch = (size_t)t->config->micro;
-    if (sure_task_networks(t, err))
+    if (confidence_task_networks(t, err))
         return -1;
     m->how = calloc(m->batch, sizeof *m->how);
     m->rgb = malloc(m->batch * (CROP + m->net.features) * sizeof *m->rgb);

@@ -1,11 +1,11 @@
 /* The logistic unit, forward and backward, and its start at certain. */
-#include "lib/net/sure_head.h"
+#include "lib/net/confidence_head.h"
 
 #include <math.h>
 
 #include "lib/nn/conv.h"
 
-void sure_head_init(struct sure_head *s, struct params *ps,
+void confidence_head_init(struct confidence_head *s, struct params *ps,
                     const char *prefix, size_t features)
 {
     const size_t dims[2] = {1, features};
@@ -20,7 +20,7 @@ void sure_head_init(struct sure_head *s, struct params *ps,
 }
 
 /* Before the sigmoid. */
-static double sure_head_logit(const struct sure_head *s, const float *pooled)
+static double confidence_head_logit(const struct confidence_head *s, const float *pooled)
 {
     const float *w = param_w(s->ps, s->w);
     double z = (double)*param_w(s->ps, s->b);
@@ -30,15 +30,15 @@ static double sure_head_logit(const struct sure_head *s, const float *pooled)
     return z;
 }
 
-float sure_head_forward(const struct sure_head *s, const float *pooled)
+float confidence_head_forward(const struct confidence_head *s, const float *pooled)
 {
-    return s->ps ? (float)(1 / (1 + exp(-sure_head_logit(s, pooled)))) : 1;
+    return s->ps ? (float)(1 / (1 + exp(-confidence_head_logit(s, pooled)))) : 1;
 }
 
-double sure_head_loss(const struct sure_head *s, const float *pooled,
+double confidence_head_loss(const struct confidence_head *s, const float *pooled,
                       double truth, double scale)
 {
-    double z = sure_head_logit(s, pooled), p = 1 / (1 + exp(-z));
+    double z = confidence_head_logit(s, pooled), p = 1 / (1 + exp(-z));
     float *dw = param_g(s->ps, s->w);
 
     for (size_t k = 0; k < s->features; k++)

@@ -2,23 +2,23 @@
  * cells are a thin rim of the person.  The mesh's own Gaussians reach over such
  * a rim; as a part of the plane it would stay where it is when the head turns,
  * and be shreds before the cheek. */
-#ifndef SPID_AVATAR_BESIDE_H
-#define SPID_AVATAR_BESIDE_H
+#ifndef SPID_AVATAR_OUTLINE_H
+#define SPID_AVATAR_OUTLINE_H
 
 #include <stddef.h>
 
 /* A cell that the mesh covers less of lies on its outline or beside it. */
-#define BESIDE_OUTLINE 0.97f
+#define OUTLINE_COVERED 0.97f
 
 /* out (n,n): how many cells lie between a cell and the mesh in the same row; 0
  * where that has none.  coverage (n,n): fraction that the mesh covers. */
-void beside_distance(float *out, const float *coverage, size_t n);
+void outline_distance(float *out, const float *coverage, size_t n);
 
 /* value (n,n) becomes 1 at cells beside the mesh on a rim of the person no
  * wider than 0.027 of the picture's half sides: on one side of them is the
  * mesh, on another one nobody.  rgba (n,n,4): the picture's colours and matte
  * at the cells. */
-void beside_rim(float *value, const float *rgba, const float *coverage,
+void outline_rim(float *value, const float *rgba, const float *coverage,
                 size_t n);
 
 #endif

@@ -3,7 +3,7 @@
  * cells along rows. */
 #include <math.h>
 
-#include "lib/avatar/beside.h"
+#include "lib/avatar/outline.h"
 #include "tests/check.h"
 
 #define N 256
@@ -14,7 +14,7 @@
 static float rgba[4 * N * N], coverage[N * N], value[N * N], apart[N * N];
 
 /* Cell k's distance from the middle, and its way to the right. */
-static double beside_radius(size_t k, double *x)
+static double outline_radius(size_t k, double *x)
 {
     double y = (2.0 * (double)(k / N) + 1) / N - 1;
 
@@ -22,12 +22,12 @@ static double beside_radius(size_t k, double *x)
     return hypot(*x, y);
 }
 
-static void beside_paint(void)
+static void outline_paint(void)
 {
     double x;
 
     for (size_t k = 0; k < N * N; k++) {
-        double r = beside_radius(k, &x);
+        double r = outline_radius(k, &x);
 
         rgba[4 * k + 3] = r < PERSON ? 1 : 0;
         coverage[k] = r < (x > 0 ? RIGHT : LEFT) ? 1 : 0;
@@ -35,14 +35,14 @@ static void beside_paint(void)
     }
 }
 
-static void beside_rims(void)
+static void outline_rims(void)
 {
     bool thin = true, thick = true, others = true;
     double x;
 
-    beside_rim(value, rgba, coverage, N);
+    outline_rim(value, rgba, coverage, N);
     for (size_t k = 0; k < N * N; k++) {
-        double r = beside_radius(k, &x);
+        double r = outline_radius(k, &x);
 
         if (coverage[k] > 0 || r >= PERSON)
             others = others && value[k] == 0.25f;
@@ -56,11 +56,11 @@ static void beside_rims(void)
     check_that("nothing of the mesh, nothing beside the person", others);
 }
 
-static void beside_distances(void)
+static void outline_distances(void)
 {
     const size_t middle = N / 2 * N;
 
-    beside_distance(apart, coverage, N);
+    outline_distance(apart, coverage, N);
     check("the mesh", (double)apart[middle + N / 2], 0);
     for (size_t k = 0; k < 10; k++)
         check("cells to the right", fabs((double)apart[middle + 203 + k] -
@@ -71,8 +71,8 @@ static void beside_distances(void)
 
 int main(void)
 {
-    beside_paint();
-    beside_rims();
-    beside_distances();
+    outline_paint();
+    outline_rims();
+    outline_distances();
     return check_status();
 }

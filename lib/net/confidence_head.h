@@ -1,28 +1,28 @@
 /* How sure E_m is that its crop shows an upright, whole face in place: a
  * logistic unit on its pooled features.  Tensors "<prefix>sure.weight"
  * [1,features] and "<prefix>sure.bias" [1], which a model may lack. */
-#ifndef SPID_NET_SURE_HEAD_H
-#define SPID_NET_SURE_HEAD_H
+#ifndef SPID_NET_CONFIDENCE_HEAD_H
+#define SPID_NET_CONFIDENCE_HEAD_H
 
 #include <stddef.h>
 
 #include "lib/nn/params.h"
 
-struct sure_head {
+struct confidence_head {
     struct params *ps;          /* NULL: none declared */
     size_t features, w, b;      /* tensor indices in ps */
 };
 
 /* Declare the two tensors. */
-void sure_head_init(struct sure_head *s, struct params *ps,
+void confidence_head_init(struct confidence_head *s, struct params *ps,
                     const char *prefix, size_t features);
 
 /* 0 to 1 from pooled (features); 1 when there is no such head. */
-float sure_head_forward(const struct sure_head *s, const float *pooled);
+float confidence_head_forward(const struct confidence_head *s, const float *pooled);
 
 /* Logistic loss against truth (0 or 1), times scale; its gradient is added to
  * the head's. */
-double sure_head_loss(const struct sure_head *s, const float *pooled,
+double confidence_head_loss(const struct confidence_head *s, const float *pooled,
                       double truth, double scale);
 
 #endif
