@@ -459,7 +459,7 @@ int figure_init(struct figure *f, const struct scan_assets *a,
         return figure_memory(err);
     }
     scan_face_fold(f->rest, &a->face, p->beta, SCAN_IDENTITIES);
-    skin_paint(f->skin, f->tone, &a->skin, &p->skin);
+    skin_paint(f->skin, f->tone, &a->skin, &p->skin, &a->traits);
     brow_paint(f->brow, &a->skin.brows, p->brow);
     for (int i = 0; !rc && i < 7; i++) {
         rc = figure_add_scans(f, solid[i], err);

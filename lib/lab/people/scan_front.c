@@ -139,20 +139,20 @@ static int front_add_hand(struct figure *f, struct random *r, struct error *err)
     const struct piece *q = &f->assets->hand;
     struct figure_part *p = figure_grow(f, q->nc, q->nf, STUFF_HAND,
                                         RIDE_FREE, LABEL_OCCLUDER, err);
+    const double (*h)[2] = f->assets->traits.hand;
     float a[9], b[9], m[9], t[9];
     float side = random_uniform(r) < 0.5 ? 1 : -1;
 
     if (!p)
         return -1;
     /* fingers up and to the middle, palm to the face, tilted a little */
-    axis33(a, 2, side * (float)random_range(r, -1.0, 0.3));
-    axis33(b, 1, (float)random_range(r, -0.7, 0.7));
+    axis33(a, 2, side * trait_range(r, h[0]));
+    axis33(b, 1, trait_range(r, h[1]));
     mul33(t, a, b);
-    axis33(b, 0, (float)random_range(r, -0.5, 0.5));
+    axis33(b, 0, trait_range(r, h[2]));
     mul33(m, t, b);
-    float at[3] = {side * (float)random_range(r, 0.20, 0.55),
-                   (float)random_range(r, 0.70, 1.10),
-                   -0.75f - (float)random_range(r, 0, 0.15)};
+    float at[3] = {side * trait_range(r, h[3]), trait_range(r, h[4]),
+                   -0.75f - trait_range(r, h[5])};
     for (size_t i = 0; i < q->nc; i++) {
         const float *v = q->place + 3 * i;
         float d[3] = {side * v[0], -v[1], v[2]};
@@ -213,13 +213,13 @@ static int front_add_thing(struct figure *f, struct random *r,
     float a[9], b[9], turn[9], color[3];
     float side = random_uniform(r) < 0.5 ? 1 : -1;
     bool mic = f->look.front == FRONT_MICROPHONE;
+    const double (*h)[2] = f->assets->traits.held;
 
-    axis33(a, 2, -side * (float)random_range(r, 0.1, mic ? 0.9 : 0.4));
-    axis33(b, 0, (float)random_range(r, -0.5, 0.2));
+    axis33(a, 2, -side * trait_range(r, h[mic ? 0 : 1]));
+    axis33(b, 0, trait_range(r, h[2]));
     mul33(turn, a, b);
-    float at[3] = {side * (float)random_range(r, 0, 0.22),
-                   (float)random_range(r, 0.28, 0.6),
-                   -0.75f - (float)random_range(r, 0, 0.2)};
+    float at[3] = {side * trait_range(r, h[3]), trait_range(r, h[4]),
+                   -0.75f - trait_range(r, h[5])};
     for (int k = 0; k < 3; k++)
         color[k] = mic ? 0.04f : f->look.cap_color[k];
     return mic ? front_add_rotated(f, mic_h, mic_r, 10, at, turn, color, err)

@@ -358,8 +358,7 @@ static int made_add_earrings(struct figure *f, struct error *err)
 
     if (!p)
         return -1;
-    float gold[3] = {0.8f, 0.6f, 0.3f}, silver[3] = {0.75f, 0.75f, 0.76f};
-    copy3(p->tint, key & 16 ? gold : silver);
+    copy3(p->tint, f->assets->traits.earring_linear[!(key & 16)]);
     for (int e = 0; e < 2; e++) {
         /* the lobe: the lowest vertex that is out at the side */
         float side = e ? -1 : 1, low = 9, at[RING][3], lobe[3] = {0, 0, 0};

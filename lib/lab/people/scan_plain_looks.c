@@ -75,7 +75,7 @@ static float plain_line_distance(const struct scan_assets *a,
  * looks of a person shift them. */
 static void plain_make_mean(struct skin_model *s, const struct scan_assets *a)
 {
-    static const float fair[3] = {-0.72f, -1.20f, -1.56f};
+    const float *fair = a->traits.plain_skin;
 
     for (int i = 0; i < M * M; i++) {
         float at[2] = {((float)(i % M) + 0.5f) / M,
@@ -256,15 +256,12 @@ static int plain_make_room(struct light_map *m, uint64_t seed,
 
 int plain_make_looks(struct scan_assets *a, struct error *err)
 {
-    static const float iris[][3] = {{0.34f, 0.22f, 0.14f},
-                                    {0.30f, 0.40f, 0.50f},
-                                    {0.33f, 0.36f, 0.22f}};
-    enum { IRISES = sizeof iris / sizeof *iris, ROOMS = 4 };
+    enum { IRISES = 3, ROOMS = 4 };
 
     a->light = calloc(ROOMS, sizeof *a->light);
     bool ok = a->light && !plain_make_skin(&a->skin, a);
     for (; ok && a->niris < IRISES; a->niris++)
-        ok = !plain_make_iris(&a->iris[a->niris], iris[a->niris]);
+        ok = !plain_make_iris(&a->iris[a->niris], a->traits.plain_iris[a->niris]);
     if (!ok)
         return error_set(err, EX_OSERR, "out of memory for a figure");
     for (a->nlight = 0; a->nlight < ROOMS; a->nlight++)

@@ -8,10 +8,9 @@
 
 /* ---- light on a surface ------------------------------------------------- */
 
-struct gloss {
-    float amount, rough;        /* of the mirror-like part; 0..1 */
-    float f0;                   /* reflectance straight on */
-};
+/* Of a gloss: how much and how rough its mirror-like part is, 0..1, and its
+ * reflectance straight on. */
+enum { AMOUNT, ROUGH, F0 };
 
 static float shade_square(float x)
 {
@@ -44,7 +43,7 @@ static float shade_lamp_gloss(const struct scan_point *o, const struct lamp *l,
 
 /* Light mirrored: the sky's and the lamps', where `open` of it is free. */
 static void shade_add_gloss(float rgb[3], const struct scan_stage *s,
-                            const struct scan_point *o, const struct gloss *g,
+                            const struct scan_point *o, const float *g,
                             const float shadow[LIGHT_LAMPS])
 {
     const struct light *l = &s->figure->light;
@@ -54,16 +53,16 @@ static void shade_add_gloss(float rgb[3], const struct scan_stage *s,
     for (int k = 0; k < 3; k++)
         r[k] = 2 * nv * o->n[k] - o->view[k];
     /* rough surfaces reach their full mirror only at grazing views */
-    float f = shade_fresnel(g->f0, maxf(nv, 0.02f) + 0.15f * g->rough);
-    light_mirror(c, l, r, g->rough * 5);
-    mad3(rgb, rgb, c, g->amount * minf(f, 0.35f) * open * open);
+    float f = shade_fresnel(g[F0], maxf(nv, 0.02f) + 0.15f * g[ROUGH]);
+    light_mirror(c, l, r, g[ROUGH] * 5);
+    mad3(rgb, rgb, c, g[AMOUNT] * minf(f, 0.35f) * open * open);
     for (int i = 0; i < l->nlamp; i++) {
         float nl = dot3(o->n, l->lamp[i].dir);
         if (nl <= 0 || shadow[i] <= 0)
             continue;
         mad3(rgb, rgb, l->lamp[i].rgb,
-             g->amount * shadow[i] * nl
-             * minf(shade_lamp_gloss(o, &l->lamp[i], g->rough, g->f0), 12));
+             g[AMOUNT] * shadow[i] * nl
+             * minf(shade_lamp_gloss(o, &l->lamp[i], g[ROUGH], g[F0]), 12));
     }
 }
 
@@ -95,7 +94,6 @@ static void shade_diffuse(float e[3], float shadow[LIGHT_LAMPS],
 }
 
 static const float no_wrap[3] = {0, 0, 0};
-static const float skin_wrap[3] = {0.28f, 0.12f, 0.07f};
 
 /* ---- skin --------------------------------------------------------------- */
 
@@ -140,6 +138,7 @@ static void shade_skin(float rgb[3], const struct scan_stage *s,
                        struct scan_point *o, bool textured)
 {
     const struct figure *f = s->figure;
+    const struct traits *t = &f->assets->traits;
     float c[3], e[3], shadow[LIGHT_LAMPS], slope[2] = {0, 0};
 
     copy3(c, f->tone);
@@ -147,13 +146,14 @@ static void shade_skin(float rgb[3], const struct scan_stage *s,
         shade_skin_sample(c, slope, f->skin, o->u, o->v);
         shade_tilt(o->n, s->view.rot, slope, 0.004f);
     }
-    shade_diffuse(e, shadow, s, o, skin_wrap);
+    shade_diffuse(e, shadow, s, o, t->wrap_skin);
     for (int k = 0; k < 3; k++)
         rgb[k] = c[k] * e[k];
-    struct gloss broad = {0.85f * f->look.gloss, 0.46f, 0.028f};
-    struct gloss oily = {0.35f * f->look.gloss, 0.26f, 0.028f};
-    shade_add_gloss(rgb, s, o, &broad, shadow);
-    shade_add_gloss(rgb, s, o, &oily, shadow);
+    for (int k = 0; k < 2; k++) {       /* broad and oily */
+        const float *g = t->gloss_skin[k];
+        float own[3] = {g[AMOUNT] * f->look.gloss, g[ROUGH], g[F0]};
+        shade_add_gloss(rgb, s, o, own, shadow);
+    }
 }
 
 /* ---- eyes --------------------------------------------------------------- */
@@ -239,18 +239,17 @@ static void shade_eye(float rgb[3], const struct scan_stage *s,
         }
     }
     shade_eye_color(c, f, x / radius, y / radius, pupil);
-    shade_diffuse(light, shadow, s, o, (float[3]){0.25f, 0.2f, 0.18f});
+    shade_diffuse(light, shadow, s, o, f->assets->traits.wrap_eye);
     for (int k = 0; k < 3; k++)
         rgb[k] = c[k] * light[k] * (r > radius ? 0.88f : 1);
-    struct gloss wet = {1, 0.03f, 0.025f};
-    shade_add_gloss(rgb, s, o, &wet, shadow);
+    shade_add_gloss(rgb, s, o, f->assets->traits.gloss_eye, shadow);
 }
 
 /* ---- the rest ----------------------------------------------------------- */
 
 static void shade_plain(float rgb[3], const struct scan_stage *s,
                         struct scan_point *o, const float color[3],
-                        const struct gloss *g, const float wrap[3])
+                        const float *g, const float wrap[3])
 {
     float e[3], shadow[LIGHT_LAMPS];
 
@@ -286,10 +285,8 @@ static float shade_piece_color(float c[3], const struct figure_part *p, float u,
 void scan_shade(float rgb[3], const struct scan_stage *s,
                 struct scan_point *o)
 {
-    static const struct gloss wet = {0.8f, 0.16f, 0.03f};
-    static const struct gloss polish = {1, 0.22f, 0.06f};
-    static const struct gloss enamel = {0.9f, 0.20f, 0.04f};
     const struct figure *f = s->figure;
+    const struct traits *t = &f->assets->traits;
     const struct figure_part *p = &f->parts[f->part[o->face]];
     float c[3];
 
@@ -304,15 +301,16 @@ void scan_shade(float rgb[3], const struct scan_stage *s,
     case STUFF_EYE_LEFT: shade_eye(rgb, s, o, 0); break;
     case STUFF_EYE_RIGHT: shade_eye(rgb, s, o, 1); break;
     case STUFF_TEETH:
-        shade_plain(rgb, s, o, f->look.tooth, &enamel, skin_wrap);
+        shade_plain(rgb, s, o, f->look.tooth, t->gloss_tooth,
+                    t->wrap_skin);
         break;
     case STUFF_GUM:
     case STUFF_SOCKET:
-        shade_plain(rgb, s, o, f->look.gum, &wet, skin_wrap);
+        shade_plain(rgb, s, o, f->look.gum, t->gloss_gum, t->wrap_skin);
         break;
     case STUFF_FRAME:
     case STUFF_METAL:
-        shade_plain(rgb, s, o, p->tint, &polish, no_wrap);
+        shade_plain(rgb, s, o, p->tint, t->gloss_metal, no_wrap);
         break;
     default:
         shade_piece_color(c, p, o->u, o->v);
@@ -429,7 +427,7 @@ float scan_shade_veil(float rgb[3], const struct scan_stage *s,
     const struct figure_part *p = &f->parts[f->part[o->face]];
     float c[3], shadow[LIGHT_LAMPS], e[3],
         a = shade_piece_color(c, p, o->u, o->v);
-    struct gloss wet = {1, 0.04f, 0.03f};
+    const struct traits *t = &f->assets->traits;
 
     if (a <= 0.004f)
         return 0;
@@ -442,14 +440,14 @@ float scan_shade_veil(float rgb[3], const struct scan_stage *s,
     case STUFF_TEAR:
         shade_diffuse(e, shadow, s, o, no_wrap);
         rgb[0] = rgb[1] = rgb[2] = 0;
-        shade_add_gloss(rgb, s, o, &wet, shadow);
+        shade_add_gloss(rgb, s, o, t->gloss_tear, shadow);
         for (int k = 0; k < 3; k++)
             rgb[k] = rgb[k] / 0.15f + 0.3f * e[k];
         return 0.15f;
     case STUFF_BROW:
         a = shade_brow_cover(s, o);
         if (a > 0)
-            shade_plain(rgb, s, o, c, NULL, skin_wrap);
+            shade_plain(rgb, s, o, c, NULL, t->wrap_skin);
         return a;
     case STUFF_FUR:
         a = shade_fur_cover(o);

@@ -48,9 +48,11 @@ int skin_model_fit(struct skin_model *m, const struct scan_face *f,
 /* Free what it holds; zeroed then. */
 void skin_model_release(struct skin_model *m);
 
+struct traits;
+
 /* A texture (SKIN_SIZE,SKIN_SIZE,4), top row first: the square root of linear
  * albedo, and height; 128 is even.  tone: its mean over the face, linear. */
 void skin_paint(uint8_t *out, float tone[3], const struct skin_model *m,
-                const struct skin_look *look);
+                const struct skin_look *look, const struct traits *t);
 
 #endif

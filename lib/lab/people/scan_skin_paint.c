@@ -5,6 +5,7 @@
 
 #include "lib/base/random.h"
 #include "lib/lab/people/scan_skin.h"
+#include "lib/lab/people/traits.h"
 #include "lib/lab/people/vec.h"
 
 #define N SKIN_SIZE
@@ -12,7 +13,6 @@
 #define DONORS 12
 
 #define MOUTH_SHADE 0.5f
-#define FAIREST 0.40f           /* luminance */
 
 /* Mean log luminance about the middle of the face. */
 static float skin_mean_log(const float *o)
@@ -29,7 +29,7 @@ static float skin_mean_log(const float *o)
 
 /* Skin is redder than green and greener than blue, by as much as people's
  * is: the whole is shifted where the draw has left that. */
-static void skin_keep_hue(float *o)
+static void skin_keep_hue(float *o, const struct traits *t)
 {
     float mean[3] = {0, 0, 0};
 
@@ -37,8 +37,8 @@ static void skin_keep_hue(float *o)
         for (int x = M / 4; x < M * 3 / 4; x++)
             mad3(mean, mean, o + 3 * (y * M + x), 1.0f / (M / 4 * (M / 2)));
     float rg = mean[0] - mean[1], gb = mean[1] - mean[2];
-    float up = clampf(rg, 0.36f, 0.80f) - rg;
-    float down = clampf(gb, 0.14f, 0.62f) - gb;
+    float up = clampf(rg, t->skin_red_green[0], t->skin_red_green[1]) - rg;
+    float down = clampf(gb, t->skin_green_blue[0], t->skin_green_blue[1]) - gb;
     for (size_t p = 0; p < (size_t)M * M; p++) {
         o[3 * p] += up;
         o[3 * p + 2] -= down;
@@ -72,14 +72,15 @@ static void skin_lip_difference(float lip[3], const float *o,
 
 /* Lips are redder and darker than the skin about them, by as much as people's
  * are. */
-static void skin_keep_lips(float *o, const struct skin_model *m)
+static void skin_keep_lips(float *o, const struct skin_model *m,
+                           const struct traits *t)
 {
     float lip[3];
 
     skin_lip_difference(lip, o, m);
     float red = lip[0] - lip[1], lum = 0.5f * (lip[0] + lip[1]);
-    float more = 0.5f * (clampf(red, 0.24f, 0.6f) - red);
-    float dark = clampf(lum, -0.65f, -0.14f) - lum;
+    float more = 0.5f * (clampf(red, t->lip_red[0], t->lip_red[1]) - red);
+    float dark = clampf(lum, t->lip_dark[0], t->lip_dark[1]) - lum;
     for (int y = 0; y < M; y++)
         for (int x = 0; x < M; x++) {
             float a = m->lip[(y * N + x) * (N / M)] / 255.0f;
@@ -93,10 +94,8 @@ static void skin_keep_lips(float *o, const struct skin_model *m)
 
 /* Log albedo (M,M,3): mean, components, melanin and blood. */
 static void skin_slow_colour(float *o, const struct skin_model *m,
-                             const struct skin_look *l)
+                             const struct skin_look *l, const struct traits *t)
 {
-    static const float melanin[3] = {0.80f, 1.06f, 1.35f};
-    static const float blood[3] = {0.035f, -0.050f, -0.030f};
     size_t d = 3 * (size_t)M * M;
 
     memcpy(o, m->mean, d * sizeof *o);
@@ -104,11 +103,11 @@ static void skin_slow_colour(float *o, const struct skin_model *m,
         for (size_t p = 0; p < d; p++)
             o[p] += l->z[k] * m->part[(size_t)k * d + p];
     for (size_t p = 0; p < d; p++)
-        o[p] += l->tone * melanin[p % 3] + l->red * blood[p % 3];
-    skin_keep_hue(o);
-    skin_keep_lips(o, m);
-    /* no skin is whiter than FAIREST; redness of its own stays */
-    float mean = skin_mean_log(o), over = mean - logf(FAIREST);
+        o[p] += l->tone * t->skin_melanin[p % 3] + l->red * t->skin_blood[p % 3];
+    skin_keep_hue(o, t);
+    skin_keep_lips(o, m, t);
+    /* no skin is whiter than the fairest; redness of its own stays */
+    float mean = skin_mean_log(o), over = mean - logf(t->skin_fairest);
     for (size_t p = 0; over > 0 && p < d; p++)
         o[p] -= over;
 }
@@ -159,15 +158,16 @@ static void skin_mix_grain(float *o, const struct skin_model *m,
     }
 }
 
-/* Dark spots: k of them, radii up to `size` texels, depth up to `deep`. */
-static void skin_add_spots(float *o, struct random *r, int k, float size,
-                           float deep)
+/* Dark spots: a share of as many as most people have, with radii up to so many
+ * texels and up to so deep; how: these three. */
+static void skin_add_spots(float *o, struct random *r, float share,
+                           const float how[3])
 {
-    for (int i = 0; i < k; i++) {
+    for (int i = 0; i < (int)(how[0] * share); i++) {
         float cx = (float)random_range(r, 0.18, 0.82) * N;
         float cy = (float)random_range(r, 0.2, 0.8) * N;
-        float rad = (float)random_range(r, 0.4, 1) * size;
-        float d = (float)random_range(r, 0.3, 1) * deep;
+        float rad = (float)random_range(r, 0.4, 1) * how[1];
+        float d = (float)random_range(r, 0.3, 1) * how[2];
         int n = (int)(2 * rad) + 1;
         for (int y = (int)cy - n; y <= (int)cy + n; y++)
             for (int x = (int)cx - n; x <= (int)cx + n; x++) {
@@ -194,16 +194,16 @@ static void skin_bilinear(float o[3], const float *p, int x, int y)
 
 /* Stubble and make-up on one texel's colour. */
 static void skin_decorate(float c[3], const struct skin_model *m,
-                          const struct skin_look *l, int i, float hair)
+                          const struct skin_look *l, const struct traits *t,
+                          int i, float hair)
 {
-    static const float blue[3] = {0.60f, 0.72f, 0.80f};
     float x = (float)(i % N) / N, y = (float)(i / N) / N;
     float lip = m->lip[i] / 255.0f, beard = m->beard[i] / 255.0f;
 
     if (l->stubble > 0 && beard > 0) {
         float s = l->stubble * beard * (0.5f + 0.9f * hair);
         for (int k = 0; k < 3; k++)
-            c[k] *= lerpf(1, 0.72f * blue[k], clampf(s, 0, 1));
+            c[k] *= lerpf(1, 0.72f * t->stubble_tint[k], clampf(s, 0, 1));
     }
     if (l->lipstick > 0 && lip > 0)
         lerp3(c, c, l->lip, 0.8f * lip * l->lipstick);
@@ -227,7 +227,7 @@ static void skin_decorate(float c[3], const struct skin_model *m,
 }
 
 void skin_paint(uint8_t *out, float tone[3], const struct skin_model *m,
-                const struct skin_look *l)
+                const struct skin_look *l, const struct traits *t)
 {
     static const float share[3] = {0.85f, 1.05f, 1.12f};
     struct random r;
@@ -238,11 +238,11 @@ void skin_paint(uint8_t *out, float tone[3], const struct skin_model *m,
     memset(out, 128, 4 * N * N);
     if (!slow || !fine)
         goto out;
-    skin_slow_colour(slow, m, l);
+    skin_slow_colour(slow, m, l, t);
     skin_mix_grain(fine, m, l);
     random_init(&r, l->key, "spots");
-    skin_add_spots(fine, &r, (int)(400 * l->freckle), 2.6f, 0.25f);
-    skin_add_spots(fine, &r, (int)(7 * l->mole), 3.2f, 0.9f);
+    skin_add_spots(fine, &r, l->freckle, t->freckle_spots);
+    skin_add_spots(fine, &r, l->mole, t->mole_spots);
     skin_find_tone(tone, slow);
     for (int i = 0; i < N * N; i++) {
         uint64_t h = random_mix(l->key + (uint64_t)i);
@@ -255,7 +255,7 @@ void skin_paint(uint8_t *out, float tone[3], const struct skin_model *m,
         float in = ramp(0.5f, 0.42f, x) * ramp(0, 0.10f, y)
                    * ramp(1, 0.88f, y);
         lerp3(c, tone, c, in);
-        skin_decorate(c, m, l, i, hair);
+        skin_decorate(c, m, l, t, i, hair);
         /* pores: finer than the photographs show */
         float pore = ((float)(h >> 8 & 255) + (float)(h >> 16 & 255)) / 255
                      - 1;

@@ -72,7 +72,18 @@
     X(float, accent_size,[2]) X(double, brow_event,[3]) \
     X(float, brow_way,[4][5]) X(float, brow_lean,) X(float, brow_size,[2]) \
     X(float, brow_squint,) X(double, closed_lips_event,[3]) \
-    X(float, closed_lips_jaw,)
+    X(float, closed_lips_jaw,) \
+    X(float, skin_red_green,[2]) X(float, skin_green_blue,[2]) \
+    X(float, skin_melanin,[3]) X(float, skin_blood,[3]) \
+    X(float, skin_fairest,) X(float, lip_red,[2]) X(float, lip_dark,[2]) \
+    X(float, freckle_spots,[3]) X(float, mole_spots,[3]) \
+    X(float, stubble_tint,[3]) X(float, earring_linear,[2][3]) \
+    X(float, plain_skin,[3]) X(float, plain_iris,[3][3]) \
+    X(double, hand,[6][2]) X(double, held,[6][2]) \
+    X(float, gloss_skin,[2][3]) X(float, gloss_eye,[3]) \
+    X(float, gloss_tear,[3]) X(float, gloss_gum,[3]) \
+    X(float, gloss_tooth,[3]) X(float, gloss_metal,[3]) \
+    X(float, wrap_skin,[3]) X(float, wrap_eye,[3])
 
 #define TRAIT_MOVES 24
 
