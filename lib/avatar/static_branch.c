@@ -20,8 +20,6 @@
 #define COVERED 6.0f
 /* Standard deviation of a Gaussian over the distance to the next one. */
 #define OVERLAP 0.6f
-/* How far a colour may be from the photograph's, of 0..1. */
-#define TINT 0.1f
 /* By how many times its distance below the chin grows for the neck blend, for
  * every metre beside the mesh. */
 #define SHOULDER_FALL 40
@@ -76,8 +74,7 @@ int static_branch_plan(struct static_branch *b, struct nn_options opt,
         {&b->U, 2 * n2, false}, {&b->dU, 2 * n2, true},
         {&b->pixel, 4 * n2, false}, {&b->dpixel, 4 * n2, true},
         {&b->din, n2 * b->inputs, true}, {&b->dsampled, n2 * Cf, true},
-        {&b->logit, 3 * n2, false},
-        {&b->dlogit, 3 * n2, true}, {&b->clamped, 3 * n2, false},
+        {&b->logit, 3 * n2, false}, {&b->dlogit, 3 * n2, true},
         {&b->cell, n2, false},
         {&b->height, n2, false}, {&b->surface, n2, false},
         {&b->moving, n2, false}, {&b->back, n2, false}, {&b->from, n2, false},
@@ -353,48 +350,6 @@ static void static_branch_inputs_backward(struct static_branch *b)
     parallel_each(static_branch_inputs_backward_part, b->count, 1, b, Cf);
 }
 
-PARALLEL(static_branch_clamp_tint_part, k, const struct static_branch *, b,
-         struct branch_set *, out)
-{
-    for (size_t c = 0; c < 3; c++) {
-        const float own = 1 / (1 + expf(-b->logit[3 * k + c]));
-        float *color = out->color + k * out->channels + c;
-
-        b->clamped[3 * k + c] = fabsf(*color - own) > TINT ? own : 0;
-        *color = fminf(fmaxf(*color, own - TINT), own + TINT);
-    }
-}
-
-/* Keep colours near the photograph's: the decoder tints cloth that it has not
- * seen in training, which shows at rims when the head turns. */
-static void static_branch_clamp_tint(struct branch_set *out,
-                                     const struct static_branch *b)
-{
-    parallel_each(static_branch_clamp_tint_part, out->n, 1, b, out);
-}
-
-PARALLEL(static_branch_clamp_tint_backward_part, k, struct static_branch *, b,
-         struct branch_set *, dout)
-{
-    for (size_t c = 0; c < 3; c++) {
-        float *own = b->clamped + 3 * k + c;
-        float *d = dout->color + k * dout->channels + c;
-
-        if (!(*own > 0))
-            continue;
-        *own = *d * *own * (1 - *own);
-        *d = 0;
-    }
-}
-
-/* Reverse of static_branch_clamp_tint, in place: what was clamped follows the
- * picture alone, clamped (n*n,3) is the gradient of its logits. */
-static void static_branch_clamp_tint_backward(struct branch_set *dout,
-                                              struct static_branch *b)
-{
-    parallel_each(static_branch_clamp_tint_backward_part, dout->n, 1, b, dout);
-}
-
 PARALLEL(static_branch_forward_part, k, struct static_branch *, b)
 {
     b->p[k] = b->prior ? attribute_shift(b->p_raw[k], b->p_shift[k])
@@ -419,11 +374,9 @@ void static_branch_forward(struct branch_set *out, const float *features,
     conv_decoder_forward(&raw, NULL, mesh->normal,
                          b->prior ? b->logit : NULL, &b->decoder);
     branch_prior_forward(out, &b->start, b->prior);
-    if (b->prior) {
-        static_branch_clamp_tint(out, b);
+    if (b->prior)
         edge_scale_clamp(out->scale, b->enlarged, b->max,
                          source_mesh_spacing(mesh, b->n), b->count);
-    }
 
     parallel_each(static_branch_forward_part, b->count, 1, b);
     static_branch_lift(out->mean, b->U, b->p, b->prior ? b->surface : NULL,
@@ -468,14 +421,10 @@ void static_branch_backward(float *dfeatures, struct branch_set *dout,
     if (b->prior)
         edge_scale_clamp_backward(dout->scale, b->enlarged, b->count);
     branch_prior_backward(dout, b->dvisible, &b->start, b->prior);
-    if (b->prior)
-        static_branch_clamp_tint_backward(dout, b);
     struct gaussian_out draw = branch_decoder_gradient(dout, b->dp);
     conv_decoder_backward(b->din, NULL, b->prior ? b->dlogit : NULL, &draw,
                           mesh->normal, b->prior ? b->logit : NULL,
                           &b->decoder);
-    for (size_t i = 0; b->prior && i < 3 * b->count; i++)
-        b->dlogit[i] += b->clamped[i];
     static_branch_inputs_backward(b);
     if (b->prior)
         source_picture_sample_backward(b->dU, b->dpixel, picture, b->U,

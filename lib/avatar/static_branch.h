@@ -48,9 +48,6 @@ struct static_branch {
     float *dsampled;                    /* (n,n,Cf) of F at U */
     float *din;                         /* (n,n,inputs) */
     float *logit, *dlogit;              /* (n,n,3) RGB to start from */
-    float *clamped;                     /* (n,n,3) colours that are kept near
-                                         * the picture's, 0 elsewhere; their
-                                         * gradients */
     /* Of the cells, before they move: */
     float *height;                      /* (n,n) of the mesh over the plane,
                                          * head units */

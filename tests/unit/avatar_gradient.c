@@ -473,35 +473,10 @@ static void gradient_thin(void)
     gradient_follow(&w, (const char *const[]){"dynamic.", NULL});
 }
 
-/* Whatever colours the decoder gives the plane, they stay near the picture's,
- * and so does the gradient. */
-static void gradient_tinted(void)
-{
-    struct world w;
-    double off = 0;
-
-    printf("-- a tinted plane\n");
-    gradient_make(&w, true, 0);
-    float *bias = param_w(&w.ps, params_find(&w.ps,
-                                             "static.gaussian_conv.6.bias"));
-    bias[1] += 3;
-    memset(w.ps.g, 0, w.ps.total * sizeof *w.ps.g);
-    gradient_loss(&w);
-    const size_t C = (size_t)w.a.set.channels;
-    for (size_t k = 0; k < w.a.plane.count; k++)
-        for (size_t c = 0; c < 3 && !w.a.plane.from[k]; c++)
-            off = fmax(off, fabs(w.a.plane.pixel[4 * k + c] -
-                                 w.a.set.color[C * (w.a.first[1] + k) + c]));
-    check("colours of the plane from the picture's, over 0.1",
-          fmax(off - 0.1, 0), 1e-5);
-    gradient_follow(&w, (const char *const[]){"static.", "init.", NULL});
-}
-
 int main(void)
 {
     gradient_run(true, 0);
     gradient_thin();
-    gradient_tinted();
     gradient_run(false, 0);
     gradient_run(true, WITHOUT_INTERP);
     gradient_run(true, WITHOUT_DEFORM);
