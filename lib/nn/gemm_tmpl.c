@@ -14,8 +14,9 @@
 #define ROWS 6           /* 12 */
 #define COLUMNS 16
 #else
-#define ROWS 3           /* 12 */
-#define COLUMNS 16
+#define ROWS 5           /* 10: SSE and WebAssembly have 16 registers, of
+                          * which B takes two, A and a product one each */
+#define COLUMNS 8
 #endif
 #define WIDE (COLUMNS / VF_LANES)
 

@@ -51,9 +51,10 @@ need_browser() {
 @test "a photograph becomes the avatar that the programs make of it, to 40 dB" {
     need_browser
     ffmpeg -nostdin -v error -i "$TOP/examples/photo.jpg" -vf scale=480:-1 photo.png
+    ffmpeg -nostdin -v error -i photo.png -vf scale=360:480 small.png
     echo "no picture" >text.jpg
     ffmpeg -nostdin -v error -f lavfi -i color=gray:320x240 -frames:v 1 wall.png
-    timeout 800 node "$TOP/tests/npm/face.cjs" page.html photo.png text.jpg wall.png >out 2>&1 || { cat out; false; }
+    timeout 800 node "$TOP/tests/npm/face.cjs" page.html text.jpg wall.png photo.png small.png >out 2>&1 || { cat out; false; }
     cat out
 }
 

@@ -1,6 +1,6 @@
-// node face.cjs PAGE PHOTO NOT-A-PICTURE NO-FACE: a photograph dropped on the page
-// of spid-export --html --live becomes its avatar, which is drawn as the one
-// that spid-shape and spid-branches make of it in the same window; files that
+// node face.cjs PAGE NOT-A-PICTURE NO-FACE PHOTO...: each photograph dropped on
+// the page of spid-export --html --live becomes its avatar, which is drawn as the
+// one that spid-shape and spid-branches make of it in the same window; files that
 // show no face are refused in a sentence.
 const { execFileSync } = require("child_process");
 const { open, check, drop, run } = require("./browser.cjs");
@@ -58,30 +58,37 @@ async function native(photo, window) {
   return out;
 }
 
+async function made(page, photo) {
+  await page.evaluate(() => { document.getElementById("said").textContent = ""; });
+  await drop(page, photo, "image/png");
+  const outcome = await said(page, "A new face|No avatar|do not start|failed");
+  console.log(`${photo}: ${outcome}`);
+  if (!outcome.startsWith("A new face")) throw new Error("no new face");
+  const found = await pictures(page);
+  const expected = await native(photo, await page.evaluate(() => spid.live.window));
+  POSES.forEach((pose, i) => {
+    const db = psnr(found[i], expected[i]);
+    console.log(`${JSON.stringify(pose)}: ${db.toFixed(1)} dB of the native avatar's picture`);
+    check(db >= LEAST, `${LEAST} dB`);
+  });
+}
+
 run(async () => {
-  const [file, photo, text, wall] = process.argv.slice(2);
+  const [file, text, wall, ...photos] = process.argv.slice(2);
   const { page, errors, requests, close } = await begin(file);
   await page.evaluate(() => {
     window.seen = [];
     new MutationObserver(() => seen.push(document.getElementById("making").value))
       .observe(document.getElementById("making"), { attributes: true });
   });
-  await drop(page, photo, "image/png");
-  const outcome = await said(page, "A new face|No avatar|do not start|failed");
-  console.log(outcome);
-  if (!outcome.startsWith("A new face")) throw new Error("no new face");
+  for (const photo of photos) await made(page, photo);
   check(await page.evaluate(() => seen.length > 3 && Math.max(...seen) > 0.9), "progress is shown");
-  const made = await pictures(page);
-  const expected = await native(photo, await page.evaluate(() => spid.live.window));
-  POSES.forEach((pose, i) => {
-    const db = psnr(made[i], expected[i]);
-    console.log(`${JSON.stringify(pose)}: ${db.toFixed(1)} dB of the native avatar's picture`);
-    check(db >= LEAST, `${LEAST} dB`);
-  });
   await page.setInputFiles("#photo-picked", text);
   console.log(await said(page, "reads no picture"));
+  const began = performance.now();
   await page.setInputFiles("#photo-picked", wall);
-  console.log(await said(page, "No avatar of that photograph: no face[^-]*$"));
+  console.log(await said(page, "No avatar of that photograph: no face[^-]*$"),
+              `${((performance.now() - began) / 1000).toFixed(1)} s`);
   check(await page.evaluate(() => !document.getElementById("camera").disabled &&
                                   document.getElementById("making").hidden), "it goes on");
   for (const text of errors) check(false, `console: ${text}`);
