@@ -1,7 +1,8 @@
 /* What of the plane lies beside the mesh's outline: how far from it, and which
  * cells are a thin rim of the person.  The mesh's own Gaussians reach over such
  * a rim; as a part of the plane it would stay where it is when the head turns,
- * and be shreds before the cheek. */
+ * and be shreds before the cheek.  Without the rim's part the pose of turned.sh
+ * -n 6 is off by 3.48 degrees for 3.43, and landmarks by 4.73 for 4.70. */
 #ifndef SPID_AVATAR_OUTLINE_H
 #define SPID_AVATAR_OUTLINE_H
 
