@@ -87,7 +87,6 @@ while [ $i -lt $chunks ]; do
     i=$((i + 1))
 done
 synth held.spid 40 4 384 "$((90000 + seed))" 1
-synth faces-384.spid "$((people / 80 + 1))" 3 384 "$((62000 + seed))" 1
 synth held-512.spid 8 4 512 "$((91000 + seed))" 1
 pairs pairs.spid
 some=''
@@ -106,32 +105,37 @@ train shape shape held.spid $mixed
 train avatar avatar-photo held-512.spid $some
 join first.safetensors avatar motion shape
 
-# what that model makes of the photographs, and pose and expression again
-fit acts.spid --acts "${ACTS:-20}" --motions "$dir/held.spid" -m "$dir/first.safetensors"
-# shellcheck disable=SC2086
-train motion-acts motion-acts held.spid \
-    --init "$dir/motion/model.safetensors" \
-    --shapes "$dir/first.safetensors" \
-    $(echo "$mixed" | sed "s:$dir/real.spid:$dir/acts.spid:g")
-# shellcheck disable=SC2086
-train refiner refiner-photo held-pairs.spid \
-    --init "$dir/avatar/model.safetensors" $some
-# faces that turn far: YAW:PITCH of each frame, other people in each piece
-turned='' i=0
-for turn in 75,-60:10,50:-25,-30:30,15 -75,62:-12,-48:20,35:-35,-10:5 \
-    68:15,-66,57,-52:-15,25:25 -70:-8,72:8,-58,44,-38:-20 \
-    65,-63:5,-72,55:18,0:-35 -68:12,60,-55,70:-10,5:35; do
+# what that model makes of the photographs, people who turn far (YAW:PITCH of
+# each frame, other people in each piece), and pose and expression again
+fit acts.spid --acts "${ACTS:-20}" --motions "$dir/faces-0.spid" \
+    -m "$dir/first.safetensors"
+turned='' far='' i=0
+for turn in 55,-20:10,38:-25,-8 -62:-5,28,0:20,-45:12 70,-50,12:-15,-33:5 \
+    42:8,-68,48:-12,-15 -38:-10,58:5,22,-5:-30 30:25,-55:-8,64,-26 \
+    -72:4,35,-42,5:12 47,-30:-20,-60:6,18 75,-60:10,50:-25,-30:30 \
+    -75,62:-12,-48:20,35:-35 68:15,-66,57,25:25 -70:-8,72:8,-58,-38:-20 \
+    65,-63:5,55:18,0:-35 -68:12,60,-55,5:35; do
     make_once "turned-$i.spid" spid-synth --assets "$assets" \
-        --people "$((people / 400 + 1))" --first "$((i * (people / 400 + 1)))" \
-        --frames 5 --size 256 --seed "$((65000 + seed))" --effects 1 --fps 0.8 \
+        --people "$((people / 110 + 1))" --first "$((i * (people / 110 + 1)))" \
+        --frames 4 --size 256 --seed "$((65000 + seed))" --effects 1 --fps 0.8 \
         --without mesh --head "$dir/head.safetensors" --turn "$turn"
     turned="$turned $dir/turned-$i.spid"
+    far="$far $dir/turned-$i.spid $dir/faces-$((i % chunks)).spid"
+    far="$far $dir/acts.spid $dir/real.spid"
     i=$((i + 1))
 done
 # shellcheck disable=SC2086
+train motion-acts motion-acts held.spid \
+    --init "$dir/motion/model.safetensors" \
+    --shapes "$dir/first.safetensors" $far
+# shellcheck disable=SC2086
+train refiner refiner-photo held-pairs.spid \
+    --init "$dir/avatar/model.safetensors" $some
+fit real-256.spid --size 256    # pictures of one size
+# shellcheck disable=SC2086
 train sure sure held.spid \
     --init "$dir/motion-acts/model.safetensors:motion.encoder." \
-    "$dir/faces-384.spid" "$dir/real.spid" $turned
+    "$dir/faces-0.spid" "$dir/real-256.spid" $turned
 
 # who is in the picture: people of scans, and photographs before plain walls
 # shellcheck disable=SC2046

@@ -234,7 +234,7 @@ contrasts() {
     posed jaw 0.1 0.2 0.3
     mouths mesh.spid star.y4m >mouths
     cat mouths
-    awk '$1 < 60 || $2 < 15 { bad = 1 } END { exit bad || NR != 3 }' mouths
+    awk '$1 < 55 || $2 < 15 { bad = 1 } END { exit bad || NR != 3 }' mouths
 }
 
 @test "a dropped jaw leaves neither notch nor spur beside the neck" {
