@@ -28,7 +28,10 @@ const char *engine_error(void)
 EMSCRIPTEN_KEEPALIVE
 int engine_open(void)
 {
+    static struct nn_pool maps;         /* networks run one after another */
+
     parallel_set_width(1);
+    nn_pool_use(&maps);
     return model_open(&engine.model, "/model", &engine.err) ||
            head_load(&engine.head, "/head", &engine.err) ||
            encoders_open(&engine.nets, &engine.model, true, NN_FAST,

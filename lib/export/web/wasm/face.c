@@ -38,7 +38,8 @@ static int face_bake(const struct person *p)
     page_init(&page, engine.head.nexp);
     if (!verts)
         error_set(&engine.err, EX_OSERR, "no memory for the mesh");
-    else if (baker_bake(&baker, verts, p, &engine.err) == 0 &&
+    else if (face_open() == 0 &&
+             baker_bake(&baker, verts, p, &engine.err) == 0 &&
              baker_copy(&page.baked, &baker, true, &engine.err) == 0 &&
              person_fold(&id, &engine.head, p, &engine.err) == 0) {
         page.has_avatar = true;
@@ -82,9 +83,8 @@ int face_make(size_t W, size_t H)
     face_tell("Looking for the face", 0);
     if (!(im.rgb = engine_rgb(&im.alpha, W, H)))
         error_set(&engine.err, EX_OSERR, "no memory for the picture");
-    else if (face_open() == 0 &&
-        source_find(&s, &im, NULL, &engine.head, &engine.nets, &opt,
-                    &engine.err) == 0) {
+    else if (source_find(&s, &im, NULL, &engine.head, &engine.nets, &opt,
+                         &engine.err) == 0) {
         face_note_window(s.window);
         face_tell("Cutting out the person", 0.3);
         if (source_cut_out(&s, &im, NULL, &engine.head, &engine.nets,
