@@ -72,7 +72,7 @@ int cli_find_model(const char *name, char *path, size_t size,
     struct search s = { .name = name, .path = path, .size = size };
     const char *env = getenv("SPID_MODEL");
     const char *data = getenv("XDG_DATA_HOME");
-    const char *source_mean = getenv("HOME");
+    const char *home = getenv("HOME");
     char dir[300];
 
     if (cli.model && cli_search_given(&s, cli.model))
@@ -86,7 +86,7 @@ int cli_find_model(const char *name, char *path, size_t size,
     if (data && *data)
         snprintf(dir, sizeof dir, "%s/spid", data);
     else
-        snprintf(dir, sizeof dir, "%s/.local/share/spid", source_mean ? source_mean : "");
+        snprintf(dir, sizeof dir, "%s/.local/share/spid", home ? home : "");
     if (cli_search_try(&s, dir, false) ||
         cli_search_try(&s, SPID_DATADIR, false) ||
         cli_search_beside(&s, "../share/spid") ||

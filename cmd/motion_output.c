@@ -51,7 +51,8 @@ int motion_output_begin(struct motion_output *o, const struct conf *conf,
 int motion_output_write(struct motion_output *o, const struct driver_frame *f,
                         size_t nexp, struct error *err)
 {
-    const struct array other[2] = {motion_confidence(&f->r.confidence), motion_lost()};
+    const struct array other[2] = {motion_confidence(&f->r.confidence),
+                                   motion_lost()};
     double begun = stats_begin();
     float value[LIVELINK_CHANNELS];
     int rc = 0;

@@ -220,14 +220,14 @@ static int packed_by_place(const void *a, const void *b)
     return (p->index > q->index) - (p->index < q->index);
 }
 
-/* The least and the greatest of field k. */
-static void packed_range(float *min, float *greatest,
+/* Minimum and maximum of field k. */
+static void packed_range(float *min, float *max,
                          const struct packed_row *row, size_t n, int k)
 {
-    *min = *greatest = n ? row[0].field[k] : 0;
+    *min = *max = n ? row[0].field[k] : 0;
     for (size_t i = 1; i < n; i++) {
         *min = fminf(*min, row[i].field[k]);
-        *greatest = fmaxf(*greatest, row[i].field[k]);
+        *max = fmaxf(*max, row[i].field[k]);
     }
 }
 

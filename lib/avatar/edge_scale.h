@@ -3,7 +3,8 @@
  * the head has turned nothing does, and large ones would be a smear of skin
  * beside an ear and torn cloth on shoulders.  They may therefore reach the edge
  * but not past it.  Without it turned.sh -n 6 loses 0.01 dB of later frames,
- * and gaze follows by 0.60 and 0.30 for 0.65 and 0.36; lbax4n and lbbc2a stay. */
+ * and gaze follows by 0.60 and 0.30 for 0.65 and 0.36; lbax4n and lbbc2a
+ * stay. */
 #ifndef SPID_AVATAR_EDGE_SCALE_H
 #define SPID_AVATAR_EDGE_SCALE_H
 

@@ -23,11 +23,11 @@ struct gaussians {
                                    * 0..1 across, or NULL */
     const float *seen;            /* (N)   0..1: how much of that is so; or
                                    * NULL with uv: nothing is */
-    const float *reach;           /* (N) head units: the distance from source_mean at
-                                   * which seen falls to 0; negative: the same,
+    const float *reach;           /* (N) head units: the distance from
+                                   * source_mean at which seen falls to 0; negative: the same,
                                    * movement up (+y) not counted; 0, or NULL
                                    * for all: seen stays as it is */
-    const float *source_mean;            /* (N,3) centres in the photograph's pose;
+    const float *source_mean;     /* (N,3) centres in the photograph's pose;
                                    * NULL: mean */
     const float *tilt;            /* (N,2) how the depth that the source's
                                    * camera saw there rises to the picture's
@@ -60,9 +60,10 @@ static inline float gaussian_visible(const float tilt[2], const float toward[2])
     return fmaxf(fminf(fminf(drawn, rotated), 1), 0);
 }
 
-/* seen of a Gaussian that has moved from source_mean (3) to mean (3): unchanged up to
- * a third of its reach, 0 from its reach on. */
-static inline float gaussian_seen(float seen, float reach, const float source_mean[3],
+/* seen of a Gaussian that has moved from source_mean (3) to mean (3): unchanged
+ * up to a third of its reach, 0 from its reach on. */
+static inline float gaussian_seen(float seen, float reach,
+                                  const float source_mean[3],
                                   const float mean[3])
 {
     float square = 0, t;

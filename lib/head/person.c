@@ -87,7 +87,8 @@ static int person_read_picture(struct person *p, const struct record *rec,
     p->matte = malloc(S * S + 1);
     p->back = back ? malloc(3 * S * S + 1) : NULL;
     p->confidence = confidence ? malloc(S * S + 1) : NULL;
-    if (!p->rgb || !p->matte || (back && !p->back) || (confidence && !p->confidence))
+    if (!p->rgb || !p->matte || (back && !p->back) ||
+        (confidence && !p->confidence))
         return error_set(err, EX_OSERR, "no memory for the source picture");
     if (back)
         memcpy(p->back, back, 3 * S * S);

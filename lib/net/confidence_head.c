@@ -20,7 +20,8 @@ void confidence_head_init(struct confidence_head *s, struct params *ps,
 }
 
 /* Before the sigmoid. */
-static double confidence_head_logit(const struct confidence_head *s, const float *pooled)
+static double confidence_head_logit(const struct confidence_head *s,
+                                    const float *pooled)
 {
     const float *w = param_w(s->ps, s->w);
     double z = (double)*param_w(s->ps, s->b);
@@ -30,9 +31,11 @@ static double confidence_head_logit(const struct confidence_head *s, const float
     return z;
 }
 
-float confidence_head_forward(const struct confidence_head *s, const float *pooled)
+float confidence_head_forward(const struct confidence_head *s,
+                              const float *pooled)
 {
-    return s->ps ? (float)(1 / (1 + exp(-confidence_head_logit(s, pooled)))) : 1;
+    return s->ps ? (float)(1 / (1 + exp(-confidence_head_logit(s, pooled))))
+                 : 1;
 }
 
 double confidence_head_loss(const struct confidence_head *s, const float *pooled,

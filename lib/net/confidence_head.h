@@ -18,7 +18,8 @@ void confidence_head_init(struct confidence_head *s, struct params *ps,
                     const char *prefix, size_t features);
 
 /* 0 to 1 from pooled (features); 1 when there is no such head. */
-float confidence_head_forward(const struct confidence_head *s, const float *pooled);
+float confidence_head_forward(const struct confidence_head *s,
+                              const float *pooled);
 
 /* Logistic loss against truth (0 or 1), times scale; its gradient is added to
  * the head's. */

@@ -62,7 +62,8 @@ const float *motion_encoder_rest(const struct motion_encoder *m)
 
 float motion_encoder_confidence(const struct motion_encoder *m, size_t n)
 {
-    return confidence_head_forward(&m->confidence, m->pooled + n * m->net.features);
+    return confidence_head_forward(&m->confidence,
+                                   m->pooled + n * m->net.features);
 }
 
 void motion_encoder_init_weights(struct motion_encoder *m)

@@ -1,7 +1,8 @@
 /* E_m: MobileNetV3 on the face crop and six linear heads (Eqs. rot to eye).
  * Tensors: "<prefix>encoder.*" (timm's names) and
  * "<prefix>{rot,trans,exp,jaw,lid,eye}.{weight,bias}"; the head that says how
- * sure it is (confidence_head.h) only where motion_encoder_add_confidence declares it. */
+ * sure it is (confidence_head.h) only where motion_encoder_add_confidence
+ * declares it. */
 #ifndef SPID_NET_MOTION_ENCODER_H
 #define SPID_NET_MOTION_ENCODER_H
 
@@ -45,7 +46,8 @@ int motion_encoder_init(struct motion_encoder *m, struct params *ps,
                         const char *prefix, const char *variant,
                         struct error *err);
 /* Declare the confidence head, after motion_encoder_init. */
-void motion_encoder_add_confidence(struct motion_encoder *m, const char *prefix);
+void motion_encoder_add_confidence(struct motion_encoder *m,
+                                   const char *prefix);
 /* Declare "<prefix>rest" (2,120): what E_m says of calm faces, least and most,
  * as people's faces differ and E_m errs.  After motion_encoder_init. */
 void motion_encoder_add_rest(struct motion_encoder *m, const char *prefix);

@@ -263,7 +263,8 @@ VEC_INLINE void gradient_of_place(struct lanes *d, const vf dplace[2],
     }
     for (size_t k = 0; k < VEC; k++)
         kept[k] = st->place[i + k][2];
-    vf confidence = vf_load(kept), u = confidence * dplace[0], w = confidence * dplace[1];
+    vf confidence = vf_load(kept);
+    vf u = confidence * dplace[0], w = confidence * dplace[1];
 
     d->x -= vf_set(2 / (float)v->width) * (J[0] * u + J[2] * w);
     d->y -= vf_set(2 / (float)v->height) * (J[1] * u + J[3] * w);

@@ -267,11 +267,11 @@ static int splat_load_tethers(struct splat *s, const struct gaussians *g,
     if (!st->fading)
         return error_set(err, EX_OSERR, "%zu Gaussians: out of memory", n);
     for (size_t i = 0; i < g->n; i++) {
-        const float *source_mean = (g->source_mean ? g->source_mean : g->mean) + 3 * i;
+        const float *source = (g->source_mean ? g->source_mean : g->mean) + 3 * i;
 
         if (g->reach[i] != 0)
             st->fading[st->fadings++] = (struct splat_fading){
-                i, g->seen[i], g->reach[i], {source_mean[0], source_mean[1], source_mean[2]}};
+                i, g->seen[i], g->reach[i], {source[0], source[1], source[2]}};
     }
     return 0;
 }

@@ -252,7 +252,8 @@ static void align_sum(struct align_sums *s, const struct align *a,
         (float)p->gain, (float)p->bias,
         {(float)c[0], (float)c[1], (float)c[2]}, (float)sigma};
 
-    align_kernels()->sum(s, k->visibility, k->room, a->picture, &look, &r, step);
+    align_kernels()->sum(s, k->visibility, k->room, a->picture, &look, &r,
+                         step);
 }
 
 /* Weighted correlation of the frame's levels with the keyframe's. */

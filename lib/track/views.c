@@ -290,7 +290,8 @@ static void views_mean(struct person *first, const struct views *v, size_t n,
     float *out = part(first);
 
     for (size_t i = 0; i < n; i++) {
-        double total = (double)v->first->confidence, sum = total * (double)out[i];
+        double total = (double)v->first->confidence;
+        double sum = total * (double)out[i];
 
         for (size_t k = 0; k < v->n; k++) {
             struct person more = v->source[k].person;

@@ -328,7 +328,8 @@ static int pipeline_time(struct pipe *p, const struct variant *v,
         for (size_t i = abreast; i < PERSON_FRAMES; i++)
             p->ms[p->intervals++] = 1e3 * (p->done[i] - p->done[i - abreast]) /
                                     (double)abreast;
-    } while (p->frames + PERSON_FRAMES <= MAX && cpu_seconds() - begun < seconds);
+    } while (p->frames + PERSON_FRAMES <= MAX &&
+             cpu_seconds() - begun < seconds);
     return 0;
 }
 

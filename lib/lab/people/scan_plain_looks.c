@@ -261,7 +261,8 @@ int plain_make_looks(struct scan_assets *a, struct error *err)
     a->light = calloc(ROOMS, sizeof *a->light);
     bool ok = a->light && !plain_make_skin(&a->skin, a);
     for (; ok && a->niris < IRISES; a->niris++)
-        ok = !plain_make_iris(&a->iris[a->niris], a->traits.plain_iris[a->niris]);
+        ok = !plain_make_iris(&a->iris[a->niris],
+                              a->traits.plain_iris[a->niris]);
     if (!ok)
         return error_set(err, EX_OSERR, "out of memory for a figure");
     for (a->nlight = 0; a->nlight < ROOMS; a->nlight++)

@@ -1,6 +1,6 @@
-/* E_m's confidence head (lib/net/confidence_head.h): logistic regression on the pooled
- * features of the encoder as it is, from crops in place against negative
- * samples. */
+/* E_m's confidence head (lib/net/confidence_head.h): logistic regression on the
+ * pooled features of the encoder as it is, from crops in place against
+ * negative samples. */
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
