@@ -37,7 +37,7 @@ struct ply_scene {
     float *color;           /* (N,3) of degree 0: 0.5 + SH0 f_dc */
     float *rest;            /* (N,3,(degree+1)^2 - 1) f_rest, channel-major;
                              * NULL when degree is 0.  In the file's axes. */
-    bool rotated;            /* the file was taken as y down */
+    bool rotated;           /* the file was taken as y down */
 };
 
 /* Read any property order and number type, with extra properties, without

@@ -27,7 +27,7 @@
  * Gaussians, which must leave no holes, and the least of any. */
 #define OVERLAP 0.6f
 #define CLOSED 0.6f
-#define MIN 0.4f
+#define SCALE_MIN 0.4f
 #define SOLID 0.97f     /* opacity of hidden Gaussians */
 #define REACH 2.7f      /* their standard deviations that may be seen: with 2 a
                          * seventh of them stood out before the background */
@@ -416,7 +416,7 @@ static float dynamic_branch_seen(const struct dynamic_branch *b, size_t k)
  * head. */
 static float dynamic_branch_min_scale(const struct dynamic_branch *b, size_t k)
 {
-    return fminf(MIN * b->spacing[k], BRANCH_SCALE_MAX);
+    return fminf(SCALE_MIN * b->spacing[k], BRANCH_SCALE_MAX);
 }
 
 PARALLEL(dynamic_branch_unseen_part, k, const struct dynamic_branch *, b,

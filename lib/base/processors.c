@@ -10,13 +10,13 @@
 #include <string.h>
 #include <unistd.h>
 
-#define MAX 8192               /* processors of a mask */
+#define PROCESSORS_MAX 8192    /* processors of a mask */
 
 /* In the mask, at least 1. */
 static int processors_of_mask(void)
 {
-    cpu_set_t *set = CPU_ALLOC(MAX);
-    const size_t bytes = CPU_ALLOC_SIZE(MAX);
+    cpu_set_t *set = CPU_ALLOC(PROCESSORS_MAX);
+    const size_t bytes = CPU_ALLOC_SIZE(PROCESSORS_MAX);
     int n = 0;
 
     if (set && !sched_getaffinity(0, bytes, set))

@@ -23,7 +23,7 @@
 
 #define ROWS 20             /* about as many share the stage's seconds; the
                              * person and the errors take most of them */
-#define MAX 1024           /* frames of a row's timed runs */
+#define FRAMES_MAX 1024    /* frames of a row's timed runs */
 #define FRAME_VALUES ((size_t)PERSON_SIZE * PERSON_SIZE * 3)
 
 struct pipe_rows {
@@ -83,8 +83,8 @@ struct pipe {
     char clip[FILE_TEMPORARY + 16], made[FILE_TEMPORARY + 16];
     double done[PERSON_FRAMES]; /* when each frame of this run was, seconds */
     size_t frames;              /* of timed runs: how many, ... */
-    double stage[STAGES][MAX]; /* ... and milliseconds of each frame */
-    double ms[MAX];
+    double stage[STAGES][FRAMES_MAX]; /* ... and milliseconds of each frame */
+    double ms[FRAMES_MAX];
     size_t intervals;
     enum pictures pictures;
     float *truth;
@@ -328,7 +328,7 @@ static int pipeline_time(struct pipe *p, const struct variant *v,
         for (size_t i = abreast; i < PERSON_FRAMES; i++)
             p->ms[p->intervals++] = 1e3 * (p->done[i] - p->done[i - abreast]) /
                                     (double)abreast;
-    } while (p->frames + PERSON_FRAMES <= MAX &&
+    } while (p->frames + PERSON_FRAMES <= FRAMES_MAX &&
              cpu_seconds() - begun < seconds);
     return 0;
 }

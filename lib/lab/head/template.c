@@ -15,7 +15,7 @@
 #include "lib/lab/head/scan.h"
 
 /* Metres: what a direction moves by less than this it does not move. */
-#define MIN 2e-6
+#define DELTA_MIN 2e-6
 
 /* A tensor and where it stands in the struct, in the order of the file; what
  * may be packed or halved has its own code. */
@@ -274,9 +274,9 @@ int template_save(const struct template *t, const char *path, bool plain,
     for (size_t i = 0; i < n; i++)
         lid[i] = float_to_half(t->lid_shapedirs[i]);
     if (!plain &&
-        (runs_pack(&shape, t->shapedirs, t->nv, TEMPLATE_DIRECTIONS, MIN,
+        (runs_pack(&shape, t->shapedirs, t->nv, TEMPLATE_DIRECTIONS, DELTA_MIN,
                    err) ||
-         runs_pack(&pose, t->posedirs, t->nv, TEMPLATE_POSES, MIN, err)))
+         runs_pack(&pose, t->posedirs, t->nv, TEMPLATE_POSES, DELTA_MIN, err)))
         goto out;
     template_add_fields(&l, t, mesh, COUNT(mesh));
     template_add_directions(&l, t, &shape, &pose);

@@ -18,7 +18,7 @@
 #define EDGE 6                  /* rows above and below that show skin */
 #define BROW_MIDDLE 73          /* texels of its length */
 #define BROW_LONG 0.96f         /* of its length, in the photographs */
-#define MIN 0.4f              /* log luminance between hair and skin */
+#define CONTRAST_MIN 0.4f     /* log luminance between hair and skin */
 
 int brow_fit_init(struct brow_fit *t, size_t n, struct error *err)
 {
@@ -88,7 +88,7 @@ void brow_fit_add(struct brow_fit *t, size_t i, const float *log,
         float *o = t->dense + (2 * i + side) * BROW_PLANE;
         float dark = brow_darkness(o, log, where, side);
 
-        t->seen[2 * i + side] = dark > MIN;
+        t->seen[2 * i + side] = dark > CONTRAST_MIN;
         for (int y = 0; y < H; y++)
             for (int x = 0; x < W; x++) {
                 float in = where[brow_texel(x, y, side)] / 255.0f;

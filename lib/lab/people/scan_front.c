@@ -164,12 +164,12 @@ static int front_add_hand(struct figure *f, struct random *r, struct error *err)
     return 0;
 }
 
-/* ---- turned things ------------------------------------------------------ */
+/* ---- bodies of revolution ----------------------------------------------- */
 
 #define SIDES 16
 
 /* A body of revolution: n rings of radius r at heights h along an axis. */
-static int front_add_rotated(struct figure *f, const float *h, const float *r,
+static int front_add_revolved(struct figure *f, const float *h, const float *r,
                             int n, const float at[3], const float turn[9],
                             const float color[3], struct error *err)
 {
@@ -222,8 +222,8 @@ static int front_add_thing(struct figure *f, struct random *r,
                    -0.75f - trait_range(r, h[5])};
     for (int k = 0; k < 3; k++)
         color[k] = mic ? 0.04f : f->look.cap_color[k];
-    return mic ? front_add_rotated(f, mic_h, mic_r, 10, at, turn, color, err)
-               : front_add_rotated(f, cup_h, cup_r, 6, at, turn, color, err);
+    return mic ? front_add_revolved(f, mic_h, mic_r, 10, at, turn, color, err)
+               : front_add_revolved(f, cup_h, cup_r, 6, at, turn, color, err);
 }
 
 int figure_add_front(struct figure *f, struct error *err)
