@@ -38,7 +38,8 @@ void depthwise_plan(struct depthwise *d, struct nn_plan *p, size_t batch,
                     size_t h, size_t w)
 {
     size_t C = d->channels, K = d->kernel, S = d->stride;
-    size_t T = DEPTHWISE_COLUMNS, R = DEPTHWISE_ROWS;
+    size_t T = DEPTHWISE_COLUMNS, R = DEPTHWISE_ROWS, L = DEPTHWISE_LANES;
+    size_t whole = (C + L - 1) / L * L;
 
     d->plan = p;
     d->batch = batch;
@@ -46,8 +47,8 @@ void depthwise_plan(struct depthwise *d, struct nn_plan *p, size_t batch,
     d->w = w;
     d->oh = depthwise_out_size(&d->top, h, d);
     d->ow = depthwise_out_size(&d->left, w, d);
-    d->taps = nn_plan_floats(p, K * K * C);
-    d->bias = nn_plan_floats(p, C);
+    d->taps = nn_plan_floats(p, K * K * whole);
+    d->bias = nn_plan_floats(p, whole);
     size_t wide = (d->ow + T) * S + w + T + 2 * K;
     size_t piece = ((R - 1) * S + K) * wide + (R + K) * (w + T + 2 * K);
     d->pad_size = (piece + R * wide) * DEPTHWISE_LANES;
@@ -55,7 +56,7 @@ void depthwise_plan(struct depthwise *d, struct nn_plan *p, size_t batch,
                            (size_t)parallel_width());
     if (!nn_plan_backward(p))
         return;
-    d->flipped = nn_plan_floats(p, K * K * C);
+    d->flipped = nn_plan_floats(p, K * K * whole);
     d->dw = nn_plan_floats(p, batch * K * K * C);
 }
 
@@ -63,9 +64,10 @@ void depthwise_update(struct depthwise *d, const struct batch_norm *bn)
 {
     const struct params *ps = d->ps;
     const float *w = param_w(ps, d->weight);
-    size_t C = d->channels, taps = d->kernel * d->kernel;
+    size_t taps = d->kernel * d->kernel, L = DEPTHWISE_LANES;
 
-    for (size_t c = 0; c < C; c++) {
+    for (size_t c = 0; c < d->channels; c++) {
+        size_t at = c / L * L * taps + c % L;
         float scale = 1.0f, bias = 0.0f;
 
         if (bn) {
@@ -76,9 +78,9 @@ void depthwise_update(struct depthwise *d, const struct batch_norm *bn)
         }
         d->bias[c] = bias;
         for (size_t i = 0; i < taps; i++) {
-            d->taps[i * C + c] = w[c * taps + i] * scale;
+            d->taps[at + i * L] = w[c * taps + i] * scale;
             if (d->flipped)
-                d->flipped[(taps - 1 - i) * C + c] = w[c * taps + i] * scale;
+                d->flipped[at + (taps - 1 - i) * L] = w[c * taps + i] * scale;
         }
     }
 }

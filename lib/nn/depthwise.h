@@ -22,8 +22,8 @@ struct depthwise {
     size_t batch, h, w, oh, ow;
     size_t top, left;
     struct nn_plan *plan;
-    float *taps, *flipped;        /* (k*k,C) */
-    float *bias;                  /* (C) */
+    float *taps, *flipped;        /* (C/16 up,k*k,16), zeros beyond C */
+    float *bias;                  /* (C up) */
     float *pads;                  /* per thread: 16 channels, padded */
     size_t pad_size;              /* floats of one */
     float *dw;                    /* (batch,k*k,C) */

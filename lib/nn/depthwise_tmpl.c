@@ -65,14 +65,14 @@ static void depthwise_fill(float *pad, const struct depthwise_source *s,
 
 /* seven columns of one row: acc = bias + sum of taps */
 VF_INLINE void depthwise_columns(vf acc[T], const float *pad,
-                                 const float *taps, size_t C, vf bias,
-                                 size_t cols, int K, int S)
+                                 const float *taps, vf bias, size_t cols,
+                                 int K, int S)
 {
     for (int t = 0; t < T; t++)
         acc[t] = bias;
     for (int ky = 0; ky < K; ky++)
         for (int kx = 0; kx < K; kx++) {
-            vf w = vf_load(taps + (size_t)(ky * K + kx) * C);
+            vf w = vf_load(taps + (ky * K + kx) * LANES);
             const float *p = pad + ((size_t)ky * cols + (size_t)kx) * LANES;
             for (int t = 0; t < T; t++)
                 acc[t] += w * vf_load(p + t * S * LANES);
@@ -118,9 +118,9 @@ VF_INLINE void depthwise_store(const struct depthwise_target *o, size_t y,
 }
 
 /* Rows [y0,y1) of the output from pad, whose first row is y0's first tap.
- * taps (K*K, 16 used of C); bias 16 lanes. */
+ * taps (K*K,16); bias 16 lanes. */
 VF_INLINE void depthwise_rows(const struct depthwise_target *o,
-                              const float *pad, const float *taps, size_t C,
+                              const float *pad, const float *taps,
                               const float *bias, size_t y0, size_t y1,
                               size_t cols, int K, int S, int act)
 {
@@ -132,7 +132,7 @@ VF_INLINE void depthwise_rows(const struct depthwise_target *o,
                 const float *p = pad +
                     ((y - y0) * cols + x) * (size_t)S * LANES;
 
-                depthwise_columns(acc, p + i, taps + i, C, vf_load(bias + i),
+                depthwise_columns(acc, p + i, taps + i, vf_load(bias + i),
                                   cols, K, S);
                 size_t n = o->w - x < T ? o->w - x : T;
                 for (size_t t = 0; t < T; t++)
@@ -143,36 +143,25 @@ VF_INLINE void depthwise_rows(const struct depthwise_target *o,
 
 /* depthwise_rows with kernel, stride and activation as constants. */
 static void depthwise_rows_any(const struct depthwise_target *o,
-                               const float *pad, const float *taps, size_t C,
+                               const float *pad, const float *taps,
                                const float *bias, size_t y0, size_t y1,
                                size_t cols, size_t K, size_t S, int act)
 {
 #define LOOP(A)                                                              \
     if (K == 3 && S == 1)                                                    \
-        depthwise_rows(o, pad, taps, C, bias, y0, y1, cols, 3, 1, A);      \
+        depthwise_rows(o, pad, taps, bias, y0, y1, cols, 3, 1, A);           \
     else if (K == 3)                                                         \
-        depthwise_rows(o, pad, taps, C, bias, y0, y1, cols, 3, 2, A);      \
+        depthwise_rows(o, pad, taps, bias, y0, y1, cols, 3, 2, A);           \
     else if (S == 1)                                                         \
-        depthwise_rows(o, pad, taps, C, bias, y0, y1, cols, 5, 1, A);      \
+        depthwise_rows(o, pad, taps, bias, y0, y1, cols, 5, 1, A);           \
     else                                                                     \
-        depthwise_rows(o, pad, taps, C, bias, y0, y1, cols, 5, 2, A);
+        depthwise_rows(o, pad, taps, bias, y0, y1, cols, 5, 2, A);
     switch (act) {
     case ACT_RELU: LOOP(ACT_RELU) break;
     case ACT_HARDSWISH: LOOP(ACT_HARDSWISH) break;
     default: LOOP(ACT_NONE) break;
     }
 #undef LOOP
-}
-
-/* The taps of 16 channels, zeros beyond the last channel. */
-static void depthwise_taps(float *to, const float *taps,
-                           const struct depthwise *d, size_t c0, size_t m)
-{
-    size_t n = d->kernel * d->kernel;
-
-    memset(to, 0, n * LANES * sizeof *to);
-    for (size_t i = 0; i < n; i++)
-        memcpy(to + i * LANES, taps + i * d->channels + c0, m * sizeof *to);
 }
 
 /* Columns of the padded input for w outputs, whole groups of T. */
@@ -187,20 +176,18 @@ void ISA(depthwise_forward)(float *out, const float *in, float *pad,
                             size_t c0, size_t y0, size_t y1)
 {
     size_t C = d->channels, m = C - c0 < LANES ? C - c0 : LANES;
-    float taps[25 * LANES], bias[LANES] = { 0 };
     struct depthwise_source s = { in + image * d->h * d->w * C, d->h, d->w,
                                   C, c0, m };
     struct depthwise_target o = { out + image * d->oh * d->ow * C, d->ow, C,
                                   c0, m };
     size_t cols = depthwise_padded_width(d->ow, d->stride, d->kernel);
 
-    depthwise_taps(taps, d->taps, d, c0, m);
-    memcpy(bias, d->bias + c0, m * sizeof *bias);
     depthwise_fill(pad, &s, (ptrdiff_t)(y0 * d->stride) - (ptrdiff_t)d->top,
                    (y1 - y0 - 1) * d->stride + d->kernel, -(ptrdiff_t)d->left,
                    cols, 1);
-    depthwise_rows_any(&o, pad, taps, LANES, bias, y0, y1, cols, d->kernel,
-                       d->stride, (int)d->act);
+    depthwise_rows_any(&o, pad, d->taps + c0 * d->kernel * d->kernel,
+                       d->bias + c0, y0, y1, cols, d->kernel, d->stride,
+                       (int)d->act);
 }
 
 /* Rows [y0,y1) of din: a convolution of the dilated dout, taps flipped. */
@@ -209,7 +196,7 @@ void ISA(depthwise_backward_data)(float *din, const float *dout, float *pad,
                                   size_t c0, size_t y0, size_t y1)
 {
     size_t C = d->channels, m = C - c0 < LANES ? C - c0 : LANES;
-    float taps[25 * LANES], zero[LANES] = { 0 };
+    const float zero[LANES] = { 0 };
     struct depthwise_source s = { dout + image * d->oh * d->ow * C, d->oh,
                                   d->ow, C, c0, m };
     struct depthwise_target o = { din + image * d->h * d->w * C, d->w, C, c0,
@@ -219,12 +206,11 @@ void ISA(depthwise_backward_data)(float *din, const float *dout, float *pad,
 
     if (cols < used)
         cols = used;
-    depthwise_taps(taps, d->flipped, d, c0, m);
     depthwise_fill(pad, &s, (ptrdiff_t)(y0 + d->top) - (ptrdiff_t)(K - 1),
                    y1 - y0 + K - 1, (ptrdiff_t)d->left - (ptrdiff_t)(K - 1),
                    cols, d->stride);
-    depthwise_rows_any(&o, pad, taps, LANES, zero, y0, y1, cols, K, 1,
-                       ACT_NONE);
+    depthwise_rows_any(&o, pad, d->flipped + c0 * K * K, zero, y0, y1, cols, K,
+                       1, ACT_NONE);
 }
 
 /* acc[K] += one row of dout times the K shifted rows of the input */
