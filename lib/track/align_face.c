@@ -167,7 +167,8 @@ static void align_face_direct(struct align_face *f, float *d)
 }
 
 /* Points and directions of f's head; moves (V) is 0. */
-static int align_face_prepare(struct align_face *f, double *moves)
+static int align_face_prepare(struct align_face *f, double *moves,
+                              struct error *err)
 {
     align_face_choose(f, moves, f->verts);
     align_face_points(f, moves);
@@ -178,7 +179,7 @@ static int align_face_prepare(struct align_face *f, double *moves)
         return -1;
     f->facing = f->point + 3 * f->room;
     align_face_direct(f, f->verts);
-    return 0;
+    return head_part_init(&f->part, f->id, f->vertex, f->count, err);
 }
 
 int align_face_init(struct align_face *f, const struct identity *id,
@@ -194,7 +195,7 @@ int align_face_init(struct align_face *f, const struct identity *id,
     f->verts = malloc(6 * h->V * sizeof *f->verts);
     if (moves && f->vertex && f->verts) {
         f->normal = f->verts + 3 * h->V;
-        rc = h->region ? align_face_prepare(f, moves) : 0;
+        rc = h->region ? align_face_prepare(f, moves, err) : 0;
     }
     free(moves);
     if (rc == 0)
@@ -205,6 +206,7 @@ int align_face_init(struct align_face *f, const struct identity *id,
 
 void align_face_release(struct align_face *f)
 {
+    head_part_release(&f->part);
     free(f->vertex);
     free(f->verts);
     free(f->point);
@@ -212,23 +214,36 @@ void align_face_release(struct align_face *f)
     memset(f, 0, sizeof *f);
 }
 
-/* to (3,room) = the points of (V,3). */
-static void align_face_gather(float *to, const struct align_face *f,
-                              const float *from)
+/* m's pose with its expression. */
+static struct head_motion align_face_motion(const struct motion *m)
 {
-    for (size_t i = 0; i < f->count; i++)
-        for (size_t c = 0; c < 3; c++)
-            to[c * f->room + i] = from[3 * f->vertex[i] + c];
+    struct head_motion pose = m->pose;
+
+    pose.exp = m->exp;
+    return pose;
 }
 
 /* The points of m. */
 static void align_face_pose(struct align_face *f, const struct motion *m)
 {
-    struct head_motion pose = m->pose;
+    const struct head_motion pose = align_face_motion(m);
+    const float *at = head_part_pose(&f->part, &pose);
 
-    pose.exp = m->exp;
+    for (size_t i = 0; i < f->count; i++)
+        for (size_t c = 0; c < 3; c++)
+            f->point[c * f->room + i] = at[3 * i + c];
+}
+
+/* Their normals, of the whole head. */
+static void align_face_normals(struct align_face *f, const struct motion *m)
+{
+    const struct head_motion pose = align_face_motion(m);
+
     head_pose(f->verts, f->id, &pose);
-    align_face_gather(f->point, f, f->verts);
+    head_normals(f->normal, f->id->head, f->verts);
+    for (size_t i = 0; i < f->count; i++)
+        for (size_t c = 0; c < 3; c++)
+            f->facing[c * f->room + i] = f->normal[3 * f->vertex[i] + c];
 }
 
 /* How well a keyframe with these lids (2) shows the skin about an open eye. */
@@ -247,8 +262,7 @@ void align_face_show(float *shown, struct align_face *f,
     float *weight = shown + f->room;
 
     align_face_pose(f, m);
-    head_normals(f->normal, f->id->head, f->verts);
-    align_face_gather(f->facing, f, f->normal);
+    align_face_normals(f, m);
     align_kernels()->show(shown, weight, f->point, f->facing, f->room,
                           picture, look);
     for (size_t i = 0; i < f->room; i++)

@@ -15,7 +15,7 @@
 #include <stdint.h>
 
 #include "lib/base/error.h"
-#include "lib/head/lbs.h"
+#include "lib/head/part.h"
 #include "lib/head/motion.h"
 #include "lib/track/align_kernel.h"
 
@@ -37,7 +37,8 @@ struct align_face {
     float *direction;           /* (codes,3,room) head units per spread */
     double gap[ALIGN_FACE_GAPS][ALIGN_FACE_CODES];  /* of the lips, in spreads
                                                      * per spread */
-    float *verts, *normal;      /* (V,3) of the posed head */
+    struct head_part part;      /* the points alone */
+    float *verts, *normal;      /* (V,3) of the whole head, for a keyframe */
     float *point, *facing;      /* (3,room) the points of it, their normals */
 };
 

@@ -327,7 +327,7 @@ VEC_INLINE void align_face_move(struct align_face_block *b, size_t i,
     for (size_t c = 0; c < 3; c++)
         q[c] = vf_load(f->point + c * f->room + from);
     for (size_t k = 0; k < f->codes; k++)
-        for (size_t c = 0; c < 3; c++)
+        for (size_t c = 0; c < 3 && x[k] != 0; c++)
             q[c] += x[k] * vf_load(f->direction + (3 * k + c) * f->room + from);
     for (size_t c = 0; c < 3; c++)
         vf_store(b->at[c] + i, q[c]);
