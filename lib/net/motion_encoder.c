@@ -120,26 +120,38 @@ PARALLEL(motion_encoder_crop, n, struct motion_encoder *, m, const float *, rgb)
                       n ? &m->second : &m->net);
 }
 
+/* Row n of m->out from crop n's features. */
+static void motion_encoder_heads(struct motion_encoder *m, size_t n)
+{
+    const struct nn_kernels *k = nn_kernels();
+    const size_t F = m->net.features;
+    float *row = m->out + n * MOTION_OUT;
+
+    for (int i = 0; i < 6; i++)
+        k->gemv(row + heads[i].at, param_w(m->ps, m->head_w[i]),
+                m->pooled + n * F, param_w(m->ps, m->head_b[i]), heads[i].n, F);
+    k->act_forward(row + MOTION_LID, row + MOTION_LID, ACT_SIGMOID, 2);
+}
+
 void motion_encoder_forward(float *out, const float *rgb,
                             struct motion_encoder *m)
 {
-    const struct nn_kernels *k = nn_kernels();
-    size_t F = m->net.features;
-
     if (m->apart)
         parallel_each(motion_encoder_crop, 2, 1, m, rgb);
     else
         mobilenet_forward(m->pooled, rgb, &m->net);
-    for (size_t n = 0; n < m->batch; n++) {
-        float *row = m->out + n * MOTION_OUT;
-
-        for (int i = 0; i < 6; i++)
-            k->gemv(row + heads[i].at, param_w(m->ps, m->head_w[i]),
-                    m->pooled + n * F, param_w(m->ps, m->head_b[i]),
-                    heads[i].n, F);
-        k->act_forward(row + MOTION_LID, row + MOTION_LID, ACT_SIGMOID, 2);
-    }
+    for (size_t n = 0; n < m->batch; n++)
+        motion_encoder_heads(m, n);
     memcpy(out, m->out, m->batch * MOTION_OUT * sizeof *out);
+}
+
+void motion_encoder_forward_one(float *out, const float *rgb, size_t n,
+                                struct motion_encoder *m)
+{
+    mobilenet_forward(m->pooled + n * m->net.features, rgb,
+                      n ? &m->second : &m->net);
+    motion_encoder_heads(m, n);
+    memcpy(out, m->out + n * MOTION_OUT, MOTION_OUT * sizeof *out);
 }
 
 /* In the forward pass, for each head: out = W pooled + b. */

@@ -68,6 +68,10 @@ void motion_encoder_release(struct motion_encoder *m);
 /* out (B,120), see enum motion_out; rgb (B,224,224,3) in [0,1]. */
 void motion_encoder_forward(float *out, const float *rgb,
                             struct motion_encoder *m);
+/* The same of crop n of two alone: out (120), rgb (224,224,3).  Only where the
+ * plan is for two crops and NN_INFER. */
+void motion_encoder_forward_one(float *out, const float *rgb, size_t n,
+                                struct motion_encoder *m);
 /* How sure the last forward was of crop n's face, 0 to 1; 1 without a sure
  * head. */
 float motion_encoder_confidence(const struct motion_encoder *m, size_t n);

@@ -129,10 +129,11 @@ static struct square track_next_crop(struct track *t, const struct motion *m)
     return crop_from_landmarks(uv, HEAD_LANDMARKS);
 }
 
-/* The paper's line: motion of the picture in one crop. */
+/* The paper's line: motion of the picture in one crop; follows: it is that of
+ * the last crop's face a frame later. */
 static int track_encode(struct track *t, struct track_result *r,
                         const uint8_t *rgb, size_t W, size_t H,
-                        struct square crop, struct error *err)
+                        struct square crop, bool follows, struct error *err)
 {
     float out[MOTION_OUT];
     double t0 = cpu_seconds(), t1, t2;
@@ -140,7 +141,7 @@ static int track_encode(struct track *t, struct track_result *r,
     if (track_cut(t->input, t, rgb, W, H, crop, err) != 0)
         return -1;
     t1 = cpu_seconds();
-    motion_tta_forward(out, &t->tta, t->input);
+    (follows ? motion_tta_follow : motion_tta_forward)(out, &t->tta, t->input);
     r->confidence = motion_tta_confidence(&t->tta, 0);
     t2 = cpu_seconds();
     track_decode(&r->motion, out, crop, t->opt.size);
@@ -251,7 +252,7 @@ static int track_refine_crop(struct track *t, struct track_result *r,
 
     for (int i = 0; i < FIRST_PASSES; i++) {
         struct square next;
-        if (track_encode(t, r, rgb, W, H, crop, err) != 0)
+        if (track_encode(t, r, rgb, W, H, crop, false, err) != 0)
             return -1;
         next = track_next_crop(t, &r->motion);
         if (track_implausible(t, &r->motion, next, guess, W, H))
@@ -470,7 +471,7 @@ int track_start(struct track *t, struct track_result *r, const uint8_t *rgb,
     }
     t->window = track_window(t, t->opt.crop);
     crop = square_into(t->opt.crop, t->window, t->opt.size);
-    if (track_encode(t, r, rgb, W, H, crop, err) != 0)
+    if (track_encode(t, r, rgb, W, H, crop, false, err) != 0)
         return -1;
     t->crop = crop;
     t->last = r->motion;
@@ -579,7 +580,7 @@ int track_step(struct track *t, struct track_result *r, const uint8_t *rgb,
     memset(r, 0, sizeof *r);
     if (t->lost)
         return track_search(t, r, rgb, W, H, time, "still no face", err);
-    if (track_encode(t, r, rgb, W, H, t->crop, err) != 0)
+    if (track_encode(t, r, rgb, W, H, t->crop, true, err) != 0)
         return -1;
     if (!t->opt.has_crop && (why = track_find_fault(t, r, rgb, W, H)))
         return track_search(t, r, rgb, W, H, time, why, err);

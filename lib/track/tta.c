@@ -2,11 +2,17 @@
  * and the outputs, mirrored back where the crop was, are averaged. */
 #include "lib/track/tta.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 
 #define N SHAPE_ENCODER_SIZE
+
+/* The length of a change of E_m's expression, jaw and rotation (6D) from which
+ * on the mirror image is looked at anew: 17 degrees, or a third of one of
+ * ARKit's movements. */
+#define MOVED 0.3
 
 /* Where the crop is moved to and how much larger it is made, of its side:
  * what a tracker's crops differ by, the same to the left and to the right. */
@@ -169,6 +175,17 @@ void motion_tta_release(struct motion_tta *t)
     t->rgb = NULL;
 }
 
+/* What the mirror image adds to E_m's output for the picture, of crop 0. */
+static void motion_tta_compare(struct motion_tta *t)
+{
+    memcpy(t->own, t->raw, sizeof t->own);
+    memcpy(t->added, t->raw, sizeof t->added);
+    motion_mirror_mean(t->added, t->raw + t->batch * MOTION_OUT, &t->across);
+    for (int k = 0; k < MOTION_OUT; k++)
+        t->added[k] -= t->own[k];
+    t->compared = t->looked = true;
+}
+
 void motion_tta_forward(float *out, struct motion_tta *t, const float *rgb)
 {
     const size_t B = t->batch, crop = 3 * N * N;
@@ -185,13 +202,46 @@ void motion_tta_forward(float *out, struct motion_tta *t, const float *rgb)
     for (size_t i = 0; i < B; i++)
         motion_mirror_mean(out + i * MOTION_OUT, t->raw + (B + i) * MOTION_OUT,
                            &t->across);
+    motion_tta_compare(t);
+}
+
+/* Whether the face has turned or changed since its mirror image was looked at. */
+static bool motion_tta_moved(const struct motion_tta *t)
+{
+    double square = 0;
+
+    for (int k = 0; k < MOTION_LID; k++) {
+        const double d = (double)t->raw[k] - (double)t->own[k];
+
+        square += k < MOTION_TRANS || k >= MOTION_EXP ? d * d : 0;
+    }
+    return !(square < MOVED * MOVED);
+}
+
+void motion_tta_follow(float *out, struct motion_tta *t, const float *rgb)
+{
+    if (!t->compared) {
+        motion_tta_forward(out, t, rgb);
+        return;
+    }
+    motion_encoder_forward_one(t->raw, rgb, 0, t->net);
+    t->looked = motion_tta_moved(t);
+    if (t->looked) {
+        tta_mirror_picture(t->rgb, rgb, N);
+        motion_encoder_forward_one(t->raw + MOTION_OUT, t->rgb, 1, t->net);
+        motion_tta_compare(t);
+    }
+    for (int k = 0; k < MOTION_OUT; k++)
+        out[k] = t->raw[k] + t->added[k];
+    for (int k = MOTION_LID; k < MOTION_LID + 2; k++)
+        out[k] = fminf(fmaxf(out[k], 0), 1);
 }
 
 float motion_tta_confidence(const struct motion_tta *t, size_t n)
 {
     float confidence = motion_encoder_confidence(t->net, n);
 
-    return t->mirror ? 0.5f * (confidence + motion_encoder_confidence(t->net,
+    return t->looked ? 0.5f * (confidence + motion_encoder_confidence(t->net,
                                                           t->batch + n))
                      : confidence;
 }

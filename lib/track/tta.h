@@ -63,6 +63,10 @@ struct motion_tta {
     struct motion_mirror across;
     bool mirror;                        /* `across` is set, and wanted */
     float *rgb, *raw;                   /* (2B,224,224,3); (2B,120) */
+    bool compared, looked;              /* own and added are set; by the last
+                                         * picture */
+    float own[MOTION_OUT];              /* E_m's output for a picture, */
+    float added[MOTION_OUT];            /* what its mirror image changed */
 };
 
 /* wanted false: the crops alone.  quick: a net of type NN_FAST multiplies in
@@ -77,7 +81,13 @@ int motion_tta_init(struct motion_tta *t, struct motion_encoder *net,
 void motion_tta_release(struct motion_tta *t);
 /* out (B,120) of crops rgb (B,224,224,3). */
 void motion_tta_forward(float *out, struct motion_tta *t, const float *rgb);
-/* How sure E_m was of crop n of them, its mirror image counted in. */
+/* The same of a crop (B = 1) of the picture that follows the last one.  The
+ * mirror image corrects what E_m makes of a face, of its light and its features,
+ * and these stay: where the face has hardly moved since it was looked at,
+ * the correction is that of then. */
+void motion_tta_follow(float *out, struct motion_tta *t, const float *rgb);
+/* How sure E_m was of crop n of them, its mirror image counted in where
+ * that was looked at. */
 float motion_tta_confidence(const struct motion_tta *t, size_t n);
 
 #endif
