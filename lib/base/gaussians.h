@@ -4,6 +4,7 @@
 #define SPID_BASE_GAUSSIANS_H
 
 #include <math.h>
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -34,12 +35,18 @@ struct gaussians {
                                    * right and down; NULL: nowhere */
 };
 
-/* How much of what the photograph shows of a Gaussian a frame shows, 0..1.
+/* How many times the surface that the photograph shows of a Gaussian a frame
+ * shows, to first order in depth's slope.
  *   tilt (2)    how depth rises at it to the photograph's right and down
  *   toward (2)  how far right and down the frame's camera is of the source's,
- *               sines (splat_place_view)
- * To first order in depth's slope the frame shows `more` times the surface that
- * the photograph does.  If that is far more, the photograph would be drawn out:
+ *               sines (splat_place_view) */
+static inline float gaussian_more(const float tilt[2], const float toward[2])
+{
+    return 1 + tilt[0] * toward[0] + tilt[1] * toward[1];
+}
+
+/* How much of what the photograph shows of a Gaussian a frame shows, 0..1, by
+ * gaussian_more.  If that is far more, the photograph would be drawn out:
  * confidence is whole up to the first two figures' ratio and falls to 0 at the
  * second's.  If far less, the surface has turned its side, and its outline is
  * not the photograph's: the same down to the last two.  Chosen on validation
@@ -49,15 +56,35 @@ struct gaussians {
 #define GAUSSIAN_TORN 0.4f
 #define GAUSSIAN_ROTATED 0.3f
 #define GAUSSIAN_GONE 0.05f
-static inline float gaussian_visible(const float tilt[2], const float toward[2])
+static inline float gaussian_visible(float more)
 {
-    const float more = 1 + tilt[0] * toward[0] + tilt[1] * toward[1];
     const float drawn = (1 / fmaxf(more, 1) - GAUSSIAN_TORN) /
                         (GAUSSIAN_DRAWN - GAUSSIAN_TORN);
     const float rotated = (more - GAUSSIAN_GONE) /
                          (GAUSSIAN_ROTATED - GAUSSIAN_GONE);
 
     return fmaxf(fminf(fminf(drawn, rotated), 1), 0);
+}
+
+/* The plane's Gaussians are a sheet that the photograph was taken from, with the
+ * head going on behind it: drawn out, it would be shreds before that.  Their
+ * opacity is halved GAUSSIAN_THIN times for each time more of the surface that
+ * a frame shows, from where confidence begins to fall; it is less than 1/255
+ * where none is left. */
+#define GAUSSIAN_THIN (8 / (1 / GAUSSIAN_TORN - 1 / GAUSSIAN_DRAWN))
+
+/* GAUSSIAN_THIN of a Gaussian of the plane that the photograph shows; 0. */
+static inline float gaussians_thin(const struct gaussians *g, size_t i)
+{
+    const bool plane = g->branch && g->branch[i] == 1;
+
+    return plane && g->seen && g->seen[i] > 0 ? GAUSSIAN_THIN : 0;
+}
+
+/* By how many halves the opacity of a Gaussian falls. */
+static inline float gaussian_halved(float thin, float more)
+{
+    return thin * fmaxf(more - 1 / GAUSSIAN_DRAWN, 0);
 }
 
 /* seen of a Gaussian that has moved from source_mean (3) to mean (3): unchanged

@@ -44,6 +44,7 @@ PARALLEL(pack_one, i, struct splat *, s, const struct gaussians *, g)
     st->cloud.top[i] = drawn ? log2f(o) : -1e30f;
     if (st->place) {
         st->cloud.seen[i] = gaussians_seen(g, i);
+        st->cloud.thin[i] = gaussians_thin(g, i);
         for (int k = 0; k < 2; k++) {
             const size_t at = 2 * i + (size_t)k;
 

@@ -162,14 +162,21 @@ VEC_INLINE void project_place_fine(struct lanes *l, struct splat_state *s,
     l->ok = vf_gt(vf_load(ok), vf_set(0));
 }
 
-/* The confidence in what the photograph shows of Gaussians i and on: seen times
- * gaussian_visible. */
-VEC_INLINE vf project_confidence(const struct splat_state *s, size_t i)
+/* gaussian_more of Gaussians i and on. */
+VEC_INLINE vf project_more(const struct splat_state *s, size_t i)
 {
     const float *toward = s->view.place.toward;
-    vf more = vf_fma(vf_load(s->cloud.tilt[0] + i), vf_set(toward[0]),
-                     vf_fma(vf_load(s->cloud.tilt[1] + i), vf_set(toward[1]),
-                            vf_set(1)));
+
+    return vf_fma(vf_load(s->cloud.tilt[0] + i), vf_set(toward[0]),
+                  vf_fma(vf_load(s->cloud.tilt[1] + i), vf_set(toward[1]),
+                         vf_set(1)));
+}
+
+/* The confidence in what the photograph shows of them: seen times
+ * gaussian_visible. */
+VEC_INLINE vf project_confidence(const struct splat_state *s, size_t i,
+                                 vf more)
+{
     vf drawn = (vf_set(1) / vf_max(more, vf_set(1)) - GAUSSIAN_TORN) /
                (GAUSSIAN_DRAWN - GAUSSIAN_TORN);
     vf rotated = (more - GAUSSIAN_GONE) / (GAUSSIAN_ROTATED - GAUSSIAN_GONE);
@@ -181,12 +188,12 @@ VEC_INLINE vf project_confidence(const struct splat_state *s, size_t i)
 /* Place channels of Gaussians i and on: what their places in the source
  * picture differ by from where the view takes their centres. */
 VEC_INLINE void project_channels(struct splat_state *s, size_t i,
-                                 const struct lanes *l)
+                                 const struct lanes *l, vf surface)
 {
     const struct view *v = &s->view;
     vf x = l->x * vf_set(2 / (float)v->width) - vf_set(1);
     vf y = l->y * vf_set(2 / (float)v->height) - vf_set(1);
-    vf confidence = project_confidence(s, i), row[4];
+    vf confidence = project_confidence(s, i, surface), row[4];
     const float *n = v->place.neck;
     vf share = vf_clamp(vf_fma(vf_set(n[0]), x,
                                vf_fma(vf_set(n[1]), y, vf_set(n[2]))),
@@ -243,7 +250,13 @@ void ISA(splat_project)(struct splat_state *s, size_t first, size_t last)
             project_place(&l, s, i);
         /* beyond float's range a Gaussian is flat over any picture */
         vm sane = vf_gt(big, l.det);
-        vf top = vf_load(s->cloud.top + i), room = top - vf_set(v->cut);
+        vf top = vf_load(s->cloud.top + i), surface = vf_set(1);
+        if (s->place) {
+            surface = project_more(s, i);
+            top -= vf_load(s->cloud.thin + i) *         /* gaussian_halved */
+                   vf_max(surface - vf_set(1 / GAUSSIAN_DRAWN), zero);
+        }
+        vf room = top - vf_set(v->cut);
         vf reach = vf_max(room, zero) * vf_set(2 / LOG2E * 1.0002f);
         vf rx = vf_sqrt(reach * vf_min(l.xx, big)) + vf_set(2e-3f);
         vf ry = vf_sqrt(reach * vf_min(l.yy, big)) + vf_set(2e-3f);
@@ -265,7 +278,7 @@ void ISA(splat_project)(struct splat_state *s, size_t first, size_t last)
 
         vi_store(&s->key[i], (vi)vf_sel(ok, l.z, (vf)vi_set(-1)));
         if (s->place)
-            project_channels(s, i, &l);
+            project_channels(s, i, &l, surface);
         vi_put_pairs(&s->rect[i], tx0 | tx1 << 16, ty0 | ty1 << 16);
         if (v->dgr)
             project_dgr_rects(s, i, &l);

@@ -79,6 +79,7 @@ size_t state_cloud_layout(struct splat *s, char *base, size_t n)
     }
     if (s->opt.place) {
         st->cloud.seen = state_reserve(base, &used, row);
+        st->cloud.thin = state_reserve(base, &used, row);
         st->place = state_reserve(base, &used, n * sizeof *st->place);
     }
     st->key = state_reserve(base, &used, n * sizeof *st->key);

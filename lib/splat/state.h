@@ -53,6 +53,7 @@ struct cloud {
     float *uv[2], *seen;       /* with places: -1..1 across the source
                                 * picture, and how much; else NULL */
     float *tilt[2];            /* likewise */
+    float *thin;               /* likewise: gaussians_thin */
 };
 
 /* A Gaussian that the photograph shows only near source_mean (gaussian_seen). */

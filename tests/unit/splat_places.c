@@ -12,7 +12,8 @@ static const struct splat_place_view view = {
     .neck = {0.4f, 1.5f, 0.6f}, .toward = {0.3f, -0.2f}
 };
 
-/* A small scene whose Gaussians have places; a third was not seen. */
+/* A small scene whose Gaussians have places; a third was not seen, and every
+ * fourth is the plane's. */
 static void places_scene(struct testscene *t, size_t n, uint64_t seed)
 {
     float *uv = scene_grab(2 * n, sizeof *uv),
@@ -28,6 +29,8 @@ static void places_scene(struct testscene *t, size_t n, uint64_t seed)
         seen[i] = i % 3 == 0 ? 0 : i % 3 == 1 ? 1 : (float)random_uniform(&r);
     for (size_t i = 0; i < 2 * n; i++)      /* from whole to not at all */
         tilt[i] = (float)random_range(&r, -6, 6);
+    for (size_t i = 0; i < n; i++)
+        ((uint8_t *)t->g.branch)[i] = i % 4 == 1;
     t->g.uv = uv;
     t->g.seen = seen;
     t->g.tilt = tilt;
@@ -39,6 +42,14 @@ static void places_release(struct testscene *t)
     free((void *)t->g.seen);
     free((void *)t->g.tilt);
     testscene_release(t);
+}
+
+/* What is left of Gaussian i's opacity. */
+static double places_left(const struct gaussians *g, size_t i)
+{
+    return exp2(-(double)gaussian_halved(
+                    gaussians_thin(g, i),
+                    gaussian_more(g->tilt + 2 * i, view.toward)));
 }
 
 /* t's reference, whose pictures end in three channels of places; size pixels a
@@ -57,9 +68,11 @@ static int places_reference(struct reference *r, const struct testscene *t,
     r->uv = scene_grab(2 * r->n, sizeof *r->uv);
     r->confidence = scene_grab(r->n, sizeof *r->confidence);
     for (size_t i = 0; i < r->n; i++) {
+        const float more = gaussian_more(g->tilt + 2 * i, view.toward);
+
         memcpy(color + i * (C + 3), r->color + i * C, C * sizeof *color);
-        r->confidence[i] = gaussians_seen(g, i) *
-                     gaussian_visible(g->tilt + 2 * i, view.toward);
+        r->opacity[i] *= places_left(g, i);
+        r->confidence[i] = gaussians_seen(g, i) * gaussian_visible(more);
         for (size_t k = 0; k < 2; k++)
             r->uv[2 * i + k] = 2 * (double)g->uv[2 * i + k] - 1;
     }
@@ -129,16 +142,24 @@ static void places_forward(int channels, bool depth)
     char what[64];
 
     places_scene(&t, N, 41);
+    const uint8_t *branch = t.g.branch;
+
     o.depth = depth;
     o.threads = 1;
     o.exp_degree = 5;
+    t.g.branch = NULL;
     draw_places(plain, NULL, &t, &o);
     o.place = true;
     draw_places(image, place, &t, &o);
-    snprintf(what, sizeof what, "C %d: places against double", channels);
-    check(what, places_error(place, &t), 5e-5);
     check_that("colours have the bits that they have without places",
                !memcmp(plain, image, P * C * sizeof *image));
+    t.g.branch = branch;
+    draw_places(image, place, &t, &o);
+    check_that("but where the plane thins out",
+               memcmp(plain, image, P * C * sizeof *image) != 0);
+    memcpy(plain, image, P * C * sizeof *image);
+    snprintf(what, sizeof what, "C %d: places against double", channels);
+    check(what, places_error(place, &t), 5e-5);
     o.threads = 7;
     draw_places(image, other, &t, &o);
     check_that("the same bits for 7 threads",
@@ -195,10 +216,14 @@ static void places_shown(void)
 
             tilt[axis] = (float)at[k].tilt;
             way[axis] = (float)at[k].way;
-            worst = fmax(worst, fabs(gaussian_visible(tilt, way) -
+            worst = fmax(worst, fabs(gaussian_visible(gaussian_more(tilt, way)) -
                                      at[k].shown));
         }
     check("shown by slope and way", worst, 1e-6);
+    check("the plane's opacity is whole till there",
+          gaussian_halved(GAUSSIAN_THIN, 1 / GAUSSIAN_DRAWN), 0);
+    check("and falls by eight halves where nothing is",
+          fabs(8 - gaussian_halved(GAUSSIAN_THIN, 1 / GAUSSIAN_TORN)), 1e-5);
 }
 
 /* Gaussians move, some beyond their reach, and the view changes, while the
@@ -313,6 +338,8 @@ static double *reference_gradients_of(const struct testscene *t, size_t C,
     if (places_reference(&truth, t, (int)C, SIZE, &err) ||
         reference_backward(&to, &truth, g, ga, &err))
         exit(1);
+    for (size_t i = 0; i < n; i++)      /* of the opacity that is given */
+        all[OPACITY * n + i] *= places_left(&t->g, i);
     for (size_t i = 0; i < n; i++)
         for (size_t c = 0; c < K; c++)
             all[c < C ? COLOR * n + i * C + c : PLACE * n + i * 3 + c - C] =

@@ -31,11 +31,14 @@ out vec2 spread;
 flat out vec4 paint;
 flat out vec3 place;
 
-/* gaussian_shown of lib/base/gaussians.h. */
-float shown(vec2 tilt) {
-  float more = 1.0 + dot(tilt, toward);
+/* gaussian_more, gaussian_visible and gaussian_halved of lib/base/gaussians.h. */
+float more(vec2 tilt) { return 1.0 + dot(tilt, toward); }
+float visible(float more) {
   return clamp(min((1.0 / max(more, 1.0) - 0.4) / (0.75 - 0.4),
                    (more - 0.05) / (0.3 - 0.05)), 0.0, 1.0);
+}
+float halved(float more) {
+  return 8.0 / (1.0 / 0.4 - 1.0 / 0.75) * max(more - 1.0 / 0.75, 0.0);
 }
 
 void main() {
@@ -50,7 +53,10 @@ void main() {
   vec4 t2 = texelFetch(table, at + ivec2(2, 0), 0);
   vec3 p = vec3(dot(cam[0].xyz, m) + cam[0].w, dot(cam[1].xyz, m) + cam[1].w,
                 dot(cam[2].xyz, m) + cam[2].w);
-  float opacity = t1.z;
+  vec4 t3 = texelFetch(table, at + ivec2(3, 0), 0);
+  float opacity = t1.z, surface = more(t3.zw);
+  if (int(t2.w) == 1 && t1.w > 0.0)
+    opacity *= exp2(-halved(surface));
   gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
   if (p.z <= 0.01 || opacity < 1.0 / 255.0 || branches[int(t2.w)] == 0)
     return;
@@ -76,9 +82,8 @@ void main() {
   gl_Position.y = -gl_Position.y;
   paint = vec4(t2.xyz, opacity);
 #ifdef PLACES
-  vec4 t3 = texelFetch(table, at + ivec2(3, 0), 0);
   vec2 n = 12.0 * p.xy / p.z;
-  float sure = t1.w * mean.w * shown(t3.zw);
+  float sure = t1.w * mean.w * visible(surface);
   place = vec3(sure * (2.0 * t3.xy - 1.0 - viewed(n)), sure);
 #endif
 }`;
