@@ -249,13 +249,7 @@ void avatar_bake(struct avatar *a, const struct avatar_source *src)
                mouth.n * sizeof *a->reach);
     place_of_source(a->uv, a->all.seen, a->all.mean, a->all.scale, src->cam,
                     a->all.n);
-    for (int k = 0; k < BRANCH_COUNT; k++) {
-        const size_t at = a->first[k], n = a->first[k + 1] - at;
-
-        tilt_sample(a->tilt + 2 * at, k == BRANCH_STATIC ? a->tilted.plane_slope
-                                                     : a->tilted.slope,
-                    a->tilted.n, a->uv + 2 * at, a->all.neck + at, n);
-    }
+    tilt_sample(a->tilt, &a->tilted, a->uv, a->all.neck, a->all.n);
     avatar_views(a);
     if (!a->train)
         return;

@@ -20,9 +20,6 @@
 #include "lib/base/neck_blend.h"
 #include "lib/base/resample.h"
 
-#define ALIGNED 0.025f  /* outlines of mesh and person are no farther apart, half
-                         * sides of the picture: 6 pixels of 512 */
-#define OUTSIDE 6.0f    /* opacity logits fall by this where the matte is 0 */
 /* Standard deviation over the spacing: where the decoder starts, of hidden
  * Gaussians, which must leave no holes, and the least of any. */
 #define OVERLAP 0.6f
@@ -259,25 +256,6 @@ static void dynamic_branch_uncover_teeth(const struct source_mesh *mesh,
     }
 }
 
-/* The greatest matte at a place and about it, as far as mesh and picture are
- * aligned. */
-static float dynamic_branch_near(const struct source_picture *picture,
-                                 const float place[2])
-{
-    const float far = ALIGNED, mid = 0.7071f * ALIGNED;
-    const float step[9][2] = {{0, 0}, {far, 0}, {-far, 0}, {0, far}, {0, -far},
-                              {mid, mid}, {-mid, mid}, {mid, -mid},
-                              {-mid, -mid}};
-    float at[18], rgba[36], max = 0;
-
-    for (int i = 0; i < 18; i++)
-        at[i] = place[i % 2] + step[i / 2][i % 2];
-    source_picture_sample(rgba, picture, at, 9);
-    for (int i = 0; i < 9; i++)
-        max = fmaxf(max, rgba[4 * i + 3]);
-    return max;
-}
-
 PARALLEL(dynamic_branch_start_part, k, struct dynamic_branch *, b, float *, eye,
          float *, rgb, const struct source_picture *, picture,
          const struct source_mesh *, mesh)
@@ -285,7 +263,6 @@ PARALLEL(dynamic_branch_start_part, k, struct dynamic_branch *, b, float *, eye,
     const float *pixel = b->pixel + 4 * k;
     float *extra = b->in + (k + 1) * b->inputs - DYNAMIC_BRANCH_EXTRA;
     float nv = dynamic_branch_facing(b, k, eye), matte = pixel[3];
-    float near = dynamic_branch_near(picture, b->place + 2 * k);
 
     b->facing[k] = extra[0] = nv;
     extra[1] = b->seen[k];
@@ -295,11 +272,9 @@ PARALLEL(dynamic_branch_start_part, k, struct dynamic_branch *, b, float *, eye,
                   (1 - mesh->weights->lining[k]) * (1 - b->seam[k]) *
                   (1 - b->fold[k]);
     memcpy(rgb + 3 * k, pixel, 3 * sizeof *rgb);
-    /* what lies far beside the person in the picture is not the person */
     b->start.visible[k] = (1 - mesh->weights->lining[k]) *
-                          branch_ramp(near, 0, 0.4f) *
                           (1 - dynamic_branch_protrusion(picture, mesh, b, k));
-    b->start.opacity_shift[k] = -OUTSIDE * b->seen[k] * (1 - near);
+    b->start.opacity_shift[k] = 0;
     b->start.scale_shift[k] =
         attribute_logit(OVERLAP * b->spacing[k] / BRANCH_SCALE_MAX);
 }

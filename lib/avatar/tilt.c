@@ -20,7 +20,7 @@ int tilt_init(struct tilt *t, size_t n, struct error *err)
     const struct slice slices[] = {
         {&t->depth, n * n, false}, {&t->person, n * n, false},
         {&t->smooth, n * n, false}, {&t->tmp, n * n, false},
-        {&t->slope, 2 * n * n, false}, {&t->plane_slope, 2 * n * n, false}
+        {&t->slope, 2 * n * n, false}
     };
 
     t->n = n;
@@ -53,18 +53,6 @@ static void tilt_maps(struct tilt *t, const struct source_picture *picture,
     }
 }
 
-/* slope (n,n,2) of z (n,n). */
-static void tilt_slopes(float *slope, const float *z, size_t n, float step)
-{
-    for (size_t k = 0; k < n * n; k++) {
-        const size_t x = k % n, y = k / n;
-
-        slope[2 * k] = (z[x + 1 < n ? k + 1 : k] - z[x > 0 ? k - 1 : k]) / step;
-        slope[2 * k + 1] =
-            (z[y + 1 < n ? k + n : k] - z[y > 0 ? k - n : k]) / step;
-    }
-}
-
 void tilt_find(struct tilt *t, const struct source_picture *picture,
                const struct source_mesh *mesh)
 {
@@ -75,28 +63,27 @@ void tilt_find(struct tilt *t, const struct source_picture *picture,
     coverage_blur(t->smooth, t->depth, n, SMOOTH, t->tmp);
     coverage_blur(t->depth, t->person, n, SMOOTH, t->tmp);
     /* the mean depth of the person, and down its outline */
-    for (size_t k = 0; k < n * n; k++) {
-        const float fall = -ROUND * t->depth[k];
-
-        t->smooth[k] = t->smooth[k] / fmaxf(t->depth[k], 1e-3f) + fall;
-        t->depth[k] = fall;
-    }
-    tilt_slopes(t->slope, t->smooth, n, step);
-    tilt_slopes(t->plane_slope, t->depth, n, step);
     for (size_t k = 0; k < n * n; k++)
-        if (isfinite(mesh->depth[k]))
-            memcpy(t->plane_slope + 2 * k, t->slope + 2 * k,
-                   2 * sizeof *t->slope);
+        t->smooth[k] = t->smooth[k] / fmaxf(t->depth[k], 1e-3f) -
+                       ROUND * t->depth[k];
+    for (size_t k = 0; k < n * n; k++) {
+        const size_t x = k % n, y = k / n;
+
+        t->slope[2 * k] = (t->smooth[x + 1 < n ? k + 1 : k] -
+                           t->smooth[x > 0 ? k - 1 : k]) / step;
+        t->slope[2 * k + 1] = (t->smooth[y + 1 < n ? k + n : k] -
+                               t->smooth[y > 0 ? k - n : k]) / step;
+    }
 }
 
-void tilt_sample(float *tilt, const float *slope, size_t n, const float *uv,
+void tilt_sample(float *tilt, const struct tilt *t, const float *uv,
                  const float *neck, size_t N)
 {
     for (size_t i = 0; i < N; i++) {
         const float at[2] = {2 * uv[2 * i] - 1, 2 * uv[2 * i + 1] - 1};
         float *to = tilt + 2 * i;
 
-        grid_sample(to, slope, at, 1, n, n, 2, 1, false,
+        grid_sample(to, t->slope, at, 1, t->n, t->n, 2, 1, false,
                     RESAMPLE_BORDER);
         const float steep = sqrtf(to[0] * to[0] + to[1] * to[1]);
         const float by = (1 - neck[i]) * fminf(1, STEEPEST / fmaxf(steep, 1));

@@ -16,10 +16,7 @@
 struct tilt {
     size_t n;               /* cells along one side of the maps */
     float *depth, *person, *smooth, *tmp;   /* (n,n) */
-    float *slope;           /* (n,n,2) of what is seen first */
-    float *plane_slope;     /* (n,n,2) of the plane's layer: the same where it
-                             * lies on the mesh; beside it, where hair and cloth
-                             * go on behind, only down the person's outline */
+    float *slope;           /* (n,n,2) */
     float *block;           /* what the arrays are part of */
 };
 
@@ -28,15 +25,14 @@ int tilt_init(struct tilt *t, size_t n, struct error *err);
 /* Free what it holds; zeroed then. */
 void tilt_release(struct tilt *t);
 
-/* t->slope of the mesh's depth and, where there is none, the plane's, and
- * t->plane_slope.  Right and down, head units a head unit. */
+/* t->slope of the mesh's depth and, where there is none, the plane's.  Right
+ * and down, head units a head unit. */
 void tilt_find(struct tilt *t, const struct source_picture *picture,
                const struct source_mesh *mesh);
 
-/* tilt (N,2) by slope (n,n,2) of Gaussians at places uv (N,2) in the picture.
- * neck (N): how far each goes with the shoulders, which the camera sees as it
- * did. */
-void tilt_sample(float *tilt, const float *slope, size_t n, const float *uv,
+/* tilt (N,2) of Gaussians at places uv (N,2) in the picture.  neck (N): how far
+ * each goes with the shoulders, which the camera sees as it did. */
+void tilt_sample(float *tilt, const struct tilt *t, const float *uv,
                  const float *neck, size_t N);
 
 #endif
