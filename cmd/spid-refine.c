@@ -155,7 +155,7 @@ static int refine_write_picture(struct program *p, const struct record *rec,
                          || precision == NN_INT8))
         refine_report_precision(p, &in);
     p->compared = true;
-    if (refine_picture_finish(made, &p->refine, &in, err))
+    if (refine_picture_finish(made, &in, err))
         return -1;
     begun = stats_begin();
     if (framesink_write(p->out, &(struct framesink_frame){

@@ -41,6 +41,7 @@ static int animate_worker_open(struct animate_worker *w,
     struct pipeline_options opt = w->owner->opt.pipeline;
 
     opt.threads = w->owner->opt.workers > 1 ? 1 : 0;
+    opt.refine = &w->owner->refine;
     return pipeline_init(&w->pipeline, &opt, avatar, err) ||
            animate_worker_open_frame(w, err) ? -1 : 0;
 }
@@ -61,7 +62,8 @@ int animate_init(struct animate *a, const struct animate_options *opt,
     pthread_cond_init(&a->turn, NULL);
     /* planned as they run: several each share no work */
     const bool before = parallel_alone(a->opt.workers > 1);
-    int rc = 0;
+    int rc = a->opt.pipeline.star
+                 ? 0 : pipeline_open_refiner(&a->refine, &a->opt.pipeline, err);
     for (int i = 0; i < a->opt.workers && rc == 0; i++) {
         a->worker[i].owner = a;
         rc = animate_worker_open(&a->worker[i], avatar, err);
@@ -89,6 +91,7 @@ void animate_release(struct animate *a)
         pthread_cond_destroy(&a->turn);
     }
     free(a->worker);
+    refine_release(&a->refine);
     memset(a, 0, sizeof *a);
 }
 
@@ -101,6 +104,27 @@ static void animate_fail(struct animate *a, const struct error *err)
     if (!a->failed)
         a->err = *err;
     a->failed = true;
+    pthread_cond_broadcast(&a->turn);
+    pthread_mutex_unlock(&a->out);
+}
+
+/* Wait until *next, a count of frames, has come to this one; false when one
+ * failed. */
+static bool animate_wait(struct animate *a, const uint64_t *next,
+                         uint64_t ticket)
+{
+    pthread_mutex_lock(&a->out);
+    while (*next != ticket && !a->failed)
+        pthread_cond_wait(&a->turn, &a->out);
+    pthread_mutex_unlock(&a->out);
+    return !a->failed;
+}
+
+/* The turn goes to the next frame. */
+static void animate_pass_on(struct animate *a, uint64_t *next)
+{
+    pthread_mutex_lock(&a->out);
+    ++*next;
     pthread_cond_broadcast(&a->turn);
     pthread_mutex_unlock(&a->out);
 }
@@ -128,10 +152,7 @@ static int animate_take(struct animate *a, struct driver_frame *f,
     pthread_mutex_unlock(&a->in);
     if (rc < 0) {
         /* let the frames before it out first */
-        pthread_mutex_lock(&a->out);
-        while (a->next_out < *ticket && !a->failed)
-            pthread_cond_wait(&a->turn, &a->out);
-        pthread_mutex_unlock(&a->out);
+        animate_wait(a, &a->next_out, *ticket);
         animate_fail(a, &err);
     }
     return rc == 1;
@@ -224,6 +245,21 @@ static int animate_deliver(struct animate_worker *w, struct driver_frame *f,
     return rc;
 }
 
+/* A frame, refined when those before it are; -1 also when one of them failed. */
+static int animate_draw(struct animate_worker *w, struct pipeline_times *t,
+                        const struct motion *m, uint64_t ticket,
+                        struct error *err)
+{
+    struct animate *a = w->owner;
+
+    if (pipeline_splat(&w->pipeline, t, m, err) ||
+        !animate_wait(a, &a->next_refined, ticket) ||
+        pipeline_refine(&w->pipeline, t, err))
+        return -1;
+    animate_pass_on(a, &a->next_refined);
+    return pipeline_finish(&w->pipeline, t, err);
+}
+
 /* A thread: frames until there are no more. */
 static void *animate_worker_run(void *arg)
 {
@@ -244,7 +280,7 @@ static void *animate_worker_run(void *arg)
         struct error err = {0};
 
         f.r.motion.pose.exp = f.r.motion.exp;
-        if (pipeline_draw(&w->pipeline, &t.draw, &f.r.motion, &err)) {
+        if (animate_draw(w, &t.draw, &f.r.motion, ticket, &err)) {
             animate_fail(a, &err);
             break;
         }
@@ -266,7 +302,7 @@ int animate_run(struct animate *a, struct driver *d, struct live *live,
     a->sink = sink;
     a->done = done;
     a->ctx = ctx;
-    a->next_in = a->next_out = 0;
+    a->next_in = a->next_refined = a->next_out = 0;
     a->ended = false;
     a->failed = false;
     if (a->opt.workers == 1)

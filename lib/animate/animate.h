@@ -62,6 +62,7 @@ struct animate_worker {
 struct animate {
     struct animate_options opt;
     struct animate_worker *worker;
+    struct refine refine;       /* all workers', unless star */
 
     /* a run */
     struct driver *driver;
@@ -71,7 +72,7 @@ struct animate {
     void *ctx;
     pthread_mutex_t in, out;
     pthread_cond_t turn;
-    uint64_t next_in, next_out;
+    uint64_t next_in, next_refined, next_out;
     bool ended;
     _Atomic bool failed;
     struct error err;

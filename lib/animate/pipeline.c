@@ -28,6 +28,12 @@ static int pipeline_open_renderer(struct pipeline *p, struct error *err)
            splat_load(&p->splat, &g, err) ? -1 : 0;
 }
 
+int pipeline_open_refiner(struct refine *r, const struct pipeline_options *opt,
+                          struct error *err)
+{
+    return refine_open(r, opt->model, opt->precision, opt->roi, err);
+}
+
 int pipeline_init(struct pipeline *p, const struct pipeline_options *opt,
                   const struct pipeline_avatar *avatar, struct error *err)
 {
@@ -44,14 +50,14 @@ int pipeline_init(struct pipeline *p, const struct pipeline_options *opt,
         baked_move_init(&p->move, avatar->baked, err) ||
         pipeline_open_renderer(p, err))
         return -1;
-    return opt->star ? 0 : refine_open(&p->refine, opt->model, opt->precision,
-                                       opt->roi, err);
+    return opt->star || opt->refine ? 0 : pipeline_open_refiner(&p->own, opt,
+                                                                err);
 }
 
 void pipeline_release(struct pipeline *p)
 {
     splat_release(&p->splat);
-    refine_release(&p->refine);
+    refine_release(&p->own);
     refine_picture_release(&p->refined);
     canvas_release(&p->canvas);
     baked_move_release(&p->move);
@@ -59,19 +65,42 @@ void pipeline_release(struct pipeline *p)
     memset(p, 0, sizeof *p);
 }
 
-/* Eq. SR on what was drawn. */
-static int pipeline_refine(struct pipeline *p, struct error *err)
+/* What was drawn, as the refiner takes it. */
+static struct refine_input pipeline_features(const struct pipeline *p)
 {
     const struct canvas *c = &p->canvas;
-    const struct refine_input in = {
+
+    return (struct refine_input){
         .height = c->size, .width = c->size, .channels = c->channels,
         .f32 = c->image, .f16 = c->half, .alpha = c->alpha,
         .turn = p->move.relative_pose, .photo = c->photo, .place = c->place,
         .view = c->view
     };
+}
 
-    return refine_picture_refine(&p->refined, &p->refine, &in, err) ||
-           refine_picture_finish(&p->refined, &p->refine, &in, err) ? -1 : 0;
+int pipeline_refine(struct pipeline *p, struct pipeline_times *t,
+                    struct error *err)
+{
+    const struct refine_input in = pipeline_features(p);
+    const double begun = cpu_seconds();
+    int rc = p->opt.star ? 0 : refine_picture_refine(
+        &p->refined, p->opt.refine ? p->opt.refine : &p->own, &in, err);
+
+    if (t)
+        t->refine = cpu_seconds() - begun;
+    return rc;
+}
+
+int pipeline_finish(struct pipeline *p, struct pipeline_times *t,
+                    struct error *err)
+{
+    const struct refine_input in = pipeline_features(p);
+    const double begun = cpu_seconds();
+    int rc = p->opt.star ? 0 : refine_picture_finish(&p->refined, &in, err);
+
+    if (t)
+        t->refine += cpu_seconds() - begun;
+    return rc;
 }
 
 struct pipeline_picture pipeline_picture(const struct pipeline *p)
@@ -84,8 +113,8 @@ struct pipeline_picture pipeline_picture(const struct pipeline *p)
          : (struct pipeline_picture){r->width, r->color, r->coverage};
 }
 
-int pipeline_draw(struct pipeline *p, struct pipeline_times *t,
-                  const struct motion *m, struct error *err)
+int pipeline_splat(struct pipeline *p, struct pipeline_times *t,
+                   const struct motion *m, struct error *err)
 {
     const struct pipeline_avatar *a = &p->avatar;
     struct canvas *c = &p->canvas;
@@ -110,12 +139,16 @@ int pipeline_draw(struct pipeline *p, struct pipeline_times *t,
     if (baked_move_scene(&p->splat, &p->move, a->baked, err) ||
         canvas_draw(c, &p->splat, &cam, a->texture, !p->opt.star, err))
         return -1;                                      /* C */
-    double t3 = cpu_seconds();
-    if (!p->opt.star && pipeline_refine(p, err))        /* SR */
-        return -1;
     if (t)
         *t = (struct pipeline_times){
-            t1 - t0, t2 - t1, t3 - t2, cpu_seconds() - t3
+            t1 - t0, t2 - t1, cpu_seconds() - t2, 0
         };
     return 0;
+}
+
+int pipeline_draw(struct pipeline *p, struct pipeline_times *t,
+                  const struct motion *m, struct error *err)
+{
+    return pipeline_splat(p, t, m, err) || pipeline_refine(p, t, err) ||
+           pipeline_finish(p, t, err) ? -1 : 0;
 }

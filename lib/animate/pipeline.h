@@ -27,6 +27,7 @@ struct pipeline_options {
                                  * enlarged to it, the photograph looked up
                                  * in it; 0: as size */
     const struct model *model;  /* open, for the refiner; NULL with star */
+    struct refine *refine;      /* one that pipelines share; NULL: its own */
     bool star;                  /* SpiD*: three channels, no refiner */
     enum splat_rules rules;     /* the renderer's */
     unsigned branches;          /* bit b: branch b is drawn; 0: all */
@@ -50,7 +51,7 @@ struct pipeline {
     struct pipeline_options opt;
     struct pipeline_avatar avatar;
     struct splat splat;
-    struct refine refine;
+    struct refine own;          /* unless opt.refine */
     float cam[12];              /* of the last frame */
     float *verts;               /* (V,3) */
     struct baked_move move;
@@ -71,9 +72,21 @@ int pipeline_init(struct pipeline *p, const struct pipeline_options *opt,
 /* Free what it holds; zeroed then. */
 void pipeline_release(struct pipeline *p);
 
+/* The refiner that these options ask for, to be shared. */
+int pipeline_open_refiner(struct refine *r, const struct pipeline_options *opt,
+                          struct error *err);
+
 /* A frame of the avatar with motion m.  t is written unless NULL. */
 int pipeline_draw(struct pipeline *p, struct pipeline_times *t,
                   const struct motion *m, struct error *err);
+/* Its steps: what is drawn (Eq. C); refined (Eq. SR), which pipelines that share a
+ * refiner do in the order of the frames, one at a time; and finished. */
+int pipeline_splat(struct pipeline *p, struct pipeline_times *t,
+                   const struct motion *m, struct error *err);
+int pipeline_refine(struct pipeline *p, struct pipeline_times *t,
+                    struct error *err);
+int pipeline_finish(struct pipeline *p, struct pipeline_times *t,
+                    struct error *err);
 
 /* The finished picture: side P in pixels, color (P,P,3) premultiplied and
  * alpha (P,P). */

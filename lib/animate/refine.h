@@ -11,6 +11,7 @@
 #include "lib/net/model.h"
 #include "lib/net/refiner.h"
 #include "lib/nn/params.h"
+#include "lib/photo/texture.h"
 #include "lib/splat/types.h"
 
 #define REFINE_STEP 32         /* sides of what is refined are multiples */
@@ -23,8 +24,6 @@ struct refine_plan {
     size_t height, width;       /* 0: none */
 };
 
-struct texture_field;
-
 struct refine {
     const struct model *model;  /* borrowed */
     enum nn_type type;
@@ -33,6 +32,11 @@ struct refine {
     size_t top, left;           /* of the part that is refined */
     float *part, *out;          /* its features and colours */
     size_t part_room, out_room;
+    float *seen;                /* coarse colours of the picture that the
+                                 * network saw last, and of this one: (2,
+                                 * height/4,width/4,3) */
+    size_t seen_room, seen_top, seen_left;
+    bool has_seen, seen_photo;
     size_t *start;              /* of packed features, the rows' places */
     size_t start_room;
     void *all;                  /* unpacked, where the network wants it */
@@ -41,8 +45,6 @@ struct refine {
                                  * NULL */
     float *photo, *photo_part;  /* unpacked; the part of it, or zeros */
     size_t photo_room, photo_part_room;
-    float *field;               /* what is said of it, the whole picture's */
-    size_t field_room;
     size_t plans;               /* how often a size was planned */
 };
 
@@ -71,7 +73,9 @@ int refine_open(struct refine *r, const struct model *m, enum nn_type type,
 /* Free what it holds; zeroed then. */
 void refine_release(struct refine *r);
 
-/* rgb [height,width,3] from the features.  The network is planned at the
+/* rgb [height,width,3] from the features of frames in turn: where one shows
+ * nearly what the network saw last, it gets what was said of that
+ * (refine.c says how nearly; never with NN_F32).  The network is planned at the
  * first frame, and again when the size changes or the head outgrows the part
  * (roi).  Outside the part the coarse colours stay.  EX_DATAERR when the
  * channels are not the refiner's, or the packed pixels not as many as alpha
@@ -79,15 +83,12 @@ void refine_release(struct refine *r);
 int refine_frame(float *rgb, struct refine *r, const struct refine_input *in,
                  struct error *err);
 
-/* What the network of the last refine_frame said of the photograph, for the
- * whole picture: nothing outside the part; f->at NULL when it was shown none or
- * says nothing.  Valid until the next frame.  EX_OSERR. */
-int refine_field(struct texture_field *f, struct refine *r,
-                 const struct refine_input *in, struct error *err);
-/* What the photograph of the last refine_frame shows over its rgb
- * (height,width,3), and its matte into alpha (height,width), if there was one;
- * then no more light in rgb than alpha lets through.  EX_OSERR. */
-int refine_photo(float *rgb, float *alpha, struct refine *r,
-                 const struct refine_input *in, struct error *err);
+/* Places of the field along n pixels of a picture. */
+size_t refine_places(size_t n);
+/* What was said of the photograph in the last refine_frame, for the whole picture:
+ * nothing outside the part; .at NULL when it was shown none or nothing is said.
+ * said: its room, a TEXTURE_FIELD for each of the places. */
+struct texture_field refine_field(float *said, const struct refine *r,
+                                  const struct refine_input *in);
 
 #endif

@@ -6,33 +6,46 @@
 #include <string.h>
 #include <sysexits.h>
 
+/* Room for a picture as large as the features. */
+static int refine_picture_make_room(struct refine_picture *p,
+                                    const struct refine_input *in,
+                                    struct error *err)
+{
+    const size_t n = in->height * in->width;
+    const size_t places = refine_places(in->height) * refine_places(in->width);
+
+    if (n == p->room && places == p->places)
+        return 0;
+    free(p->rgb);
+    p->rgb = malloc((4 * n + TEXTURE_FIELD * places) * sizeof *p->rgb);
+    p->room = p->rgb ? n : 0;
+    p->places = places;
+    if (!p->rgb)
+        return error_set(err, EX_OSERR, "no memory for %zu x %zu pixels",
+                         in->width, in->height);
+    p->alpha = p->rgb + 3 * n;
+    p->said = p->alpha + n;
+    return 0;
+}
+
 int refine_picture_refine(struct refine_picture *p, struct refine *r,
                           const struct refine_input *in, struct error *err)
 {
-    const size_t n = in->height * in->width;
-
-    if (n > p->room) {
-        free(p->rgb);
-        free(p->alpha);
-        p->room = n;
-        p->rgb = malloc(3 * n * sizeof *p->rgb);
-        p->alpha = malloc(n * sizeof *p->alpha);
-        if (!p->rgb || !p->alpha)
-            return error_set(err, EX_OSERR, "no memory for %zu x %zu pixels",
-                             in->width, in->height);
-    }
-    return refine_frame(p->rgb, r, in, err);
+    if (refine_picture_make_room(p, in, err) ||
+        refine_frame(p->rgb, r, in, err))
+        return -1;
+    p->shown = r->shown;
+    p->field = refine_field(p->said, r, in);
+    return 0;
 }
 
 /* What is refined, enlarged, with the photograph at the larger size. */
 static int refine_picture_enlarge(struct refine_picture *p,
-                                  struct refine *r,
                                   const struct refine_input *in,
                                   struct error *err)
 {
     struct zoom *z = &p->zoom;
     const bool photo = in->place && p->texture;
-    struct texture_field field;
 
     if (in->height != in->width || in->height > p->size || !in->alpha)
         return error_set(err, EX_DATAERR, "FEAT of %zu x %zu pixels%s "
@@ -44,28 +57,29 @@ static int refine_picture_enlarge(struct refine_picture *p,
         if (zoom_init(z, in->width, p->size, true, err))
             return -1;
     }
-    if (refine_field(&field, r, in, err))
-        return -1;
     texture_clamp_to_alpha(p->rgb, 3, in->alpha, in->height * in->width);
     zoom_picture(z, p->rgb, in->alpha, photo ? in->place : NULL, &in->view,
-                 p->texture, &field);
+                 p->texture, &p->field);
     p->height = p->width = z->to;
     p->color = z->color;
     p->coverage = z->alpha;
     return 0;
 }
 
-int refine_picture_finish(struct refine_picture *p, struct refine *r,
+int refine_picture_finish(struct refine_picture *p,
                           const struct refine_input *in, struct error *err)
 {
+    const size_t n = in->height * in->width;
+
     if (p->size && p->size != in->width)
-        return refine_picture_enlarge(p, r, in, err);
-    if (in->alpha) {
-        memcpy(p->alpha, in->alpha,
-               in->height * in->width * sizeof *p->alpha);
-        if (refine_photo(p->rgb, p->alpha, r, in, err))
-            return -1;
-    }
+        return refine_picture_enlarge(p, in, err);
+    if (in->alpha)
+        memcpy(p->alpha, in->alpha, n * sizeof *p->alpha);
+    if (in->alpha && p->shown)
+        texture_compose(p->rgb, p->alpha, p->shown, &p->field, in->height,
+                        in->width);
+    else if (in->alpha)
+        texture_clamp_to_alpha(p->rgb, 3, p->alpha, n);
     p->height = in->height;
     p->width = in->width;
     p->color = p->rgb;
@@ -106,6 +120,5 @@ void refine_picture_release(struct refine_picture *p)
 {
     zoom_release(&p->zoom);
     free(p->rgb);
-    free(p->alpha);
     memset(p, 0, sizeof *p);
 }

@@ -18,20 +18,25 @@ struct refine_picture {
     struct zoom zoom;           /* to size */
     float *rgb, *alpha;         /* (height,width,3), (height,width) of the
                                  * features */
-    size_t room;                /* pixels in them */
+    float *said;                /* the field's numbers */
+    size_t room, places;        /* pixels in them; places */
+    const float *shown;         /* (height,width,5) the photograph, or NULL, */
+    struct texture_field field; /* and what is said of it */
     /* the picture, until the next one: */
     size_t height, width;
     const float *color;         /* (height,width,3) premultiplied */
     const float *coverage;      /* (height,width), or NULL: opaque */
 };
 
-/* Room for a frame, and r's refined colours into p->rgb. */
+/* Room for a frame, and r's refined colours into p->rgb.  Frames are refined in
+ * turn (refine_frame). */
 int refine_picture_refine(struct refine_picture *p, struct refine *r,
                           const struct refine_input *in, struct error *err);
 
-/* p->color and p->coverage from them.  EX_DATAERR when features that are to be
+/* p->color and p->coverage from them; other frames may be refined meanwhile,
+ * but for packed ones.  EX_DATAERR when features that are to be
  * enlarged are not square, too large already, or have no alpha. */
-int refine_picture_finish(struct refine_picture *p, struct refine *r,
+int refine_picture_finish(struct refine_picture *p,
                           const struct refine_input *in, struct error *err);
 
 /* Largest error and its dB against all of the frame refined in float, before

@@ -27,7 +27,7 @@ void narrow_end_plan(struct narrow_end *e, struct conv *rgb,
     winograd_plan(&e->joint, &both, p);
     e->weight = nn_plan_floats(p, both.out * both.in * 9);
     e->bias = nn_plan_floats(p, both.out);
-    e->map = nn_plan_map(p, rgb->batch * cells * both.out);
+    e->map = nn_plan_floats(p, rgb->batch * cells * both.out);
     e->cell = nn_plan_bytes(p, cells);
     e->tile = nn_plan_bytes(p, 2 * cells / (TILE * TILE));
     for (int i = 0; i < 2; i++)
@@ -74,15 +74,32 @@ static bool narrow_end_covered(const float *alpha, size_t stride)
 
 /* Tiles with a cell that a covered pixel's field is made of: its own and
  * those about it. */
-static void narrow_end_mark_cell(struct narrow_end *e, size_t y, size_t x)
+static void narrow_end_mark_cell(uint8_t *tile, const struct narrow_end *e,
+                                 size_t y, size_t x)
 {
     const size_t h = e->rgb->h, w = e->rgb->w, across = w / TILE;
     const size_t y0 = (y ? y - 1 : 0) / TILE, x0 = (x ? x - 1 : 0) / TILE;
     const size_t y1 = (y + 1 < h ? y + 1 : y) / TILE;
     const size_t x1 = (x + 1 < w ? x + 1 : x) / TILE;
 
-    e->tile[y0 * across + x0] = e->tile[y0 * across + x1] = 1;
-    e->tile[y1 * across + x0] = e->tile[y1 * across + x1] = 1;
+    tile[y0 * across + x0] = tile[y0 * across + x1] = 1;
+    tile[y1 * across + x0] = tile[y1 * across + x1] = 1;
+}
+
+/* e->cell, and the tiles that its cells want. */
+static void narrow_end_mark(uint8_t *tile, struct narrow_end *e,
+                            const float *alpha, size_t stride)
+{
+    const size_t h = e->rgb->h, w = e->rgb->w;
+
+    memset(tile, 0, h / TILE * (w / TILE));
+    for (size_t y = 0; y < h; y++)
+        for (size_t x = 0; x < w; x++) {
+            e->cell[y * w + x] = narrow_end_covered(
+                alpha + CELL * (y * stride + x), stride);
+            if (e->cell[y * w + x])
+                narrow_end_mark_cell(tile, e, y, x);
+        }
 }
 
 /* Each tile that is wanted wants the eight about it of the layer before. */
@@ -126,14 +143,7 @@ void narrow_end_set_coverage(struct narrow_end *e, struct conv *before,
     const size_t h = e->rgb->h, w = e->rgb->w, across = w / TILE;
     const size_t tiles = h / TILE * across;
 
-    memset(e->tile, 0, tiles);
-    for (size_t y = 0; y < h; y++)
-        for (size_t x = 0; x < w; x++) {
-            e->cell[y * w + x] = narrow_end_covered(
-                alpha + CELL * (y * stride + x), stride);
-            if (e->cell[y * w + x])
-                narrow_end_mark_cell(e, y, x);
-        }
+    narrow_end_mark(e->tile, e, alpha, stride);
     e->joint.listed = narrow_end_list(e->list[0], e->tile, tiles);
     e->joint.list = e->list[0];
     if (!g)
@@ -146,16 +156,32 @@ void narrow_end_set_coverage(struct narrow_end *e, struct conv *before,
 /* ---- running ---------------------------------------------------------------
  */
 
+typedef float narrow_end4 __attribute__((vector_size(16)));
+typedef int32_t narrow_end_mask __attribute__((vector_size(16)));
+
+/* The smaller one of each pair. */
+static narrow_end4 narrow_end_min(narrow_end4 a, narrow_end4 b)
+{
+    const narrow_end_mask m = a < b;
+
+    return (narrow_end4)((m & (narrow_end_mask)a) | (~m & (narrow_end_mask)b));
+}
+
 /* rgb (4,4,3), rows `line` floats apart, += a cell's numbers, each `max` at
  * most. */
 static void narrow_end_add(float *rgb, size_t line, const float *cell,
                            float max)
 {
-    for (size_t y = 0; y < CELL; y++, rgb += line, cell += 3 * CELL)
-        for (size_t i = 0; i < 3 * CELL; i++) {
-            const float up = cell[i] < max ? cell[i] : max;
+    const narrow_end4 top = max - (narrow_end4){0};
 
-            rgb[i] += up > -max ? up : -max;
+    for (size_t y = 0; y < CELL; y++, rgb += line, cell += 3 * CELL)
+        for (size_t i = 0; i < 3 * CELL; i += 4) {
+            narrow_end4 sum, up;
+
+            memcpy(&sum, rgb + i, sizeof sum);
+            memcpy(&up, cell + i, sizeof up);
+            sum -= narrow_end_min(-narrow_end_min(up, top), top);
+            memcpy(rgb + i, &sum, sizeof sum);
         }
 }
 
@@ -176,15 +202,36 @@ PARALLEL(narrow_end_forward_part, y, struct narrow_end *, e, float *, field,
     }
 }
 
-void narrow_end_forward(float *rgb, float *field, const float *before,
-                        struct narrow_end *e)
+/* e->map into the picture and the field. */
+static void narrow_end_put(float *rgb, float *field, struct narrow_end *e)
 {
     const size_t w = e->rgb->w, rows = e->joint.batch * e->rgb->h;
     const size_t out = e->joint.out, own = e->rgb->out, line = 3 * CELL * w;
     const size_t said = e->field ? e->field->out : 0;
 
-    winograd_forward(e->map, before, &e->joint);
-
     parallel_each(narrow_end_forward_part, rows, 1, e, field, rgb, w, out, said,
                   own, line);
+}
+
+void narrow_end_forward(float *rgb, float *field, const float *before,
+                        struct narrow_end *e)
+{
+    winograd_forward(e->map, before, &e->joint);
+    narrow_end_put(rgb, field, e);
+}
+
+bool narrow_end_repeat(float *rgb, float *field, struct narrow_end *e,
+                       const float *alpha, size_t stride)
+{
+    const size_t tiles = e->rgb->h / TILE * (e->rgb->w / TILE);
+    uint8_t *wanted = e->tile + tiles;
+
+    if (!e->some || !alpha)
+        return false;
+    narrow_end_mark(wanted, e, alpha, stride);
+    for (size_t i = 0; i < tiles; i++)
+        if (wanted[i] && !e->tile[i])
+            return false;
+    narrow_end_put(rgb, field, e);
+    return true;
 }

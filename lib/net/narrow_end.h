@@ -45,4 +45,10 @@ void narrow_end_set_coverage(struct narrow_end *e, struct conv *before,
 void narrow_end_forward(float *rgb, float *field, const float *before,
                         struct narrow_end *e);
 
+/* The same with what the last narrow_end_forward made, for another alpha; false,
+ * and nothing done, where that shows a place which was not computed, or either
+ * has none. */
+bool narrow_end_repeat(float *rgb, float *field, struct narrow_end *e,
+                       const float *alpha, size_t stride);
+
 #endif

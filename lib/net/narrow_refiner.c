@@ -204,7 +204,7 @@ static void narrow_refiner_plan_forward(struct narrow_refiner *r)
     narrow_refiner_plan_middle(r);
     narrow_refiner_plan_up(r);
     if (r->photos) {
-        r->k = nn_plan_map(p, B * h * w / 16 * NARROW_REFINER_FIELD);
+        r->k = nn_plan_floats(p, B * h * w / 16 * NARROW_REFINER_FIELD);
         conv_plan(&r->field, p, B, h / 4, w / 4);
     }
     narrow_end_plan(&r->end, &r->rgb, r->photos ? &r->field : NULL,

@@ -112,6 +112,26 @@ void refiner_forward_view(float *rgb, const struct feature_view *feat,
     narrow_refiner_forward_view(rgb, feat, &r->impl->narrow);
 }
 
+bool refiner_repeats(const struct refiner *r)
+{
+    return refiner_views(r) && r->impl->narrow.end.joint.u;
+}
+
+void refiner_pick(float *rgb, const struct feature_view *feat,
+                  struct refiner *r)
+{
+    fused_stem_pick(rgb, feat, &r->impl->narrow.stem);
+}
+
+bool refiner_repeat(float *rgb, const struct feature_view *feat,
+                    struct refiner *r)
+{
+    struct narrow_refiner *n = &r->impl->narrow;
+
+    return narrow_end_repeat(rgb, n->k, &n->end, feat->alpha,
+                             feat->stride / n->channels);
+}
+
 void refiner_backward(const struct refiner_gradients *g, const float *drgb,
                       const float *dfield, struct refiner *r)
 {

@@ -67,6 +67,17 @@ void refiner_forward_view(float *rgb, const struct feature_view *feat,
                           struct refiner *r);
 /* Whether refiner_forward_view may be called. */
 bool refiner_views(const struct refiner *r);
+/* Whether what one view was refined by can be added to the next: a NARROW
+ * refiner not planned in NN_F32. */
+bool refiner_repeats(const struct refiner *r);
+/* rgb (B,H,W,3): the view's coarse RGB. */
+void refiner_pick(float *rgb, const struct feature_view *feat,
+                  struct refiner *r);
+/* rgb, a view's coarse RGB, += what the last forward added to its own; the field
+ * is that one's.  false, and nothing done, where the view's alpha shows a place
+ * that was empty then. */
+bool refiner_repeat(float *rgb, const struct feature_view *feat,
+                    struct refiner *r);
 /* Gradients of a refiner's inputs, written unless NULL. */
 struct refiner_gradients {
     float *feat;        /* (B,H,W,channels) */

@@ -157,3 +157,34 @@ void fused_stem_forward(float *out, float *rgb, const struct feature_view *in,
 {
     parallel_each(fused_stem_line, f->batch * (f->h / 2), 1, out, rgb, in, f);
 }
+
+/* Row y of the picture. */
+PARALLEL(fused_stem_pick_line, y, float *, rgb, const struct feature_view *, in,
+         const struct fused_stem *, f)
+{
+    const struct nn_kernels *k = nn_kernels();
+    const size_t C = f->c->in, w = f->w;
+    const float *alpha = in->alpha ? in->alpha + y * (in->stride / C) : NULL;
+    size_t at = in->start ? in->start[y] * C : y * in->stride;
+
+    rgb += 3 * y * w;
+    for (size_t x = 0, end; x < w; x = end) {
+        end = alpha ? covered_run(alpha, x, w) : w;
+        const bool empty = alpha && alpha[x] == 0;
+
+        if (empty)
+            memset(rgb + 3 * x, 0, 3 * (end - x) * sizeof *rgb);
+        else if (in->f32)
+            k->pick_rgb(rgb + 3 * x, in->f32 + at, end - x, C);
+        else
+            k->pick_rgb_half(rgb + 3 * x, in->f16 + at, end - x, C);
+        if (!empty || !in->start)
+            at += (end - x) * C;
+    }
+}
+
+void fused_stem_pick(float *rgb, const struct feature_view *in,
+                     const struct fused_stem *f)
+{
+    parallel_each(fused_stem_pick_line, f->batch * f->h, 1, rgb, in, f);
+}

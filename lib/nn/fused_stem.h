@@ -49,5 +49,8 @@ void fused_stem_update(struct fused_stem *f);
 /* out (B,h/2,w/2,out); rgb (B,h,w,3) <- the first three channels. */
 void fused_stem_forward(float *out, float *rgb, const struct feature_view *in,
                         const struct fused_stem *f);
+/* rgb alone. */
+void fused_stem_pick(float *rgb, const struct feature_view *in,
+                     const struct fused_stem *f);
 
 #endif

@@ -80,6 +80,24 @@ void ISA(pick_rgb)(float *rgb, const float *in, size_t pixels, size_t C)
             rgb[3 * x + c] = in[x * C + c];
 }
 
+/* the same from half floats */
+void ISA(pick_rgb_half)(float *rgb, const uint16_t *in, size_t pixels,
+                        size_t C)
+{
+    for (size_t x = 0; x < pixels; x++) {
+        uint16_t few[VF_LANES] = { 0 };
+        const uint16_t *p = in + x * C;
+        float lane[VF_LANES];
+
+        if (C < VF_LANES) {
+            memcpy(few, p, 3 * sizeof *few);
+            p = few;
+        }
+        vf_store(lane, vf_load_f16(p));
+        memcpy(rgb + 3 * x, lane, 3 * sizeof *rgb);
+    }
+}
+
 #if VF_LANES == 4 && defined(__SSE2__)
 /* y <- x, 8 half floats, put together as 16-bit halves; false, and nothing
  * written, when one of them is neither zero nor a normal number. */

@@ -96,6 +96,8 @@ struct winograd;
                              size_t pixels, size_t C, size_t O))             \
     X(void, pick_rgb, (float *rgb, const float *in, size_t pixels,           \
                        size_t C))                                            \
+    X(void, pick_rgb_half, (float *rgb, const uint16_t *in, size_t pixels,   \
+                            size_t C))                                       \
     X(void, widen, (float *y, const uint16_t *x, size_t n))                  \
     X(void, softmax_backward, (float *dp, const float *p, size_t rows,       \
                                size_t n, size_t ld, float scale))            \

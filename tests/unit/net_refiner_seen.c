@@ -143,6 +143,37 @@ static void where_seen(struct narrow_refiner *fast, struct random *dice)
     check_that("most of it was left out", skipped > PIXELS / 2);
 }
 
+/* rgb <- the coarse picture, with what was said last; false: it may not. */
+static bool seen_repeat(float *rgb, struct narrow_refiner *fast)
+{
+    const struct feature_view view = {
+        .f32 = feat, .stride = W * C, .alpha = alpha
+    };
+    bool picked = true;
+
+    fused_stem_pick(rgb, &view, &fast->stem);
+    for (size_t i = 0; i < 3 * PIXELS; i++)
+        picked = picked && rgb[i] == feat[i / 3 * C + i % 3];
+    check_that("the coarse picture", picked);
+    return narrow_end_repeat(rgb, fast->k, &fast->end, alpha, W);
+}
+
+/* The same picture again, less of it, and more. */
+static void seen_again(struct narrow_refiner *fast, struct random *dice)
+{
+    static struct result first, again;
+
+    seen_draw(dice, 40, 45, 25);
+    seen_run(&first, fast, true);
+    check_that("repeated", seen_repeat(again.rgb, fast));
+    check_that("  it is the same", !memcmp(first.rgb, again.rgb,
+                                           sizeof first.rgb));
+    seen_draw(dice, 40, 45, 15);
+    check_that("a smaller head: repeated", seen_repeat(again.rgb, fast));
+    seen_draw(dice, 90, 60, 12);
+    check_that("where nothing was: not", !seen_repeat(again.rgb, fast));
+}
+
 int main(void)
 {
     struct narrow_refiner fast;
@@ -156,6 +187,7 @@ int main(void)
     seen_draw(&dice, 60, 40, 30);
     seen_compare(&fast);
     where_seen(&fast, &dice);
+    seen_again(&fast, &dice);
     narrow_refiner_release(&fast);
     params_release(&ps);
     return check_status();

@@ -94,6 +94,7 @@ CASE(fused_stem_row, struct fused_stem_rows r = { { in[0], in[1] },
                                       { (char *)in[2], (char *)in[3] }, 64 };
      k->fused_stem_row(out[0], &r, in[4], in[5], rows, C, 16))
 CASE(pick_rgb, k->pick_rgb(out[0], in[0], rows, C))
+CASE(pick_rgb_half, k->pick_rgb_half(out[0], half, rows, C))
 CASE(widen, k->widen(out[0], half, n))
 CASE(softmax, memcpy(out[0], in[0], n * sizeof(float));
      k->softmax(out[0], rows, C, C, 3))
@@ -149,7 +150,8 @@ static const struct kernel_case {
                                                                          10,
                                                                          0),
     ROW(quantise, 1021, 41, 10, 0), ROW(fused_stem_row, 253, 32, 4, 1e-5),
-    ROW(pick_rgb, 512, 32, 10, 0), ROW(widen, 1021, 41, 10, 0),
+    ROW(pick_rgb, 512, 32, 10, 0), ROW(pick_rgb_half, 128, 32, 10, 0),
+    ROW(pick_rgb_half, 31, 3, 10, 0), ROW(widen, 1021, 41, 10, 0),
     ROW(softmax, 48, 1369, 2, 1e-5), ROW(softmax_backward, 48, 1369, 4, 1e-5),
     ROW(scale_add, 64, 768, 10, 1e-6), ROW(style_finish, 512, 64, 10, 1e-6),
     ROW(style_backward, 512, 64, 10, 1e-5), ROW(rgb_forward, 512, 64, 4, 1e-5),
