@@ -14,7 +14,11 @@
 #include "lib/track/smooth.h"
 #include "lib/track/thumb.h"
 
-#define FIRST_PASSES 4         /* network runs that settle the first crop */
+#define FIRST_PASSES 4         /* network runs for the first crop, and so many */
+#define LAST_PASSES 12         /* while each moves it by less than DRIFTS of the */
+#define DRIFTS 0.9             /* one before, until it moves by SETTLED of its */
+#define SETTLED 5e-4           /* side: a quarter of a pixel from where any start
+                                * leads */
 #define CHECK_EVERY 30         /* frames between looks by the detector */
 #define CHECK_AGAIN 5          /* and after one that failed */
 #define CUT_CORRELATION 0.3    /* of thumbnails: below it is another scene */
@@ -248,18 +252,20 @@ static int track_refine_crop(struct track *t, struct track_result *r,
                              const uint8_t *rgb, size_t W, size_t H,
                              struct square guess, struct error *err)
 {
-    struct square crop = guess;
+    struct square crop = guess, next;
+    double before = INFINITY, step;
 
-    for (int i = 0; i < FIRST_PASSES; i++) {
-        struct square next;
+    for (int i = 0; i < LAST_PASSES; i++) {
         if (track_encode(t, r, rgb, W, H, crop, false, err) != 0)
             return -1;
         next = track_next_crop(t, &r->motion);
         if (track_implausible(t, &r->motion, next, guess, W, H))
             break;
-        if (hypot(next.x - crop.x, next.y - crop.y)
-            + fabs(next.size - crop.size) < 0.01 * crop.size)
+        step = (hypot(next.x - crop.x, next.y - crop.y)
+                + fabs(next.size - crop.size)) / crop.size;
+        if (step < SETTLED || (i >= FIRST_PASSES && step > DRIFTS * before))
             break;
+        before = step;
         crop = next;
     }
     t->crop = crop;

@@ -125,6 +125,25 @@ P
     [ "$(spid-dump --only MOTN a.spid | grep -c '^ *sure')" -eq 3 ]
 }
 
+# crop MOTION: of its first frame, pixels of the portrait window.
+crop() {
+    spid-dump --json --values --only MOTN "$1" | "$PYTHON" -c 'import json, sys
+arrays = json.loads(sys.stdin.readline())["arrays"]
+print(*next(a["data"] for a in arrays if a["name"] == "crop"))'
+}
+
+@test "a face has the same crop wherever the search for it began" {
+    need_sure
+    command -v ffmpeg >/dev/null || skip "no ffmpeg (apt: ffmpeg)"
+    ffmpeg -nostdin -v error -i "$TOP/examples/photo.jpg" a.png
+    ffmpeg -nostdin -v error -i a.png -vf pad=iw+300:ih+200:211:160:gray b.png
+    spid-motion -q --window 500,600,900 a.png -o a.spid
+    spid-motion -q --window 711,760,900 b.png -o b.spid
+    paste <(crop a.spid) <(crop b.spid) | "$PYTHON" -c 'import sys
+x = [float(v) for v in sys.stdin.read().split()]
+assert all(abs(a - b) < 0.4 for a, b in zip(x[:3], x[3:])), x'
+}
+
 @test "no face in noise: one line, no file" {
     need_sure
     "$PYTHON" -c 'import numpy as np, sys
