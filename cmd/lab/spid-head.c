@@ -65,7 +65,7 @@ static void head_write_model(const char *path)
     if (from)
         head_register(&t);
     if (template_save(&t, cli.output, !from, &err) ||
-        avatar_make_file(cli.output, &err))
+        avatar_make_file(cli.output, path, &err))
         die_error(&err);
     template_release(&t);
 }
@@ -102,17 +102,17 @@ int main(int argc, char **argv)
     if (cli_parse(&usage, argc, argv) < argc)
         die(EX_USAGE, "operands are not taken");
     int writes = strcmp(cli.output, "-") != 0;
-    if (avatar_path) {
-        if (avatar_make_file(avatar_path, &err))
-            die_error(&err);
-        return EX_OK;
-    }
-    if (!writes && (from || !check))
+    if (!avatar_path && !writes && (from || !check))
         die(EX_USAGE, "no output file (expected -o FILE)");
     if (!head_path) {
         if (cli_find_model("head.safetensors", found, sizeof found, &err))
             die_error(&err);
         head_path = found;
+    }
+    if (avatar_path) {
+        if (avatar_make_file(avatar_path, head_path, &err))
+            die_error(&err);
+        return EX_OK;
     }
     if (writes) {
         head_write_model(head_path);

@@ -132,6 +132,15 @@ static void import_convert_file(struct convert *c, struct tensorfile *f,
         die(EX_DATAERR, "%s: holds no tensors", path);
 }
 
+/* A head gets a template avatar, with the built-in head's mouth. */
+static int import_add_avatar(struct error *err)
+{
+    char path[4096];
+
+    return cli_find_model("head.safetensors", path, sizeof path, err) ||
+           avatar_make_file(cli.output, path, err) ? -1 : 0;
+}
+
 int main(int argc, char **argv)
 {
     struct error err = {0};
@@ -156,8 +165,7 @@ int main(int argc, char **argv)
         import_print_objects(f);
         import_convert_file(&c, f, &err);
         if (convert_save(&c, cli.output, &err) ||
-            (kind && !strcmp(kind, "flame") &&
-             avatar_make_file(cli.output, &err)))
+            (kind && !strcmp(kind, "flame") && import_add_avatar(&err)))
             die_error(&err);
         stats_end("convert", begun);
         convert_release(&c);

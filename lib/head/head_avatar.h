@@ -2,15 +2,18 @@
  * show, and how skin moves, as numbers per point of the mesh and per Gaussian
  * of the mouth.  It is a part of the head's file (tensors "avatar.NAME", 16-bit
  * floats but for indices, lengths in head units unless it says mm), and belongs
- * to the head's mean person; `spid-head` computes it again
- * (lib/lab/head/head_avatar_make.h).  A photograph overrides what it shows; what
- * is left is lit by the photograph's white (lib/avatar/white_point.h).
+ * to the head's mean person; `spid-head` computes the points again
+ * (lib/lab/head/avatar_make.h).  A photograph overrides what it shows; what is
+ * left is lit by the photograph's white (lib/avatar/white_point.h).
  *
  * A point is a vertex or, behind those, the middle of an edge, in the order of
  * lib/base/densify.h.  A mouth Gaussian is a cell of a square grid: rows of the
  * upper teeth from their edges up, then the lower teeth from their edges down,
- * then what is behind from the palate down.  To change the colour of teeth,
- * change mouth_color of rows whose mouth_layer is 0 or 1. */
+ * then what is behind from the palate down.  The mouth is data: crowns as wide
+ * and high as adults' teeth roughly are, on an arch, palate and tongue that were
+ * measured on the mean of the ICT scans, enamel as 20 smiling people of the
+ * London set have it.  To change the colour of teeth, change mouth_color of rows
+ * whose mouth_layer is 0 or 1. */
 #ifndef SPID_HEAD_HEAD_AVATAR_H
 #define SPID_HEAD_HEAD_AVATAR_H
 

@@ -7,8 +7,8 @@
 #include "lib/avatar/coverage.h"
 #include "lib/base/camera.h"
 #include "lib/base/rotation.h"
-#include "lib/lab/head/crowns.h"
 #include "tests/check.h"
+#include "tests/unit/shipped_mouth.h"
 
 /* v_mid: one square of two triangles has five edges, the diagonal once. */
 static void equation_midpoints(void)
@@ -184,14 +184,8 @@ static void equation_teeth(void)
     const size_t tongue = K * (K - 3) + middle;
 
     float like[K * K] = {0};
-    struct error err = {0};
 
-    if (head_avatar_init(&head.avatar, 1, 1, 2 * K, &err)) {
-        check_error("a mouth", false, &err);
-        free(c);
-        return;
-    }
-    crowns_make(&head.avatar);
+    head.avatar = *shipped_mouth();
     teeth_make(c, &head, &rest, rest.chin, 0, K);
     check_range("upper front teeth's lowest row, mm from the closed lips",
                 200 * (double)c[middle].mean[1], -3.5, -1.5);

@@ -14,6 +14,7 @@
 #include "lib/head/lbs.h"
 #include "lib/lab/head/avatar_make.h"
 #include "tests/check.h"
+#include "tests/unit/shipped_mouth.h"
 #include "tests/unit/sphere_head.h"
 
 #define S 64
@@ -67,7 +68,7 @@ static void gradient_make(struct world *w, bool skip, unsigned without)
     sphere_head(&w->head, 9, 14);
     gradient_configure(&c, skip);
     params_init(&w->ps);
-    if (avatar_make(&w->head, 8, &err) ||
+    if (avatar_make(&w->head, shipped_mouth(), &err) ||
         avatar_init(&w->a, &w->ps, &c, &w->head, &err) ||
         params_allocate(&w->ps, &err) ||
         params_allocate_gradients(&w->ps, &err)) {

@@ -16,6 +16,7 @@
 #include "lib/net/shape_encoder.h"
 #include "lib/splat/splat.h"
 #include "lib/lab/head/avatar_make.h"
+#include "tests/unit/shipped_mouth.h"
 #include "tests/unit/sphere_head.h"
 
 #define S 128
@@ -209,7 +210,7 @@ static int model_test(void)
         return 1;
     close(fd);
     sphere_head(&h, 20, 30);
-    if (avatar_make(&h, AVATAR_MAKE_MOUTH, &err))
+    if (avatar_make(&h, shipped_mouth(), &err))
         give_up(&err);
     write_model(path, &h, "small");
     if (model_open(&model, path, &err) ||

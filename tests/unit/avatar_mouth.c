@@ -8,9 +8,10 @@
 #include "lib/avatar/lip_lining.h"
 #include "lib/avatar/mouth_branch.h"
 #include "lib/avatar/teeth.h"
-#include "lib/lab/head/cavity.h"
-#include "lib/lab/head/crowns.h"
 #include "tests/check.h"
+#include "tests/unit/shipped_mouth.h"
+
+#define ARCH 0.031f     /* teeth stand along z = -ARCH x^2, mm */
 
 /* The shipped model's grid, rows of its back, columns of a front tooth. */
 enum { K = 64, BACK = 28, TOOTH = 8 };
@@ -20,100 +21,97 @@ static float mouth_light(const float rgb[3])
     return rgb[0] + rgb[1] + rgb[2];
 }
 
-/* v of row i behind the teeth. */
-static float mouth_row(size_t i)
+/* Cell (i,j) of what is behind the teeth, in the template avatar's grid. */
+static size_t mouth_cell(size_t i, size_t j)
 {
-    return (float)i / (BACK - 1);
-}
-
-/* v of section i of 14 along the sheet. */
-static float mouth_section(size_t i)
-{
-    return (float)i / 13;
+    return (K - BACK + i) * K + j;
 }
 
 /* Nothing stands out before the teeth or through a cheek; both sides are
  * alike. */
 static void mouth_sheet(void)
 {
-    struct cavity_place p, q;
+    const struct head_avatar *a = shipped_mouth();
     double front = -1e3, wide = 0, uneven = 0;
 
+    expect("side of the grid", (double)a->mouth, K, 0);
     for (size_t k = 0; k < BACK * K; k++) {
-        const float u = (float)(2 * (k % K) + 1) / K - 1;
+        const size_t at = mouth_cell(k / K, k % K);
+        const size_t other = mouth_cell(k / K, K - 1 - k % K);
+        const float *p = a->mouth_place + 3 * at;
 
-        cavity_place(&p, u, mouth_row(k / K));
-        cavity_place(&q, -u, mouth_row(k / K));
-        front = fmax(front, (double)(p.at[2] + CROWNS_ARCH * p.at[0] *
-                                                   p.at[0]));
-        wide = fmax(wide, fabs((double)p.at[0]));
-        uneven = fmax(uneven, fabs((double)(p.at[0] + q.at[0])) +
-                                  fabs((double)(p.color[0] - q.color[0])));
+        front = fmax(front, (double)(p[2] + ARCH * p[0] * p[0]));
+        wide = fmax(wide, fabs((double)p[0]));
+        uneven = fmax(uneven, fabs((double)(p[0] +
+                                            a->mouth_place[3 * other])) +
+                                  fabs((double)(a->mouth_color[3 * at] -
+                                                a->mouth_color[3 * other])));
     }
     check_range("the sheet stays behind the arch, mm", front, -9, -6.9);
     check_range("it reaches to the cheeks and no further, mm", wide, 24, 27);
     expect("left and right are alike", uneven, 0, 1e-5);
-    cavity_place(&p, 0, 0);
-    cavity_place(&q, 0, mouth_row(11));
-    expect("the palate stays with the skull", (double)p.share, 0, 0);
-    expect("the tongue's tip goes with the jaw", (double)q.share, 1, 0);
+    expect("the palate stays with the skull",
+           (double)a->mouth_jaw[mouth_cell(0, K / 2)], 0, 0);
+    expect("the tongue's tip goes with the jaw",
+           (double)a->mouth_jaw[mouth_cell(11, K / 2)], 1, 0);
 }
 
-/* Deeper is darker, a tongue round and furrowed. */
+/* Colour of row i at u across. */
+static float mouth_light_at(size_t i, double u)
+{
+    const size_t j = (size_t)((u + 1) * K / 2);
+
+    return mouth_light(shipped_mouth()->mouth_color + 3 * mouth_cell(i, j));
+}
+
+/* Deeper is darker, a tongue round and furrowed.  Rows: THROAT to TIP, TOP of
+ * the tongue. */
 static void mouth_shading(void)
 {
-    struct cavity_place p;
+    enum { THROAT = 9, TIP = 22, TOP = 21 };
     float last = 0;
     int brighter = 0;
 
-    expect("light at the lips", (double)cavity_light(0), 1, 0);
-    expect("half of it, in sRGB, as deep as the opening's radius",
-           (double)cavity_light(18), pow(0.5, 1 / 2.2), 1e-6);
-    for (size_t i = 4; i <= 11; i++) {
-        cavity_place(&p, 0.2f, mouth_section(i));
-        brighter += mouth_light(p.color) > last;
-        last = mouth_light(p.color);
+    for (size_t i = THROAT; i <= TIP; i++) {
+        brighter += mouth_light_at(i, 0.2) > last;
+        last = mouth_light_at(i, 0.2);
     }
-    expect("every section from the throat to the tip is brighter", brighter, 8, 0);
-    cavity_place(&p, 0.2f, mouth_section(4));
+    expect("every row from the throat to the tip is brighter", brighter,
+           TIP - THROAT + 1, 0);
     check_range("the throat over the tongue's tip",
-                (double)(mouth_light(p.color) / last), 0.05, 0.3);
-    cavity_place(&p, 0, mouth_section(10));
-    const float furrow = mouth_light(p.color);
-    cavity_place(&p, 0.25f, mouth_section(10));
-    const float top = mouth_light(p.color);
-    cavity_place(&p, 0.7f, mouth_section(10));
-    const float side = mouth_light(p.color);
-    check_range("the furrow over what is beside it", (double)(furrow / top),
-                0.8, 0.95);
-    check_range("a tongue's side over its top", (double)(side / top), 0.3,
-                0.7);
+                (double)(mouth_light_at(THROAT, 0.2) / last), 0.05, 0.3);
+    const float top = mouth_light_at(TOP, 0.25);
+    check_range("the furrow over what is beside it",
+                (double)(mouth_light_at(TOP, 0) / top), 0.8, 0.95);
+    check_range("a tongue's side over its top",
+                (double)(mouth_light_at(TOP, 0.7) / top), 0.3, 0.7);
 }
 
 /* Neighbours overlap when the jaw has dropped: the distance of two rows is no
  * more than three of their standard deviations. */
 static void mouth_cover(void)
 {
-    double worst = 0;
+    const struct head_avatar *a = shipped_mouth();
+    double worst = 0, turned = 0;
 
     for (size_t i = 0; i + 1 < BACK; i++) {
-        struct cavity_place p, q;
-        float a[3], b[3], quat[4];
-
-        cavity_place(&p, 0.1f, mouth_row(i));
-        cavity_place(&q, 0.1f, mouth_row(i + 1));
-        cavity_cover(a, quat, 0.1f, mouth_row(i), 2.f / K, 1.f / (BACK - 1));
-        cavity_cover(b, quat, 0.1f, mouth_row(i + 1), 2.f / K,
-                     1.f / (BACK - 1));
+        const size_t at = mouth_cell(i, 35), next = mouth_cell(i + 1, 35);
+        const float *p = a->mouth_place + 3 * at;
+        const float *q = a->mouth_place + 3 * next;
+        const float *turn = a->mouth_turn + 4 * at;
         /* the throat's part of the way of a jaw wide open */
-        const double y = (double)(p.at[1] - q.at[1] +
-                                  12 * (q.share - p.share));
-        worst = fmax(worst, hypot(y, (double)(p.at[2] - q.at[2])) /
-                                (0.5 * (double)(a[1] + b[1])));
-        check_that("turns are of unit length",
-                   fabs(hypot((double)quat[0], (double)quat[1]) - 1) < 1e-6);
+        const double y = (double)(p[1] - q[1] +
+                                  12 * (a->mouth_jaw[next] -
+                                        a->mouth_jaw[at]));
+
+        worst = fmax(worst, hypot(y, (double)(p[2] - q[2])) /
+                                (0.5 * (double)(a->mouth_size[3 * at + 1] +
+                                                a->mouth_size[3 * next + 1])));
+        turned = fmax(turned, fabs(hypot((double)turn[0],
+                                         (double)turn[1]) - 1));
     }
     check_range("rows' distance over their deviation", worst, 1, 3);
+    check("turns are of unit length, in halves", turned, 0x1p-11);
 }
 
 /* Between two teeth it is darker than on them, and the more the further from
@@ -126,14 +124,7 @@ static void mouth_teeth(void)
     struct teeth_cell *c = malloc(K * K * sizeof *c);
     const size_t row = 5, middle = K / 2, lower = 5 * K / 16 * K + middle;
 
-    struct error err = {0};
-
-    if (head_avatar_init(&head.avatar, 1, 1, K, &err)) {
-        check_error("a mouth", false, &err);
-        free(c);
-        return;
-    }
-    crowns_make(&head.avatar);
+    head.avatar = *shipped_mouth();
     teeth_make(c, &head, &rest, rest.chin, 0, K);
     for (size_t t = 0; t < 3; t++) {
         const struct teeth_cell *edge = c + middle + TOOTH * t;
@@ -159,7 +150,6 @@ static void mouth_teeth(void)
                    1.2f * c[13 * K + middle + TOOTH].color[1]);
     check_range("the lower front teeth's highest row, mm from the closed lips",
                 200 * (double)c[lower].mean[1], -2.5, -0.4);
-    head_avatar_release(&head.avatar);
     free(c);
 }
 

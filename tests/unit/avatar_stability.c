@@ -13,6 +13,7 @@
 #include "lib/head/lbs.h"
 #include "lib/lab/head/avatar_make.h"
 #include "tests/check.h"
+#include "tests/unit/shipped_mouth.h"
 #include "tests/unit/sphere_head.h"
 
 #define S 64
@@ -87,7 +88,7 @@ static void stability_make(struct world *w)
     c.feature = c.backbone.features = 8;
     c.backbone.width = 4;
     params_init(&w->ps);
-    if (avatar_make(&w->head, 16, &err) ||
+    if (avatar_make(&w->head, shipped_mouth(), &err) ||
         avatar_init(&w->a, &w->ps, &c, &w->head, &err) ||
         params_allocate(&w->ps, &err)) {
         printf("%s\n", err.text);

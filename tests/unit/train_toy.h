@@ -14,6 +14,7 @@
 #include "lib/head/lbs.h"
 #include "lib/stream/stream.h"
 #include "lib/lab/head/avatar_make.h"
+#include "tests/unit/shipped_mouth.h"
 
 /* A globe of 10 x 12 vertices with random directions; nshape directions of
  * shape, 100 of expression. */
@@ -71,7 +72,7 @@ static void toy_head(struct head *h, size_t nshape)
         .r_eyelid = lid + 3 * V, .lip_inner = ring, .nlip_inner = SIDES,
         .lip_upper_outer = lip, .nlip_upper_outer = 4, .landmark_faces = lf,
         .landmark_bary = bary};
-    if (head_init(h, &a, &err) || avatar_make(h, 16, &err)) {
+    if (head_init(h, &a, &err) || avatar_make(h, shipped_mouth(), &err)) {
         fprintf(stderr, "toy head: %s\n", err.text);
         exit(1);
     }

@@ -9,12 +9,26 @@
 #include "lib/base/half.h"
 #include "lib/lab/head/avatar_eyes.h"
 #include "lib/lab/head/avatar_points.h"
-#include "lib/lab/head/crowns.h"
 
 enum { TENSORS = 64, META = 32 };
 #define PREFIX "avatar."
 
-int avatar_make(struct head *h, size_t T, struct error *err)
+/* The mouth's arrays: a mouth is anybody's. */
+static void avatar_copy_mouth(struct head_avatar *to,
+                              const struct head_avatar *from)
+{
+    const size_t cells = from->mouth * from->mouth;
+
+    memcpy(to->mouth_place, from->mouth_place, 3 * cells * sizeof(float));
+    memcpy(to->mouth_size, from->mouth_size, 3 * cells * sizeof(float));
+    memcpy(to->mouth_turn, from->mouth_turn, 4 * cells * sizeof(float));
+    memcpy(to->mouth_color, from->mouth_color, 3 * cells * sizeof(float));
+    memcpy(to->mouth_jaw, from->mouth_jaw, cells * sizeof(float));
+    memcpy(to->mouth_layer, from->mouth_layer, cells * sizeof(float));
+}
+
+int avatar_make(struct head *h, const struct head_avatar *from,
+                struct error *err)
 {
     struct densify d;
     int rc;
@@ -22,11 +36,11 @@ int avatar_make(struct head *h, size_t T, struct error *err)
     head_avatar_release(&h->avatar);
     if (densify_init(&d, h->f, h->F, h->V, err))
         return -1;
-    rc = head_avatar_init(&h->avatar, h->V, h->V + d.E, T, err) ||
+    rc = head_avatar_init(&h->avatar, h->V, h->V + d.E, from->mouth, err) ||
          avatar_points_make(&h->avatar, h, &d, err) ? -1 : 0;
     if (rc == 0) {
         avatar_eyes_make(&h->avatar, h, &d);
-        crowns_make(&h->avatar);
+        avatar_copy_mouth(&h->avatar, from);
     }
     densify_release(&d);
     return rc;
@@ -133,14 +147,21 @@ static int avatar_file_write(const char *path, const struct head_avatar *a,
 }
 
 /* What avatar the file has may be an older one, which nobody reads. */
-int avatar_make_file(const char *path, struct error *err)
+int avatar_make_file(const char *path, const char *mouth, struct error *err)
 {
-    struct head h;
+    struct head h = {0}, from;
+    int rc = -1;
 
-    if (avatar_file_write(path, NULL, err) || head_load(&h, path, err))
+    if (head_load(&from, mouth, err))
         return -1;
-    int rc = avatar_make(&h, AVATAR_MAKE_MOUTH, err) ||
-             avatar_file_write(path, &h.avatar, err) ? -1 : 0;
+    if (!from.avatar.mouth)
+        error_set(err, EX_DATAERR, "%s: no template avatar (expected one, for "
+                  "its mouth)", mouth);
+    else if (avatar_file_write(path, NULL, err) == 0 &&
+             head_load(&h, path, err) == 0 &&
+             avatar_make(&h, &from.avatar, err) == 0)
+        rc = avatar_file_write(path, &h.avatar, err);
     head_release(&h);
+    head_release(&from);
     return rc;
 }
