@@ -10,7 +10,6 @@
 #include "formats/glb.h"
 #include "formats/ply.h"
 #include "formats/splatfile.h"
-#include "lib/base/preview.h"
 #include "lib/splat/splat.h"
 
 /* What a file gave back, in head units. */
@@ -63,14 +62,15 @@ static int drawn_read_glb(struct back *b, const char *path, float unit,
     return 0;
 }
 
+/* A camera before the face. */
+static const float drawn_front[12] = {1, 0, 0, 0, 0, -1, 0, 0, 0, 0, -1, 12};
+
 /* The picture (DRAWN_SIZE, DRAWN_SIZE, 3) by these rules. */
 static int drawn_render(float *image, const struct gaussians *g,
-                        const struct scene *s, enum splat_rules rules,
+                        const float rt[12], enum splat_rules rules,
                         struct error *err)
 {
-    static const float front[12] = {1, 0, 0, 0, 0, -1, 0, 0, 0, 0, -1, 12};
-    const struct splat_camera cam = splat_camera_square(
-        s->has_cam ? s->cam : front, DRAWN_SIZE, 12);
+    const struct splat_camera cam = splat_camera_square(rt, DRAWN_SIZE, 12);
     struct splat_options opt = splat_defaults(DRAWN_SIZE, DRAWN_SIZE, 3);
     struct splat splat = {0};
     int rc = -1;
@@ -113,18 +113,19 @@ static int drawn_measure(struct drawn *d, enum drawn_format format,
 {
     const size_t n = (size_t)DRAWN_SIZE * DRAWN_SIZE * 3;
     float *own = malloc(2 * n * sizeof *own);
+    const float *cam = s->has_cam ? s->cam : drawn_front;
     double worst, ignored;
     int rc = -1;
 
     if (!own)
         return error_set(err, EX_OSERR, "out of memory");
     float *other = own + n;
-    if (drawn_render(own, &s->g, s, SPLAT_GSPLAT, err) ||
-        drawn_render(other, g, s, SPLAT_GSPLAT, err))
+    if (drawn_render(own, &s->g, cam, SPLAT_GSPLAT, err) ||
+        drawn_render(other, g, cam, SPLAT_GSPLAT, err))
         goto out;
     double db = drawn_psnr(&worst, own, other);
     if (d->files == 0) {
-        if (drawn_render(other, g, s, SPLAT_DGR, err))
+        if (drawn_render(other, g, cam, SPLAT_DGR, err))
             goto out;
         d->viewer_db = drawn_psnr(&ignored, own, other);
     }
@@ -168,30 +169,37 @@ int drawn_compare(struct drawn *d, enum drawn_format format, const char *path,
 
 /* ---- the head ----------------------------------------------------------- */
 
-/* A clay picture of the mesh from the front, the middle of `around` in its
- * middle. */
-static int drawn_mesh(float *image, const float *verts,
-                      const float *around, const struct head *h,
-                      struct error *err)
+/* A picture of the mesh's vertices from the front, each a Gaussian in the
+ * colour of its normal, the middle of `around` in its middle. */
+static int drawn_mesh(float *image, const float *verts, const float *around,
+                      const struct head *h, struct error *err)
 {
-    const size_t n = (size_t)DRAWN_SIZE * DRAWN_SIZE * 3;
-    const struct preview_mesh mesh = {.verts = verts, .faces = h->f,
-                                      .nv = h->V, .nf = h->F};
-    struct preview_view view = {.height = 0.4f};
-    uint8_t *rgb = malloc(n);
+    const size_t V = h->V;
+    float *x = malloc(14 * V * sizeof *x);
     double middle[3] = {0};
 
-    for (size_t i = 0; i < 3 * h->V; i++)
-        middle[i % 3] += (double)around[i] / (double)h->V;
-    for (int c = 0; c < 3; c++)
-        view.centre[c] = (float)middle[c];
-    if (!rgb)
+    if (!x)
         return error_set(err, EX_OSERR, "out of memory");
-    int rc = preview_draw(rgb, DRAWN_SIZE, 0, 0, DRAWN_SIZE, DRAWN_SIZE,
-                          &mesh, &view, err);
-    for (size_t i = 0; rc == 0 && i < n; i++)
-        image[i] = (float)rgb[i] / 255;
-    free(rgb);
+    float *mean = x, *scale = x + 3 * V, *color = x + 6 * V;
+    float *quat = x + 9 * V, *opacity = x + 13 * V;
+    head_normals(color, h, verts);
+    for (size_t i = 0; i < 3 * V; i++)
+        middle[i % 3] += (double)around[i] / (double)V;
+    for (size_t i = 0; i < 3 * V; i++) {
+        mean[i] = h->scale * (verts[i] - (float)middle[i % 3]);
+        scale[i] = DRAWN_VERTEX_MM * 1e-3f * h->scale;
+        color[i] = 0.5f + 0.5f * color[i];
+    }
+    for (size_t v = 0; v < V; v++) {
+        memcpy(quat + 4 * v, (float[4]){1, 0, 0, 0}, 4 * sizeof *quat);
+        opacity[v] = 1;
+    }
+    const struct gaussians g = {.n = V, .channels = 3, .mean = mean,
+                                .scale = scale, .quat = quat,
+                                .opacity = opacity, .color = color};
+    int rc = drawn_render(image, &g, drawn_front, SPLAT_GSPLAT, err);
+
+    free(x);
     return rc;
 }
 

@@ -11,6 +11,8 @@
 #include "lib/splat/scene.h"
 
 #define DRAWN_SIZE 512          /* pixels of a side */
+#define DRAWN_VERTEX_MM 2       /* standard deviation of a mesh's vertices: about
+                                 * their spacing on the face */
 #define DRAWN_LEAST 40          /* dB that a file without rounding must reach */
 
 enum drawn_format {
@@ -39,7 +41,7 @@ int drawn_compare(struct drawn *d, enum drawn_format format, const char *path,
 struct drawn_head {
     size_t vertices;
     double metres;              /* greatest distance of a vertex from ours */
-    double psnr_db, max_abs;    /* of both drawn by lib/base/preview.h */
+    double psnr_db, max_abs;    /* of both drawn, vertex by vertex */
 };
 
 /* Compare a GLB just written with our own mesh: verts (V,3), metres, in the
