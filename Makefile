@@ -325,7 +325,8 @@ check-arm:
 	tests/check-arm $(T) || [ $$? = 77 ]
 
 bench: all
-	$(BUILD)/bin/spid-bench --levels all
+	$(BUILD)/bin/spid-bench all
+	SPID_CPU=avx2 $(BUILD)/bin/spid-bench all
 
 # The libraries' flags are read when make starts: deps first, then a new make.
 demo:

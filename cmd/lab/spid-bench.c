@@ -10,7 +10,7 @@
 #include "lib/lab/bench/bench.h"
 
 static double seconds = 20;
-static bool json, tsv, levels;
+static bool json, tsv;
 static const char *scene, *plot;
 
 static const struct cli_option options[] = {
@@ -22,15 +22,13 @@ static const struct cli_option options[] = {
                   "the script)"),
     OPTION_FLOAT("seconds", 's', &seconds, 0.1, 3600, "S",
                  "about how long a stage may take (20)"),
-    OPTION_FLAG("levels", 0, &levels,
-                "each stage again on every narrower instruction set"),
     OPTION_STRING("scene", 0, &scene, "FILE",
                   "splat: Gaussians of a .safetensors file"),
     { 0 }
 };
 
 static const struct cli_usage usage = {
-    "spid-bench", "[--json | --tsv] [--plot FILE] [-s S] [--levels] "
+    "spid-bench", "[--json | --tsv] [--plot FILE] [-s S] "
     "[--scene FILE] "
     "[-m MODEL] [-j THREADS] [-o FILE] STAGE...",
     "speed against error of every knob", options
@@ -181,7 +179,6 @@ static void bench_find_model(struct bench *b)
 int main(int argc, char **argv)
 {
     struct bench b;
-    struct error err = {0};
     int at = cli_parse(&usage, argc, argv);
 
     if (at == argc)
@@ -198,9 +195,6 @@ int main(int argc, char **argv)
     bench_find_model(&b);
     for (int i = at; i < argc; i++)
         bench_run_stage(&b, argv[i]);
-    for (int i = at; i < argc && levels; i++)
-        if (bench_levels(&b, argv[i], &err))
-            die_error(&err);
     bench_write_report(&b);
     if (plot)
         bench_write_plot(&b);

@@ -72,12 +72,7 @@ struct bench_row *bench_add(struct bench *b, const char *stage,
  * that no other beats in both ms_min and psnr_db. */
 void bench_pareto(struct bench *b, size_t first);
 
-/* The rows of a stage again on every narrower instruction set, their knobs
- * beginning with its name ("avx2: fast"), by running spid-bench itself. */
-int bench_levels(struct bench *b, const char *stage, struct error *err);
-
-/* A line after the table; a number for the JSON's "fps" or "ms", in place of an
- * earlier one of the same name. */
+/* A line after the table. */
 void bench_note(struct bench *b, const char *format, ...)
     __attribute__((format(printf, 2, 3)));
 /* A number for the JSON's "fps" or "ms", in place of an earlier one of the
