@@ -4,8 +4,6 @@
 #include <string.h>
 
 #include "cmd/options.h"
-#include "formats/outfile.h"
-#include "lib/lab/fit/agreement.h"
 #include "lib/lab/fit/face_fit.h"
 #include "lib/lab/fit/fit_records.h"
 #include "lib/track/encoders.h"
@@ -14,7 +12,7 @@
 
 static long size = 384, rounds = 5;
 static const char *head_path, *assets_path, *base_path;
-static const char *agreement_path, *motions_path, *held_path;
+static const char *motions_path, *held_path;
 static long acts = 20, every = 1;
 static struct label_names except, hold;
 static const char *same[MAX_SAME][2];
@@ -84,8 +82,6 @@ static const struct cli_option options[] = {
                   "also avatars of the people, acting as this stream's do"),
     OPTION_INT("acts", 0, &acts, 1, 100000, "N",
                "pictures of each avatar (default 20)"),
-    OPTION_OUTPUT("agreement", 0, &agreement_path, "FILE",
-                  "write how the fit follows the labels, by clip"),
     OPTION_HEAD(&head_path),
     {0}
 };
@@ -94,7 +90,7 @@ static const struct cli_usage usage = {
     "spid-fit", "--assets DIR [--base DIR] [--except PREFIX] [--same A,B] "
     "[--hold PREFIX] [--held FILE] [--size PIXELS] [--rounds N] [--every N] "
     "[--plain] [--matte] [--motions FILE] [--acts N] "
-    "[--agreement FILE] [--head FILE] "
+    "[--head FILE] "
     "[-o FILE] [-j N] [-m MODEL] [-q] [--stats FILE] LABELS ...",
     "make training data of labelled pictures", options
 };
@@ -146,22 +142,6 @@ static void fit_run_rounds(struct face_fit *f)
     progress_end();
     notice("%zu people, %zu frames, off by %.2f of %g pixels in the mean",
            f->people, f->count, face_fit_error(f), FIT_SIZE);
-}
-
-/* The table of --agreement. */
-static void fit_write_agreement(const struct face_fit *f)
-{
-    struct error err = {0};
-    struct outfile out;
-
-    if (outfile_open(&out, agreement_path, &err))
-        die_error(&err);
-    if (agreement_write(out.file, f, &err)) {
-        outfile_abandon(&out);
-        die_error(&err);
-    }
-    if (outfile_close(&out, &err))
-        die_error(&err);
 }
 
 /* Avatars by the model. */
@@ -283,8 +263,6 @@ int main(int argc, char **argv)
     if (face_fit_init(&fit, &points, &labels, &err))
         die_error(&err);
     fit_run_rounds(&fit);
-    if (agreement_path)
-        fit_write_agreement(&fit);
     fit_write_streams(&head, &fit);
     face_fit_release(&fit);
     face_points_release(&points);

@@ -31,23 +31,12 @@ static void train_on_signal(int number)
     stop = 1;
 }
 
-static int train_add_source(const char *value, bool grow, struct error *err)
-{
-    if (opt.ninit == MAX_PARTS)
-        return error_set(err, EX_USAGE, "more than %d files", MAX_PARTS);
-    return checkpoint_source_parse(&opt.init[opt.ninit++], value, grow, err);
-}
-
 static int train_parse_init(const char *value, void *dest, struct error *err)
 {
     (void)dest;
-    return train_add_source(value, false, err);
-}
-
-static int train_parse_grow(const char *value, void *dest, struct error *err)
-{
-    (void)dest;
-    return train_add_source(value, true, err);
+    if (opt.ninit == MAX_PARTS)
+        return error_set(err, EX_USAGE, "more than %d files", MAX_PARTS);
+    return checkpoint_source_parse(&opt.init[opt.ninit++], value, err);
 }
 
 static const struct cli_option options[] = {
@@ -66,8 +55,6 @@ static const struct cli_option options[] = {
                   "people's shapes by FILE's E_beta, not the true ones"),
     OPTION_CALL("init", 0, NULL, "FILE[:PREFIX[=FROM]]", train_parse_init,
                 "start tensors PREFIX... from FILE's FROM...; repeatable"),
-    OPTION_CALL("grow", 0, NULL, "FILE[:PREFIX[=FROM]]", train_parse_grow,
-                "the same from a narrower network"),
     OPTION_STRING("join", 0, &opt.join, "FILE",
                   "no training: join model files into FILE, half precision"),
     OPTION_INT("steps", 0, &opt.steps, 0, 1e9, "N",

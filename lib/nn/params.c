@@ -153,61 +153,6 @@ int params_load_from(struct params *ps, const struct safetensors *st,
     return 0;
 }
 
-/* Rows and columns that the tensor has in the file; 0 where it is absent,
- * wider, or of another number of dimensions. */
-static size_t params_narrower(size_t *cols, const struct param *t,
-                              const struct safetensors *st, const char *name)
-{
-    const struct st_tensor *f = st_find(st, name);
-
-    if (!f || f->ndim != t->ndim || t->ndim == 0)
-        return 0;
-    *cols = t->ndim > 1 ? f->dim[1] : 1;
-    return f->dim[0] <= t->dim[0] && (t->ndim < 2 || *cols <= t->dim[1])
-               ? f->dim[0] : 0;
-}
-
-int params_grow_from(struct params *ps, const struct safetensors *st,
-                     const char *prefix, const char *from, struct error *err)
-{
-    size_t first = SIZE_MAX, found = 0;
-
-    for (size_t i = 0; i < ps->count; i++) {
-        const struct param *t = &ps->tensor[i];
-        size_t dims[5], rows, cols, row = 0, cell = 0;
-        char name[256];
-
-        if (!params_renamed(name, t, prefix, from))
-            continue;
-        first = first < i ? first : i;
-        if (!st_find(st, name))         /* a new layer */
-            continue;
-        found++;
-        memcpy(dims, t->dim, sizeof dims);
-        rows = params_narrower(&cols, t, st, name);
-        if (rows) {
-            row = t->count / t->dim[0];
-            cell = t->ndim > 1 ? row / t->dim[1] : row;
-            dims[0] = rows;
-            dims[1] = t->ndim > 1 ? cols : dims[1];
-        }
-        float *w = st_load_f32(st, name, t->ndim, dims, NULL, err);
-        if (!w)
-            return -1;
-        for (size_t r = 0; r < rows; r++) {
-            float *to = param_w(ps, i) + r * row;
-
-            memset(to, 0, row * sizeof *to);
-            memcpy(to, w + r * cols * cell, cols * cell * sizeof *to);
-        }
-        free(w);
-    }
-    return found || first == SIZE_MAX
-               ? 0
-               : error_set(err, EX_DATAERR, "%s: no tensor %s...", st_path(st),
-                           from);
-}
-
 /* A file's tensors in its own dtype, one after another. */
 struct params_output {
     const struct params *ps;

@@ -76,14 +76,6 @@ int params_load(struct params *ps, const struct safetensors *st,
 int params_load_from(struct params *ps, const struct safetensors *st,
                      const char *prefix, const char *from,
                      struct error *err);
-/* The same from a narrower network, such that the wider one computes what it
- * did: what the file has goes into the first rows and columns (dimensions 0
- * and 1), the new columns of these rows are zero and whole new rows stay as
- * they are, as do layers the file does not have.  Fails where the file's tensor
- * is the larger one, or nothing is found. */
-int params_grow_from(struct params *ps, const struct safetensors *st,
-                     const char *prefix, const char *from,
-                     struct error *err);
 /* Write w as dtype (ST_F32, ST_F16, ST_BF16) with metadata pairs. */
 int params_save(const struct params *ps, const char *path,
                 enum st_dtype dtype, const char *const *meta,

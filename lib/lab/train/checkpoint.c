@@ -183,7 +183,7 @@ out:
 }
 
 int checkpoint_source_parse(struct checkpoint_source *s, const char *text,
-                            bool grow, struct error *err)
+                            struct error *err)
 {
     char *copy = strdup(text), *colon, *equals;
 
@@ -197,7 +197,7 @@ int checkpoint_source_parse(struct checkpoint_source *s, const char *text,
         *equals++ = 0;
     *s = (struct checkpoint_source){
         .path = copy, .prefix = colon ? colon : "",
-        .from = equals ? equals : colon ? colon : "", .grow = grow};
+        .from = equals ? equals : colon ? colon : ""};
     return 0;
 }
 
@@ -209,8 +209,7 @@ int checkpoint_import(struct params *ps, const struct checkpoint_source *s,
 
     if (!st)
         return -1;
-    rc = (s->grow ? params_grow_from : params_load_from)(ps, st, s->prefix,
-                                                         s->from, err);
+    rc = params_load_from(ps, st, s->prefix, s->from, err);
     st_close(st);
     return rc;
 }

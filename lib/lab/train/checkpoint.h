@@ -45,13 +45,12 @@ int checkpoint_load(const char *path, struct checkpoint *c,
 /* A model file to start from. */
 struct checkpoint_source {
     const char *path, *prefix, *from;
-    bool grow;                  /* the file's network is the narrower one */
 };
 
 /* "FILE", "FILE:PREFIX" or "FILE:PREFIX=FROM"; *s keeps a copy for good, as
  * options are kept. */
 int checkpoint_source_parse(struct checkpoint_source *s, const char *text,
-                            bool grow, struct error *err);
+                            struct error *err);
 
 /* Fill tensors of ps from a model file: those whose name starts with prefix
  * must all be there, under names that start with `from` instead. */
