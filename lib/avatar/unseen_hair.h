@@ -2,9 +2,10 @@
  * beside the mesh are mirrored across the head, into rows that draw nothing, so
  * far as the photograph allows it: it would show them where they are not hidden
  * behind the head or behind what it shows of hair (space carving, Kutulakos and
- * Seitz 2000).  Without it turned.sh -n 6 loses 0.04 dB of 20.96 and edges come
- * nearer to the truth's (1.23 for 1.25), as do landmarks (4.62 for 4.70): it
- * may go. */
+ * Seitz 2000).  Without it turned.sh -n 6 loses 0.06 dB of 20.75, edges come
+ * nearer to the truth's (1.31 for 1.33), as do landmarks (4.30 for 4.32 %), and
+ * lbax4n and lbbc2a stay; but turned.sh sheet shows who has long hair (its third
+ * person) with hair on one side only. */
 #ifndef SPID_AVATAR_UNSEEN_HAIR_H
 #define SPID_AVATAR_UNSEEN_HAIR_H
 
