@@ -1,5 +1,4 @@
 /* What is written is not what is read: checked before anything is opened. */
-#include <sys/stat.h>
 #include <string.h>
 
 #include "cmd/cli_parts.h"

@@ -2,7 +2,6 @@
 #include "formats/obj.h"
 
 #include <stdio.h>
-#include <string.h>
 
 #include "formats/outfile.h"
 

@@ -3,7 +3,6 @@
 #ifndef SPID_FORMATS_PATTERN_H
 #define SPID_FORMATS_PATTERN_H
 
-#include <stddef.h>
 #include <stdint.h>
 
 #include "lib/base/error.h"

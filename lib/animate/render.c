@@ -5,7 +5,6 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "lib/base/camera.h"
 #include "lib/base/drive.h"
 #include "lib/base/relative_pose.h"
 #include "lib/splat/reference.h"

@@ -11,7 +11,6 @@
 #include "lib/animate/pipeline.h"
 #include "lib/animate/prepare.h"
 #include "lib/base/parallel.h"
-#include "lib/head/arkit.h"
 #include "lib/track/relative.h"
 #include "lib/track/track.h"
 

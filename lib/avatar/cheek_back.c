@@ -6,7 +6,6 @@
 #include <string.h>
 
 #include "lib/avatar/static_branch.h"
-#include "lib/base/camera.h"
 #include "lib/base/parallel.h"
 
 /* The strip: its width and its distance from the outline, so that none of its

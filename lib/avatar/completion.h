@@ -10,7 +10,6 @@
 #include <stddef.h>
 
 #include "lib/base/densify.h"
-#include "lib/base/error.h"
 
 /* Floats of scratch for N points. */
 #define COMPLETION_SCRATCH(N) (13 * (N))

@@ -7,7 +7,6 @@
 #ifndef SPID_AVATAR_EYES_H
 #define SPID_AVATAR_EYES_H
 
-#include <stddef.h>
 
 #include "lib/head/head.h"
 

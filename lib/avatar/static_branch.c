@@ -12,7 +12,6 @@
 #include "lib/avatar/unseen_hair.h"
 #include "lib/base/parallel.h"
 #include "lib/base/slices.h"
-#include "lib/base/camera.h"
 #include "lib/base/neck_blend.h"
 #include "lib/base/resample.h"
 

@@ -16,7 +16,6 @@
 #include <cpuid.h>
 #include <immintrin.h>
 #include <sys/syscall.h>
-#include <unistd.h>
 #endif
 
 static const char *const level_names[] = { "baseline", "avx2", "avx512" };

@@ -3,7 +3,6 @@
 #define SPID_PHOTO_MATTE_H
 
 #include <stdbool.h>
-#include <stddef.h>
 #include <stdint.h>
 
 #include "lib/base/error.h"

@@ -2,7 +2,6 @@
  * picture in several sizes and its confidence. */
 #include "lib/photo/texture.h"
 
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>

@@ -4,9 +4,7 @@
 #ifndef SPID_LAB_EVAL_REENACTOR_H
 #define SPID_LAB_EVAL_REENACTOR_H
 
-#include <stdbool.h>
 #include <stddef.h>
-#include <stdint.h>
 
 #include "lib/animate/pipeline.h"
 #include "lib/avatar/baker.h"
