@@ -95,7 +95,7 @@ static void backward_load_pixels(struct splat_work *w, const struct splat *s,
 
     if (!s->state->row)
         backward_fetch_pixels(s, d_image, x0, y0);
-    for (int k = 0; k < BLOCKS; k++) {
+    for (int k = 0; k < SLICES; k++) {
         vf sum = vf_set(0), behind = sum;
         vi at;
 
@@ -138,8 +138,8 @@ VEC_INLINE vf backward_inverse(vf x)
 static void backward_color_dot_grads(struct splat_work *w, int b,
                                      const float *table, int row)
 {
-    const uint32_t *list = w->list[b];
-    uint32_t n = w->count[b];
+    const uint32_t *list = w->list[b / PARTS];
+    uint32_t n = w->count[b / PARTS];
 
     for (uint32_t j = 0; j < n; j += 4) {
         const float *c[4];
@@ -276,12 +276,12 @@ static void backward_colors(struct splat_work *w, int b, uint32_t n, int row)
             from[c] = w->g[b][part + c];
         vf_columns(g, from, VEC_QUADS);
         for (uint32_t j = 0; j < n; j++) {
-            float *to = w->dcolor[w->list[b][j]] + part;
+            float *to = w->dcolor[w->list[b / PARTS][j]] + part;
             vf sum = vf_load(to);
 
 #pragma GCC unroll 16
             for (int p = 0; p < VEC; p++)
-                sum = vf_fma(vf_set(w->weight[j][p]), g[p], sum);
+                sum = vf_fma(vf_set(w->row[j][p]), g[p], sum);
             vf_store(to, sum);
         }
     }
@@ -300,11 +300,11 @@ VEC_INLINE void backward_traverse(struct splat_work *w, int b,
 {
     const struct view *v = &st->view;
     const float (*grad_color)[16] = (const float (*)[16])w->grad_color[b];
-    const uint32_t *list = w->list[b];
+    const uint32_t *list = w->list[b / PARTS];
     const bool wide = kind != BACKWARD_CHUNK;
     const bool place = kind == BACKWARD_TABLE_PLACE;
-    uint32_t n = w->count[b], j = 0;
-    vf x = chunk_block_x(b), cut = vf_set(v->cut), stop = vf_set(v->t_cut);
+    uint32_t n = w->count[b / PARTS], j = 0;
+    vf x = chunk_slice_x(b), cut = vf_set(v->cut), stop = vf_set(v->t_cut);
     vm alive = vm_from_bits(w->alive[b]);
     vf T = vf_keep(alive, vf_load(w->T[b])), g[3];
     vf remaining = vf_load(w->remaining[b]);
@@ -319,12 +319,12 @@ VEC_INLINE void backward_traverse(struct splat_work *w, int b,
         vf e[4], alpha[4], behind[4], color_dot_grad[4], dq[4], weight[4];
         vm on[4];
 
-        chunk_alphas(alpha, on, e, w, list + j, b, x, cut, degree);
+        chunk_alphas(alpha, on, e, w, list + j, b, &x, cut, degree, 1);
         FOUR behind[k] = backward_inverse(vf_set(1) - alpha[k]);
         ABREAST(behind);
         FOUR {
             uint32_t entry = list[j + (uint32_t)k];
-            const float *c = place ? w->place[entry] : w->info[entry] + 1;
+            const float *c = w->entry[entry] + (place ? PLACE : COLOR);
             vf dot = vf_fma(vf_set(c[0]), g[0],
                             vf_fma(vf_set(c[1]), g[1], vf_set(c[2]) * g[2]));
 
@@ -347,7 +347,7 @@ VEC_INLINE void backward_traverse(struct splat_work *w, int b,
                 drawn = vf_gt_and(drawn, vf_set(0.99f), e[k]);
             dq[k] = vf_fnma_keep(drawn, remaining, behind[k], before);
             if (wide)
-                vf_store(w->weight[j + (uint32_t)k], weight[k]);
+                vf_store(w->row[j + (uint32_t)k], weight[k]);
         }
         backward_flush(w, grad_color, list + j, dq, weight, &at,
                        !wide || place);
@@ -410,7 +410,7 @@ VEC_INLINE void backward_fetch_pairs(const struct splat_work *w,
 {
     const struct splat_gradient_state *g = s->state->gradient;
 
-    for (uint32_t e = n * b / BLOCKS; e < n * (b + 1) / BLOCKS; e++)
+    for (uint32_t e = n * b / SLICES; e < n * (b + 1) / SLICES; e++)
         __builtin_prefetch(g->pair + (size_t)w->pair_of[e] * (size_t)g->stride,
                            1);
 }
@@ -465,9 +465,9 @@ static void backward_chunk(struct splat_work *w, const struct splat *s,
     memset(w->pair, 0, n * sizeof w->pair[0]);
     if (s->state->row)
         memset(w->dcolor, 0, n * sizeof w->dcolor[0]);
-    for (int b = 0; b < BLOCKS; b++) {
+    for (int b = 0; b < SLICES; b++) {
         backward_fetch_pairs(w, s, n, (uint32_t)b);
-        if (w->count[b])
+        if (w->count[b / PARTS])
             backward_block(w, b, s->state, s->opt.exp_degree, kind);
     }
     backward_store_pairs(w, s, list, n);
@@ -491,7 +491,7 @@ void ISA(splat_tile_backward)(const struct splat *s, struct splat_work *w,
 
         backward_chunk(w, s, st->list + i, n, tx, ty, kind);
         any = 0;
-        for (int b = 0; b < BLOCKS; b++)
+        for (int b = 0; b < SLICES; b++)
             any |= w->alive[b];
     }
 }

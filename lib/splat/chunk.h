@@ -6,39 +6,42 @@
 #include "lib/splat/state.h"
 #include "lib/splat/vec_shuffle.h"
 
-#define COLUMNS (VEC / 4)      /* of pixels in a block: 4, 2 or 1 */
-#define ACROSS (TILE / COLUMNS)            /* blocks in a row of blocks */
-#define BLOCKS (4 * ACROSS)
+#define BLOCKS 16              /* of 4 x 4 pixels, row by row, each of */
+#define PARTS (16 / VEC)       /* slices: vectors of pixels, ... */
+#define SLICES (BLOCKS * PARTS)
+#define COLUMNS (VEC / 4)      /* ... of 4, 2 or 1 columns, ... */
+#define ACROSS (4 * PARTS)     /* ... so many in a row */
 #define ALL_ALIVE ((1u << VEC) - 1)
 #define COLUMN (CHUNK + 48)    /* floats between columns of the chunk */
 #define AHEAD 32               /* entries whose records are fetched early */
+
+/* Columns of an entry. */
+enum { COLOR = 0, DEPTH = 3, PLACE = 4, ROOT = 7 };
 
 /* One thread's scratch. */
 struct splat_work {
     /* of each row of blocks and entry, for its four rows of pixels: shift,
      * then high, of q = high - (root x - shift)^2 */
     float rows[4][CHUNK + 2][8];
-    float info[COLUMN][4];                 /* root, the first three colours */
-    float fourth[COLUMN];                  /* colour 3, or depth */
-    float place[COLUMN][4];                /* place channels, and 0 */
+    float entry[COLUMN][8];                /* colours (3: or depth), place
+                                            * channels, root */
     uint32_t index[COLUMN];                /* Gaussian of each entry */
     uint32_t list[BLOCKS][COLUMN];         /* entries that reach a block */
     uint32_t count[BLOCKS];
-    uint32_t alive[BLOCKS];                /* pixels still taking light */
-    float T[BLOCKS][VEC];
-    float color[4][BLOCKS][VEC];
-    float weight[COLUMN + 2][VEC];         /* of one block, wide path */
-    uint32_t used[COLUMN + 16];            /* Gaussian of each weight row */
-    float depth[BLOCKS][VEC];
-    float blended[3][BLOCKS][VEC];         /* place channels */
-    float wide[BLOCKS * VEC][SPLAT_MAX_CHANNELS];
-    float g[BLOCKS][SPLAT_MAX_CHANNELS][VEC];  /* dL/dcolor, backward */
-    float remaining[BLOCKS][VEC];          /* backward: light still behind */
-    float g_place[BLOCKS][3][VEC];         /* backward: dL/dplace */
+    uint32_t alive[SLICES];                /* pixels still taking light */
+    float T[SLICES][VEC];
+    float sum[ROOT][SLICES][VEC];          /* of entries' columns but root */
+    float weight[COLUMN][PARTS][VEC];      /* of one block's entries */
+    float row[COLUMN][VEC];                /* of one slice's product, and */
+    uint32_t used[COLUMN];                 /* the Gaussian of each row */
+    float wide[SLICES * VEC][SPLAT_MAX_CHANNELS];
+    float g[SLICES][SPLAT_MAX_CHANNELS][VEC];  /* dL/dcolor, backward */
+    float remaining[SLICES][VEC];          /* backward: light still behind */
+    float g_place[SLICES][3][VEC];         /* backward: dL/dplace */
     float color_dot_grad[COLUMN][VEC];     /* backward: color . g */
     float pair[COLUMN][16];                /* backward: sums of each entry
                                             * about the tile's centre */
-    float grad_color[BLOCKS][VEC][16];     /* backward, up to 3 channels: at
+    float grad_color[SLICES][VEC][16];     /* backward, up to 3 channels: at
                                             * pixel p, number 4 c + 0..3 is
                                             * dL/dcolor of c */
     float center[2][COLUMN];               /* x, y about the tile's centre */
@@ -46,8 +49,8 @@ struct splat_work {
     float dcolor[COLUMN][SPLAT_MAX_CHANNELS];
 };
 
-/* A block is four rows of pixels; lane p is the pixel in column p / 4 and row
- * p % 4.  Blocks lie row by row, so that arrays (BLOCKS, VEC) are the same at
+/* A slice is four rows of pixels; lane p is the pixel in column p / 4 and row
+ * p % 4.  Slices lie row by row, so that arrays (SLICES, VEC) are the same at
  * every width: by four rows, column, row. */
 #define PIXEL_X(p) ((p) >> 2)
 #define PIXEL_Y(p) ((p) & 3)
@@ -78,8 +81,8 @@ VEC_INLINE void chunk_fetch_entry(const struct splat_state *s, size_t i)
         __builtin_prefetch(&s->place[i]);
 }
 
-/* Columns of block b's pixels, about the tile's centre. */
-VEC_INLINE vf chunk_block_x(int b)
+/* Columns of slice b's pixels, about the tile's centre. */
+VEC_INLINE vf chunk_slice_x(int b)
 {
     static const float column[16] = {0, 0, 0, 0, 1, 1, 1, 1,
                                      2, 2, 2, 2, 3, 3, 3, 3};
@@ -97,6 +100,16 @@ VEC_INLINE void chunk_gather(vf g[8], const struct projected_gaussian *record,
     for (int k = 0; k < VEC; k++)
         r[k] = (const float *)&record[list[k]];
     vf_columns(g, r, 2);
+}
+
+/* Whether any pixel of a block still takes light. */
+VEC_INLINE bool chunk_alive(const struct splat_work *w, int block)
+{
+    uint32_t any = 0;
+
+    for (int k = 0; k < PARTS; k++)
+        any |= w->alive[PARTS * block + k];
+    return any != 0;
 }
 
 /* Which of VEC Gaussians reach which blocks; the entries are appended to
@@ -134,14 +147,13 @@ VEC_INLINE void chunk_cull(struct splat_work *w, const vf g[8], vf u, vf v,
 #else
 #pragma GCC unroll 1
 #endif
-        for (int x = 0; x < ACROSS; x++) {
-            int b = ACROSS * y + x;
+        for (int x = 0; x < 4; x++) {
+            int b = 4 * y + x;
 
-            if (!w->alive[b])
+            if (!chunk_alive(w, b))
                 continue;
-            vf edge = vf_set((float)(COLUMNS * x) - 7.5f);
-            vm in = vf_gt_and(vf_gt_and(some, hi, edge),
-                              edge + vf_set(COLUMNS - 1), lo);
+            vf edge = vf_set(4 * (float)x - 7.5f);
+            vm in = vf_gt_and(vf_gt_and(some, hi, edge), edge + vf_set(3), lo);
 
             w->count[b] += vm_list(w->list[b] + w->count[b], in, at);
         }
@@ -228,15 +240,13 @@ chunk_build(struct splat_work *w, const struct splat_state *s,
         for (uint32_t k = 0; k < left; k++) {
             uint32_t one = w->index[i + k];
 
-            w->info[i + k][0] = s->projection[one].root;
-            if (!s->row)
-                memcpy(w->info[i + k] + 1, s->color[one], 3 * sizeof(float));
+            memcpy(w->entry[i + k], s->color[one], sizeof s->color[0]);
             if (s->place)
-                memcpy(w->place[i + k], s->place[one], sizeof w->place[0]);
+                memcpy(w->entry[i + k] + PLACE, s->place[one],
+                       sizeof s->place[0]);
             if (depth)
-                memcpy(&w->fourth[i + k], &s->key[one], sizeof(float));
-            else
-                w->fourth[i + k] = s->row ? 0 : s->color[one][3];
+                memcpy(&w->entry[i + k][DEPTH], &s->key[one], sizeof(float));
+            w->entry[i + k][ROOT] = s->projection[one].root;
             chunk_build_rows(w, i + k, &t, k);
         }
         chunk_cull(w, g, u, v, i, (1u << left) - 1, s->view.cut);
@@ -245,32 +255,35 @@ chunk_build(struct splat_work *w, const struct splat_state *s,
     for (int y = 0; y < 4; y++)
         for (int k = 0; k < 8; k++)
             w->rows[y][CHUNK][k] = k < 4 ? 0 : -1e30f;
-    memset(w->info[CHUNK], 0, sizeof w->info[0]);
-    w->fourth[CHUNK] = 0;
-    memset(w->place[CHUNK], 0, sizeof w->place[0]);
+    memset(w->entry[CHUNK], 0, sizeof w->entry[0]);
+    w->index[CHUNK] = list[0];
     for (int b = 0; b < BLOCKS; b++)
-        vi_store(w->list[b] + w->count[b], vi_set(CHUNK));
+        for (uint32_t k = 0; k < 4; k++)
+            w->list[b][w->count[b] + k] = CHUNK;
 }
 
-/* Of four entries: q at block b's pixels, x of chunk_block_x(b). */
+/* q of entries 0 .. 4 / parts - 1 at the pixels of `parts` slices each, from
+ * slice b on, whose columns are x. */
 VEC_INLINE void chunk_exponents(vf q[4], const struct splat_work *w,
-                                const uint32_t *entry, int b, vf x)
+                                const uint32_t *entry, int b, const vf *x,
+                                const int parts)
 {
     const float (*row)[8] = w->rows[b / ACROSS];
 
-    FOUR q[k] = vf_fma(x, vf_set(w->info[entry[k]][0]),
-                       -vf_repeat(row[entry[k]]));
+    FOUR q[k] = vf_fma(x[k % parts], vf_set(w->entry[entry[k / parts]][ROOT]),
+                       -vf_repeat(row[entry[k / parts]]));
     ABREAST(q);
-    FOUR q[k] = vf_fnma(q[k], q[k], vf_repeat(row[entry[k]] + 4));
+    FOUR q[k] = vf_fnma(q[k], q[k], vf_repeat(row[entry[k / parts]] + 4));
     ABREAST(q);
 }
 
 /* Their alphas, also before the clamp, and where they are not cut off. */
 VEC_INLINE void chunk_alphas(vf alpha[4], vm on[4], vf free[4],
                              const struct splat_work *w, const uint32_t *entry,
-                             int b, vf x, vf cut, const int degree)
+                             int b, const vf *x, vf cut, const int degree,
+                             const int parts)
 {
-    chunk_exponents(free, w, entry, b, x);
+    chunk_exponents(free, w, entry, b, x, parts);
     FOUR on[k] = vf_ge(free[k], cut);
     vf_exp2_four(free, degree);
     FOUR alpha[k] = vf_min_positive(free[k], vf_set(0.99f));

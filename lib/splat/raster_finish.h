@@ -260,13 +260,11 @@ static void raster_finish(struct splat_work *w, const struct splat *s,
     for (int by = 0; by < 4; by++) {
         raster_block_rows(p.T, w->T[ACROSS * by]);
         for (int c = 0; !s->state->row && c < 4; c++)
-            raster_block_rows(p.color[c], w->color[c][ACROSS * by]);
+            raster_block_rows(p.color[c], w->sum[COLOR + c][ACROSS * by]);
         for (int c = 0; out->place && c < 3; c++)
-            raster_block_rows(p.place[c], w->blended[c][ACROSS * by]);
-        if (out->depth && s->state->row)
-            raster_block_rows(p.z, w->depth[ACROSS * by]);
-        else if (out->depth)
-            memcpy(p.z, p.color[3], sizeof p.z);
+            raster_block_rows(p.place[c], w->sum[PLACE + c][ACROSS * by]);
+        if (out->depth)
+            raster_block_rows(p.z, w->sum[DEPTH][ACROSS * by]);
         for (int y = 4 * by; y < 4 * by + 4 && y0 + y < s->opt.height; y++) {
             size_t at = (size_t)(y0 + y) * (size_t)s->opt.width + (size_t)x0;
 

@@ -11,20 +11,17 @@ void ISA(splat_tile)(const struct splat *s, struct splat_work *w, uint32_t t,
                      const struct target *out);
 size_t ISA(splat_work_size)(void);
 
-/* Light passing through a block's pixels.  T is 0 where a pixel has been
+/* Light passing through a slice's pixels.  T is 0 where a pixel has been
  * finished; kept is its last transmittance everywhere. */
 struct light {
-    vf T, kept, cut, stop;
+    vf T, kept;
 };
 
-/* What block b's pixels let through so far. */
-VEC_INLINE void light_init(struct light *l, const struct splat_work *w, int b,
-                           const struct view *v)
+/* What slice b's pixels let through so far. */
+VEC_INLINE void light_init(struct light *l, const struct splat_work *w, int b)
 {
     l->kept = vf_load(w->T[b]);
     l->T = vf_keep(vm_from_bits(w->alive[b]), l->kept);
-    l->cut = vf_set(v->cut);
-    l->stop = vf_set(v->t_cut);
 }
 
 /* The same put back, and which pixels still take light. */
@@ -35,83 +32,100 @@ VEC_INLINE void light_store(struct splat_work *w, int b,
     vf_store(w->T[b], l->kept);
 }
 
-/* One Gaussian's weight at the block's pixels, and where it counts.  The rule,
+/* One Gaussian's weight at the slice's pixels, and where it counts.  The rule,
  * T (1 - alpha) <= t_cut drops the Gaussian and all behind it, is applied to
  * products that run ahead: T only falls, so what comes after the first that is
  * too small is too small as well. */
-VEC_INLINE vm light_pass(vf *weight, struct light *l, vm on, vf alpha)
+VEC_INLINE vm light_pass(vf *weight, struct light *l, vm on, vf alpha,
+                         vf t_cut)
 {
-    *weight = vf_mul_keep(on, alpha, l->T);
-    l->T -= *weight;
-    on = vf_gt(l->T, l->stop);
+    const vf all = vf_mul_keep(on, alpha, l->T);
+
+    l->T -= all;
+    on = vf_gt(l->T, t_cut);
     l->kept = vf_sel(on, l->T, l->kept);
+    *weight = vf_keep(on, all);
     return on;
 }
 
-/* Keep a weight as a row for the product, unless it is 0 everywhere.  Returns
- * the rows. */
-VEC_INLINE uint32_t raster_keep_row(struct splat_work *w, uint32_t rows,
-                                    uint32_t e, vf weight)
+/* Pass light through a block's list: w->weight of each entry, until nothing
+ * of the block takes light any more; returns how many. */
+VEC_INLINE uint32_t raster_traverse(struct splat_work *w, int block,
+                                    const struct view *v, const int degree)
 {
-    vf_store(w->weight[rows], weight);
-    w->used[rows] = w->index[e < CHUNK ? e : 0];
-    return rows + (vm_bits(vf_gt(weight, vf_set(0))) != 0);
-}
+    enum { ENTRIES = 4 / PARTS };
+    const uint32_t *list = w->list[block], n = w->count[block];
+    const vf cut = vf_set(v->cut), t_cut = vf_set(v->t_cut);
+    const int first = PARTS * block;
+    struct light light[PARTS];
+    uint32_t j = 0;
+    vf x[PARTS];
+    bool some = true;
 
-/* Pass light through a block's list, T in a register: blend 3 or 4 channels,
- * which stay in registers, or for more (channels 0) put the weights into
- * w->weight and return their rows.  Places are three further channels in
- * registers. */
-VEC_INLINE uint32_t raster_traverse(struct splat_work *w, int b,
-                                    const struct view *v, const int degree,
-                                    const int channels, const bool place)
-{
-    const uint32_t *list = w->list[b];
-    float *sums[4] = {w->color[0][b], w->color[1][b], w->color[2][b],
-                      channels ? w->color[3][b] : w->depth[b]};
-    const int first = channels ? 0 : 3, last = channels ? channels : 4;
-    uint32_t n = w->count[b], rows = 0;
-    struct light l;
-    vf c[4], p[3], x = chunk_block_x(b);
-
-    light_init(&l, w, b, v);
-    for (int k = first; k < last; k++)
-        c[k] = vf_load(sums[k]);
-    for (int k = 0; place && k < 3; k++)
-        p[k] = vf_load(w->blended[k][b]);
-    for (uint32_t j = 0; j < n; j += 4) {
-        vm on = VM_ALL, seen[4];
+    for (int k = 0; k < PARTS; k++) {
+        light_init(&light[k], w, first + k);
+        x[k] = chunk_slice_x(first + k);
+    }
+    for (; j < n && some; j += ENTRIES) {
         vf alpha[4], free[4];
+        vm seen[4], on[PARTS];
 
-        chunk_alphas(alpha, seen, free, w, list + j, b, x, l.cut, degree);
-#pragma GCC unroll 4
-        for (uint32_t i = 0; i < 4; i++) {
-            uint32_t e = list[j + i];
+        chunk_alphas(alpha, seen, free, w, list + j, first, x, cut, degree,
+                     PARTS);
+        FOUR {
             vf weight;
 
-            on = light_pass(&weight, &l, seen[i], alpha[i]);
-#pragma GCC unroll 3
-            for (int m = first; m < 3; m++)
-                c[m] = vf_fma_keep(on, weight, vf_set(w->info[e][1 + m]),
-                                   c[m]);
-            if (last > 3)
-                c[3] = vf_fma_keep(on, weight, vf_set(w->fourth[e]), c[3]);
-#pragma GCC unroll 3
-            for (int m = 0; place && m < 3; m++)
-                p[m] = vf_fma_keep(on, weight, vf_set(w->place[e][m]), p[m]);
-            if (!channels)
-                rows = raster_keep_row(w, rows, e, vf_keep(on, weight));
+            on[k % PARTS] = light_pass(&weight, &light[k % PARTS], seen[k],
+                                       alpha[k], t_cut);
+            vf_store(w->weight[j + k / PARTS][k % PARTS], weight);
         }
-        l.T = vf_keep(on, l.T);
-        if (!vm_any(on))
-            break;
+        some = false;
+        for (int k = 0; k < PARTS; k++) {
+            light[k].T = vf_keep(on[k], light[k].T);
+            some |= vm_any(on[k]);
+        }
     }
-    for (int k = first; k < last; k++)
-        vf_store(sums[k], c[k]);
-    for (int k = 0; place && k < 3; k++)
-        vf_store(w->blended[k][b], p[k]);
-    light_store(w, b, &l);
-    return rows;
+    for (int k = 0; k < PARTS; k++)
+        light_store(w, first + k, &light[k]);
+    return j;
+}
+
+/* w->sum of a block's slices += the first rows' weights times their entries'
+ * columns: those of the bits that are set. */
+VEC_INLINE void raster_sum(struct splat_work *w, int block, uint32_t rows,
+                           const unsigned columns)
+{
+    vf sum[ROOT][PARTS];
+
+#define EACH_SUM \
+    _Pragma("GCC unroll 7") for (int c = 0; c < ROOT; c++) \
+        if (columns >> c & 1) \
+            _Pragma("GCC unroll 4") for (int k = 0; k < PARTS; k++)
+    EACH_SUM sum[c][k] = vf_load(w->sum[c][PARTS * block + k]);
+    for (uint32_t j = 0; j < rows; j++) {
+        const float *entry = w->entry[w->list[block][j]];
+
+        EACH_SUM sum[c][k] = vf_fma(vf_load(w->weight[j][k]),
+                                    vf_set(entry[c]), sum[c][k]);
+    }
+    EACH_SUM vf_store(w->sum[c][PARTS * block + k], sum[c][k]);
+}
+
+/* w->row: slice b's weights of the first entries, times scale, without those
+ * that are nowhere more than min; returns how many. */
+VEC_INLINE uint32_t raster_rows(struct splat_work *w, int b, uint32_t entries,
+                                float scale, float min)
+{
+    uint32_t n = 0;
+
+    for (uint32_t j = 0; j < entries; j++) {
+        const vf weight = vf_load(w->weight[j][b % PARTS]) * vf_set(scale);
+
+        vf_store(w->row[n], weight);
+        w->used[n] = w->index[w->list[b / PARTS][j]];
+        n += vm_any(vf_gt(weight, vf_set(min))) != 0;
+    }
+    return n;
 }
 
 /* How many pixels, and vectors of channels, a product sums up at a time: what
@@ -122,8 +136,8 @@ enum { PIXELS_ABREAST = 8, VECTORS_ABREAST = 1 };
 enum { PIXELS_ABREAST = 4, VECTORS_ABREAST = 2 };
 #endif
 
-/* wide (VEC pixels, row) += weight^T (rows, VEC pixels) table (rows, row):
- * lanes are channels. */
+/* wide (VEC pixels, row) += row^T (rows, VEC pixels) table (rows, row): lanes
+ * are channels. */
 static void raster_product(struct splat_work *w, int b, uint32_t rows,
                            const float *table, int row)
 {
@@ -138,7 +152,7 @@ static void raster_product(struct splat_work *w, int b, uint32_t rows,
                 for (int k = 0; k < VECTORS_ABREAST; k++)
                     acc[p][k] = vf_load(out[p] + part + VEC * k);
             for (uint32_t j = 0; j < rows; j++) {
-                const float *g = w->weight[j] + first;
+                const float *g = w->row[j] + first;
                 const float *c = table + (size_t)w->used[j] * (size_t)row +
                                  part;
                 vf color[VECTORS_ABREAST];
@@ -233,8 +247,8 @@ VEC_INLINE void raster_sum_fixed(struct splat_work *w, int pixel, int first,
         }
 }
 
-/* The same in 16-bit integers, two Gaussians at a time: weights and colours
- * in Q15, sums in 32 bits.  table rows hold channels in the order that the
+/* The same in 16-bit integers, two Gaussians at a time: rows and colours in
+ * Q15, sums in 32 bits.  table rows hold channels in the order that the
  * interleaving undoes. */
 static void raster_product_fixed(struct splat_work *w, int b, uint32_t rows,
                                  const int16_t *table, const float *scale)
@@ -242,12 +256,12 @@ static void raster_product_fixed(struct splat_work *w, int b, uint32_t rows,
     uint32_t pair[COLUMN / 2 + 1][VEC], pairs = (rows + 1) / 2;
 
     if (rows & 1) {
-        vf_store(w->weight[rows], vf_set(0));
+        vf_store(w->row[rows], vf_set(0));
         w->used[rows] = w->used[rows - 1];
     }
     for (uint32_t j = 0; j < pairs; j++) {
-        vi lo = vf_round(vf_load(w->weight[2 * j]) * vf_set(32767));
-        vi hi = vf_round(vf_load(w->weight[2 * j + 1]) * vf_set(32767));
+        vi lo = vf_round(vf_load(w->row[2 * j]));
+        vi hi = vf_round(vf_load(w->row[2 * j + 1]));
 
         vi_store(pair[j], lo | (hi << 16));
     }
@@ -259,61 +273,47 @@ static void raster_product_fixed(struct splat_work *w, int b, uint32_t rows,
 }
 #endif
 
-/* More than four channels: weights first, then their product with the table. */
-VEC_INLINE void raster_wide_block(const struct splat_state *st,
-                                  struct splat_work *w, int b, const int degree,
-                                  const bool place)
+/* More than four channels of slice b: the product of weights and table. */
+static void raster_wide_slice(const struct splat_state *st,
+                              struct splat_work *w, int b, uint32_t entries)
 {
-    uint32_t rows = raster_traverse(w, b, &st->view, degree, 0, place);
-
-    if (!rows)
-        return;
 #if defined(__SSE2__) || defined(__ARM_NEON)
     if (st->fixed) {
-        raster_product_fixed(w, b, rows, st->fixed, st->fixed_scale);
+        /* weights in Q15; under a half they are 0 */
+        raster_product_fixed(w, b, raster_rows(w, b, entries, 32767, 0.5f),
+                             st->fixed, st->fixed_scale);
         return;
     }
 #endif
-    raster_product(w, b, rows, st->table, st->row);
+    raster_product(w, b, raster_rows(w, b, entries, 1, 0), st->table,
+                   st->row);
 }
 
-/* How a block's colours are summed: three channels or four (or depth) in
- * registers, more by products with the table. */
-enum blend { BLEND_THREE, BLEND_FOUR, BLEND_TABLE };
-
-/* One kind's traversal; degree and place are constants. */
-VEC_INLINE void raster_blend(const struct splat_state *st,
-                             struct splat_work *w, int b, enum blend kind,
-                             const int degree, const bool place)
+/* One block's share of the chunk.  Each degree and each choice of columns is
+ * compiled apart. */
+static void raster_block(const struct splat *s, struct splat_work *w,
+                         int block, bool place)
 {
-    const struct view *v = &st->view;
+    const struct view *v = &s->state->view;
+    const bool wide = s->state->row > 0;
+    uint32_t n;
 
-    switch (kind) {
-    case BLEND_THREE: raster_traverse(w, b, v, degree, 3, place); return;
-    case BLEND_FOUR: raster_traverse(w, b, v, degree, 4, place); return;
-    case BLEND_TABLE: raster_wide_block(st, w, b, degree, place); return;
+    switch (s->opt.exp_degree) {
+    case 2: n = raster_traverse(w, block, v, 2); break;
+    case 3: n = raster_traverse(w, block, v, 3); break;
+    case 4: n = raster_traverse(w, block, v, 4); break;
+    default: n = raster_traverse(w, block, v, 5); break;
     }
-}
-
-/* One block's share of the chunk.  Each combination is compiled apart. */
-static void raster_block(const struct splat *s, struct splat_work *w, int b,
-                         bool place)
-{
-    const struct splat_state *st = s->state;
-    enum blend kind = st->row ? BLEND_TABLE
-                      : s->opt.channels > 3 || s->opt.depth ? BLEND_FOUR
-                                                            : BLEND_THREE;
-
-    switch (s->opt.exp_degree * 2 + place) {
-    case 2 * 2: raster_blend(st, w, b, kind, 2, false); return;
-    case 2 * 3: raster_blend(st, w, b, kind, 3, false); return;
-    case 2 * 4: raster_blend(st, w, b, kind, 4, false); return;
-    case 2 * 5: raster_blend(st, w, b, kind, 5, false); return;
-    case 2 * 2 + 1: raster_blend(st, w, b, kind, 2, true); return;
-    case 2 * 3 + 1: raster_blend(st, w, b, kind, 3, true); return;
-    case 2 * 4 + 1: raster_blend(st, w, b, kind, 4, true); return;
-    default: raster_blend(st, w, b, kind, 5, true); return;
-    }
+    if (place && !wide)
+        raster_sum(w, block, n, 0x77);
+    else if (place)
+        raster_sum(w, block, n, 0x70);
+    else if (!wide)
+        raster_sum(w, block, n, 0x07);
+    if (s->opt.depth || s->opt.channels == 4)
+        raster_sum(w, block, n, 0x08);
+    for (int k = 0; wide && k < PARTS; k++)
+        raster_wide_slice(s->state, w, PARTS * block + k, n);
 }
 
 /* The next n entries of the tile's list, block by block. */
@@ -327,7 +327,7 @@ static void raster_chunk(const struct splat *s, struct splat_work *w,
             raster_block(s, w, b, place);
 }
 
-/* Pixels of block b that lie in the picture. */
+/* Pixels of slice b that lie in the picture. */
 static uint32_t raster_inside(const struct splat *s, int b, int x0, int y0)
 {
     uint32_t bits = 0;
@@ -345,17 +345,13 @@ static void raster_begin(struct splat_work *w, const struct splat *s, int x0,
 {
     bool whole = x0 + TILE <= s->opt.width && y0 + TILE <= s->opt.height;
 
-    for (int b = 0; b < BLOCKS; b++) {
+    for (int b = 0; b < SLICES; b++) {
         w->alive[b] = whole ? ALL_ALIVE : raster_inside(s, b, x0, y0);
         vf_store(w->T[b], vf_set(1));
-        vf_store(w->depth[b], vf_set(0));
     }
-    if (s->state->place)
-        memset(w->blended, 0, sizeof w->blended);
+    memset(w->sum, 0, sizeof w->sum);
     if (s->state->row)
         memset(w->wide, 0, sizeof w->wide);
-    else
-        memset(w->color, 0, sizeof w->color);
 }
 
 /* Fetch where the tile goes: written at its end, every line would be waited
@@ -388,7 +384,7 @@ static bool raster_any_alive(const struct splat_work *w)
 {
     uint32_t any = 0;
 
-    for (int b = 0; b < BLOCKS; b++)
+    for (int b = 0; b < SLICES; b++)
         any |= w->alive[b];
     return any != 0;
 }
