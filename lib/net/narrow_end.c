@@ -2,12 +2,41 @@
  * as one. */
 #include "lib/net/narrow_end.h"
 
+#include <math.h>
 #include <string.h>
 
 #include "lib/base/parallel.h"
 
 #define CELL NARROW_END_CELL
+#define COLORS NARROW_END_COLORS
 #define TILE WINOGRAD_TILE
+
+/* ---- one correction for a place -------------------------------------------
+ */
+
+void narrow_end_spread(float *colors, const float *tint, float max, size_t n)
+{
+    for (; n; n--, tint += 3) {
+        float within[3];
+
+        for (int c = 0; c < 3; c++)
+            within[c] = fmaxf(-max, fminf(tint[c], max));
+        for (int i = 0; i < CELL * CELL; i++, colors += 3)
+            memcpy(colors, within, sizeof within);
+    }
+}
+
+void narrow_end_spread_backward(float *dtint, const float *dcolors,
+                                const float *tint, float max, size_t n)
+{
+    memset(dtint, 0, 3 * n * sizeof *dtint);
+    for (size_t i = 0; i < COLORS * n; i++) {
+        const size_t at = i / COLORS * 3 + i % 3;
+
+        if (fabsf(tint[at]) < max)
+            dtint[at] += dcolors[i];
+    }
+}
 
 /* ---- two layers as one -----------------------------------------------------
  */
@@ -196,9 +225,14 @@ PARALLEL(narrow_end_forward_part, y, struct narrow_end *, e, float *, field,
         if (said)
             memcpy(field + (y * w + x) * said, cell + own,
                    said * sizeof *field);
-        if (!e->some || e->cell[y * w + x])
-            narrow_end_add(rgb + y * CELL * line + x * 3 * CELL, line, cell,
-                           e->max);
+        if (e->some && !e->cell[y * w + x])
+            continue;
+        float colors[COLORS];
+
+        if (own == 3)
+            narrow_end_spread(colors, cell, e->max, 1);
+        narrow_end_add(rgb + y * CELL * line + x * 3 * CELL, line,
+                       own == 3 ? colors : cell, e->max);
     }
 }
 

@@ -11,6 +11,7 @@
 #include "lib/nn/winograd.h"
 
 #define NARROW_END_CELL 4       /* pixels across a place of the maps */
+#define NARROW_END_COLORS 48    /* numbers of its pixels' colours */
 
 struct narrow_end {
     const struct conv *rgb, *field;     /* declare the weights; field NULL:
@@ -26,6 +27,12 @@ struct narrow_end {
     float max;                 /* added to a number or taken from it */
 };
 
+/* colors (n,48): tint (n,3), within max, for each pixel of a place. */
+void narrow_end_spread(float *colors, const float *tint, float max, size_t n);
+/* dtint (n,3), written, from the gradient of the colours. */
+void narrow_end_spread_backward(float *dtint, const float *dcolors,
+                                const float *tint, float max, size_t n);
+
 /* After both layers were planned; nothing is planned where Winograd does not
  * serve them.  max: of a correction, INFINITY for any. */
 void narrow_end_plan(struct narrow_end *e, struct conv *rgb,
@@ -39,9 +46,9 @@ void narrow_end_update(struct narrow_end *e);
 void narrow_end_set_coverage(struct narrow_end *e, struct conv *before,
                              const float *alpha, size_t stride);
 
-/* rgb (B,4h,4w,3) += what the map before (B,h,w,in) makes; field (B,h,w,4)
- * written, unless there is none.  Where narrow_end_set_coverage says that
- * nobody looks, both stay. */
+/* rgb (B,4h,4w,3) += what the map before (B,h,w,in) makes, 3 numbers for all of
+ * a place or 48; field (B,h,w,4) written, unless there is none.  Where
+ * narrow_end_set_coverage says that nobody looks, both stay. */
 void narrow_end_forward(float *rgb, float *field, const float *before,
                         struct narrow_end *e);
 

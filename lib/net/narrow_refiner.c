@@ -53,7 +53,8 @@ static void narrow_refiner_declare_all(struct narrow_refiner *r,
         { &r->up1, "up.1", w1, w0, 1, 1, ACT_LRELU },
         { &r->cond0, "condition.0", w0, 2 * w0, 1, 1, ACT_NONE },
         { &r->body0, "body.0", w0, w0, 3, 1, ACT_LRELU },
-        { &r->rgb, "rgb", w0, 48, 3, 1, ACT_NONE },
+        { &r->rgb, "rgb", w0, r->photos ? 3 : NARROW_END_COLORS, 3, 1,
+          ACT_NONE },
         { &r->photo0, "photo.0", NARROW_REFINER_PHOTO, w0 / 2, 2, 2,
           ACT_LRELU },
         { &r->photo1, "photo.1", w0 / 2, w0, 2, 2, ACT_LRELU },
@@ -190,7 +191,9 @@ static void narrow_refiner_plan_up(struct narrow_refiner *r)
     r->y0 = nn_plan_map(p, a0 * w0);
     r->z0 = nn_plan_map(p, a0 * w0);
     conv_plan(&r->body0, p, B, h / 4, w / 4);
-    r->d = nn_plan_map(p, a0 * 48);
+    r->d = nn_plan_map(p, a0 * NARROW_END_COLORS);
+    if (r->photos)
+        r->tint = nn_plan_map(p, a0 * 3);
     conv_plan(&r->rgb, p, B, h / 4, w / 4);
 }
 
@@ -232,8 +235,9 @@ static void narrow_refiner_plan_backward(struct narrow_refiner *r)
     r->dst0 = nn_plan_floats(p, a0 * 2 * w0);
     r->dst1 = nn_plan_floats(p, a1 * 2 * w1);
     r->df = nn_plan_floats(p, 4 * a0 * (w0 / 2));
-    r->dd = nn_plan_floats(p, a0 * 48);
+    r->dd = nn_plan_floats(p, a0 * NARROW_END_COLORS);
     if (r->photos) {
+        r->dtint = nn_plan_floats(p, a0 * 3);
         r->dp = nn_plan_floats(p, 4 * a0 * (w0 / 2));
         r->dk = nn_plan_floats(p, a0 * NARROW_REFINER_FIELD);
     }
@@ -365,32 +369,16 @@ static void narrow_refiner_forward_quarter(struct narrow_refiner *r)
     conv_forward(r->z0, r->y0, &r->body0);
 }
 
-/* Corrections d (n) clamped to what a refiner of the photograph may add. */
-static void narrow_refiner_clamp(float *d, size_t n)
-{
-    const float max = NARROW_REFINER_MAX;
-
-    for (size_t i = 0; i < n; i++)
-        d[i] = d[i] < -max ? -max : d[i] > max ? max : d[i];
-}
-
-/* dd = 0 where d was clamped. */
-static void narrow_refiner_clamp_backward(float *dd, const float *d, size_t n)
-{
-    for (size_t i = 0; i < n; i++)
-        if (fabsf(d[i]) >= NARROW_REFINER_MAX)
-            dd[i] = 0;
-}
-
 /* The picture's corrections, added to rgb, and the field. */
 static void narrow_refiner_forward_end(float *rgb, const float *coarse,
                                        size_t channels,
                                        struct narrow_refiner *r)
 {
-    conv_forward(r->d, r->z0, &r->rgb);
+    conv_forward(r->photos ? r->tint : r->d, r->z0, &r->rgb);
     if (r->photos) {
         conv_forward(r->k, r->z0, &r->field);
-        narrow_refiner_clamp(r->d, 3 * r->batch * r->h * r->w);
+        narrow_end_spread(r->d, r->tint, NARROW_REFINER_MAX,
+                          r->batch * r->h * r->w / 16);
     }
     depth_to_space_add(rgb, coarse, channels, r->d, r->batch, r->h / 4,
                        r->w / 4, 3, 4);
@@ -465,13 +453,15 @@ static void narrow_refiner_decoder_backward(float *de0, float *de1, float *dm,
     float *dz0 = r->g0[1], *dy0 = r->g0[2];
 
     depth_to_space_backward(r->dd, drgb, B, h / 4, w / 4, 3, 4);
-    if (r->photos)
-        narrow_refiner_clamp_backward(r->dd, r->d, 3 * B * h * w);
-    conv_backward(dz0, r->dd, r->d, r->z0, &r->rgb);
     if (r->photos) {
+        narrow_end_spread_backward(r->dtint, r->dd, r->tint,
+                                   NARROW_REFINER_MAX, a0);
+        conv_backward(dz0, r->dtint, r->tint, r->z0, &r->rgb);
         memcpy(r->dk, dfield, a0 * NARROW_REFINER_FIELD * sizeof *r->dk);
         conv_backward(r->g0[0], r->dk, r->k, r->z0, &r->field);
         image_add(dz0, r->g0[0], a0 * w0);
+    } else {
+        conv_backward(dz0, r->dd, r->d, r->z0, &r->rgb);
     }
     conv_backward(dy0, dz0, r->z0, r->y0, &r->body0);
     sft_backward(dy0, r->dst0, dy0, r->r0, r->t0, 1.0f, a0, w0);
@@ -586,6 +576,8 @@ void narrow_refiner_graph(struct graph *g, size_t h, size_t w,
                      1, h / 4, w / 4, NARROW_REFINER_FIELD);
         d = GRAPH_NODE(g, "Clip", d, graph_real(g, -NARROW_REFINER_MAX),
                        graph_real(g, NARROW_REFINER_MAX));
+        for (size_t c = 3; c < NARROW_END_COLORS; c *= 2)
+            d = graph_concat(g, d, d, 1);   /* the same for all of a place */
     }
     x = GRAPH_NODE(g, "Add", graph_slice(g, features, 1, 0, 3),
                    graph_to_space(g, d, 4));
