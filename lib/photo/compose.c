@@ -15,6 +15,12 @@ static inline float compose_min(float a, float b)
     return b < a ? b : a;
 }
 
+/* x within 0..max. */
+static inline float compose_within(float x, float max)
+{
+    return x > 0 ? compose_min(x, max) : 0;
+}
+
 void texture_mix(float *color, size_t channels, float *alpha,
                  const float *photo, size_t n)
 {
@@ -39,8 +45,8 @@ void texture_clamp_to_alpha(float *color, size_t channels, const float *alpha,
 {
     for (size_t i = 0; i < n; i++)
         for (size_t c = 0; c < 3; c++)
-            color[channels * i + c] = compose_min(color[channels * i + c],
-                                                  alpha[i]);
+            color[channels * i + c] = compose_within(color[channels * i + c],
+                                                     alpha[i]);
 }
 
 /* ---- the field --------------------------------------------------------- */
@@ -92,7 +98,7 @@ void texture_field_row(float *photo, const struct texture_field *f,
             continue;
         at = compose_field_at(f, ty, compose_tap_make(x + i, f->width, step));
         photo[4] *= 1 - at[0];
-        photo[4] = photo[4] > 0 ? compose_min(photo[4], 1) : 0;
+        photo[4] = compose_within(photo[4], 1);
         for (int c = 0; c < 3; c++)
             photo[c] *= 1 + at[c + 1];
     }
@@ -147,7 +153,7 @@ static inline void compose_pixel(float *rgb, float *alpha, const float *p,
     float b = p[4] * (1 - f[0]);
 
     memcpy(&photo, p, sizeof photo);
-    b = b > 0 ? compose_min(b, 1) : 0;
+    b = compose_within(b, 1);
     photo = was + b * (photo * gain - was);
     for (size_t c = 0; c < 3; c++)
         rgb[c] = photo[c];
@@ -169,7 +175,7 @@ static void compose_run(float *rgb, float *alpha, const float *photo,
             compose_pixel(rgb, alpha, photo,
                           line[k] + w * (line[k + 1] - line[k]));
         for (size_t c = 0; c < 3; c++)
-            rgb[c] = compose_min(rgb[c], *alpha);
+            rgb[c] = compose_within(rgb[c], *alpha);
     }
 }
 
@@ -209,14 +215,14 @@ static void compose_pixel_backward(float *drgb, float *dalpha, float *dp,
     float raw = p[4] * (1 - f[0]), b = fminf(fmaxf(raw, 0), 1), db;
     float after = alpha + b * (p[3] - alpha);
 
-    /* out = min(rgb, alpha) */
+    /* out = min(max(rgb, 0), alpha) */
     for (int c = 0; c < 3; c++) {
         float out = rgb[c] + b * (p[c] * (1 + f[c + 1]) - rgb[c]);
 
-        if (out > after) {
+        if (out > after)
             *dalpha += drgb[c];
+        if (out > after || out < 0)
             drgb[c] = 0;
-        }
     }
     /* alpha += b (p[3] - alpha) */
     db = *dalpha * (p[3] - alpha);

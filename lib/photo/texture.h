@@ -80,7 +80,7 @@ struct texture_field {
 /* The mixture of a whole picture, with a field: rgb (height,width,3) and alpha
  * (height,width) in place, photo (height,width,5).  A pixel becomes
  * rgb + b (photograph (1 + gain) - rgb), b = confidence (1 - doubt) clamped to
- * 0..1, but no more than the alpha it ends with. */
+ * 0..1, but within 0 and the alpha it ends with. */
 void texture_compose(float *rgb, float *alpha, const float *photo,
                      const struct texture_field *field, size_t height,
                      size_t width);
@@ -102,9 +102,10 @@ void texture_lookup_backward(float *dplace, float *dalpha,
                              const float *place, const float *alpha,
                              size_t size);
 
-/* No more light than alpha (n) lets through: color (n,channels: the first
- * three, premultiplied) at most alpha, in place.  A refiner that adds to a
- * picture may otherwise make the background shine. */
+/* No more light than alpha (n) lets through, and no less than none: color
+ * (n,channels: the first three, premultiplied) within 0..alpha, in place.  A
+ * refiner that adds to a picture may otherwise make the background shine, or
+ * darken it. */
 void texture_clamp_to_alpha(float *color, size_t channels, const float *alpha,
                             size_t n);
 
