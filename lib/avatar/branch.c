@@ -88,11 +88,18 @@ struct gaussian_out branch_decoder_gradient(const struct branch_set *dout,
     };
 }
 
+/* What is added to Gaussian i's logit of opacity. */
+static float branch_opacity_shift(const struct branch_prior *p, size_t i)
+{
+    return p->opacity_shift ? p->opacity_shift[i] : 0;
+}
+
 PARALLEL(branch_prior_forward_part, i, struct branch_set *, out,
          const struct branch_prior *, p)
 {
     out->opacity[i] =
-        p->visible[i] * attribute_shift(p->opacity[i], p->opacity_shift[i]);
+        p->visible[i] *
+        attribute_shift(p->opacity[i], branch_opacity_shift(p, i));
     for (size_t c = 3 * i; c < 3 * i + 3; c++)
         out->scale[c] =
             BRANCH_SCALE_MAX *
@@ -115,7 +122,7 @@ void branch_prior_forward(struct branch_set *out, const struct branch_prior *p,
 PARALLEL(branch_prior_backward_part, i, const struct branch_prior *, p,
          float *, dvisible, struct branch_set *, dout)
 {
-    float x = p->opacity[i], shift = p->opacity_shift[i];
+    float x = p->opacity[i], shift = branch_opacity_shift(p, i);
 
     /* opacity = visible shift(x) */
     if (dvisible)

@@ -61,7 +61,7 @@ float attribute_logit_backward(float dy, float x);
 struct branch_prior {
     float *opacity;         /* (n) as the decoder gave it */
     float *scale;           /* (n,3) as the decoder gave it */
-    float *opacity_shift;   /* (n) */
+    float *opacity_shift;   /* (n), or NULL: 0 */
     float *scale_shift;     /* (n) */
     float *visible;         /* (n) factor of the opacity */
 };

@@ -86,7 +86,6 @@ int dynamic_branch_plan(struct dynamic_branch *b, size_t points,
     size_t D = b->count;
     const struct slice slices[] = {
         {&b->start.opacity, D, false}, {&b->start.scale, 3 * D, false},
-        {&b->start.opacity_shift, D, false},
         {&b->start.scale_shift, D, false}, {&b->start.visible, D, false},
         {&b->verts, 3 * D, false}, {&b->place, 2 * D, false},
         {&b->normals, 3 * D, false}, {&b->seen, D, false},
@@ -274,7 +273,6 @@ PARALLEL(dynamic_branch_start_part, k, struct dynamic_branch *, b, float *, eye,
     memcpy(rgb + 3 * k, pixel, 3 * sizeof *rgb);
     b->start.visible[k] = (1 - mesh->weights->lining[k]) *
                           (1 - dynamic_branch_protrusion(picture, mesh, b, k));
-    b->start.opacity_shift[k] = 0;
     b->start.scale_shift[k] =
         attribute_logit(OVERLAP * b->spacing[k] / BRANCH_SCALE_MAX);
 }

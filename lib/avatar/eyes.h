@@ -7,7 +7,6 @@
 #ifndef SPID_AVATAR_EYES_H
 #define SPID_AVATAR_EYES_H
 
-
 #include "lib/head/head.h"
 
 enum eyes_side { EYE_LEFT, EYE_RIGHT };         /* the subject's */

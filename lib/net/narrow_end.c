@@ -185,33 +185,12 @@ void narrow_end_set_coverage(struct narrow_end *e, struct conv *before,
 /* ---- running ---------------------------------------------------------------
  */
 
-typedef float narrow_end4 __attribute__((vector_size(16)));
-typedef int32_t narrow_end_mask __attribute__((vector_size(16)));
-
-/* The smaller one of each pair. */
-static narrow_end4 narrow_end_min(narrow_end4 a, narrow_end4 b)
+/* rgb (4,4,3), rows `line` floats apart, += a cell's numbers. */
+static void narrow_end_add(float *rgb, size_t line, const float *cell)
 {
-    const narrow_end_mask m = a < b;
-
-    return (narrow_end4)((m & (narrow_end_mask)a) | (~m & (narrow_end_mask)b));
-}
-
-/* rgb (4,4,3), rows `line` floats apart, += a cell's numbers, each `max` at
- * most. */
-static void narrow_end_add(float *rgb, size_t line, const float *cell,
-                           float max)
-{
-    const narrow_end4 top = max - (narrow_end4){0};
-
     for (size_t y = 0; y < CELL; y++, rgb += line, cell += 3 * CELL)
-        for (size_t i = 0; i < 3 * CELL; i += 4) {
-            narrow_end4 sum, up;
-
-            memcpy(&sum, rgb + i, sizeof sum);
-            memcpy(&up, cell + i, sizeof up);
-            sum -= narrow_end_min(-narrow_end_min(up, top), top);
-            memcpy(rgb + i, &sum, sizeof sum);
-        }
+        for (size_t i = 0; i < 3 * CELL; i++)
+            rgb[i] += cell[i];
 }
 
 /* One row. */
@@ -232,7 +211,7 @@ PARALLEL(narrow_end_forward_part, y, struct narrow_end *, e, float *, field,
         if (own == 3)
             narrow_end_spread(colors, cell, e->max, 1);
         narrow_end_add(rgb + y * CELL * line + x * 3 * CELL, line,
-                       own == 3 ? colors : cell, e->max);
+                       own == 3 ? colors : cell);
     }
 }
 

@@ -24,7 +24,7 @@ struct narrow_end {
     uint32_t *list[2];          /* tiles wanted of joint, of the layer before */
     size_t listed[2];
     bool some;                  /* the lists and cells are to be used */
-    float max;                 /* added to a number or taken from it */
+    float max;                 /* of a tint */
 };
 
 /* colors (n,48): tint (n,3), within max, for each pixel of a place. */
@@ -34,7 +34,7 @@ void narrow_end_spread_backward(float *dtint, const float *dcolors,
                                 const float *tint, float max, size_t n);
 
 /* After both layers were planned; nothing is planned where Winograd does not
- * serve them.  max: of a correction, INFINITY for any. */
+ * serve them.  max: of a tint. */
 void narrow_end_plan(struct narrow_end *e, struct conv *rgb,
                      struct conv *field, float max, struct nn_plan *p);
 /* The weights in ps changed. */

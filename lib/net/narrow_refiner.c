@@ -2,7 +2,6 @@
  * and the same lines backwards. */
 #include "lib/net/narrow_refiner.h"
 
-#include <math.h>
 #include <string.h>
 #include <sysexits.h>
 
@@ -211,7 +210,7 @@ static void narrow_refiner_plan_forward(struct narrow_refiner *r)
         conv_plan(&r->field, p, B, h / 4, w / 4);
     }
     narrow_end_plan(&r->end, &r->rgb, r->photos ? &r->field : NULL,
-                    r->photos ? NARROW_REFINER_MAX : INFINITY, p);
+                    NARROW_REFINER_MAX, p);
     if (r->turns) {
         conditional_conv_plan(&r->conditional1, p);
         conditional_conv_plan(&r->conditional0, p);
