@@ -115,7 +115,7 @@ HEAD := $(BUILD)/share/spid/head.safetensors
 # own; what needs their code, or learns, is not there to be called.
 WASM_C := $(wildcard lib/export/web/wasm/*.c) lib/export/page.c \
           lib/export/page_pack.c $(patsubst %,formats/%.c, \
-            compose compose_tmpl outfile safetensors y4m) \
+            arrayview compose compose_tmpl outfile safetensors y4m) \
           $(filter-out lib/nn/conv_onednn.c lib/nn/engine.c,$(wildcard \
             $(patsubst %,lib/%/*.c,base stream head nn net photo track avatar)))
 EMCC   := $(shell command -v emcc)
@@ -417,7 +417,7 @@ FUZZ_PART := -fsanitize=fuzzer-no-link,address,undefined
 FUZZ_READERS := $(wildcard lib/base/*.c lib/stream/*.c formats/record*.c \
 	  formats/safetensors*.c formats/compose*.c formats/ply*.c \
 	  formats/livelink*.c lib/lab/import/*.c lib/lab/people/wavefront.c \
-	  formats/video_name.c $(patsubst %,formats/%.c,npy y4m pnm png jpeg mark \
+	  formats/video_name.c $(patsubst %,formats/%.c,arrayview npy y4m pnm png jpeg mark \
 	  image door colour exif module video outfile) formats/door_resize.cc \
 	  formats/glb_read.cc formats/glb_pose.cc)
 fuzz_objects = $(patsubst %,$(BUILD)/fuzz/obj/%.o,$(basename $(wildcard $(1))))

@@ -7,6 +7,7 @@
 #include "cmd/cli.h"
 #include "cmd/options.h"
 #include "cmd/take.h"
+#include "formats/arrayview.h"
 #include "formats/npy.h"
 #include "formats/recordfile.h"
 #include "formats/recordjson.h"
@@ -164,14 +165,15 @@ static int pack_add_npy(struct pack *p, const char *source, struct error *err)
 }
 
 /* Keep a tensor of a file as an array of its name. */
-static int pack_add_tensor(struct pack *p, const struct safetensors *st,
-                           const struct st_tensor *t, struct error *err)
+static int pack_add_tensor(struct pack *p, const struct st_tensor *t,
+                           struct error *err)
 {
+    const struct array_view v = array_view_tensor(t);
     enum dtype dtype;
-    void *data = recordfile_tensor(&dtype, st, t, err);
+    void *data = array_view_to_stream(&dtype, &v, t->data, err);
 
     return data ? pack_keep_plain(p, t->name, dtype, t->ndim, t->dim, data, err)
-                : -1;
+                : error_prefix(err, "tensor '%s'", t->name);
 }
 
 /* A dump's records, or plain arrays. */
@@ -183,7 +185,7 @@ static int pack_add_safetensors(struct pack *p, const char *path,
     int rc = st ? 0 : -1;
 
     for (size_t i = 0; rc == 0 && !dumped && i < st_count(st); i++)
-        if ((rc = pack_add_tensor(p, st, st_at(st, i), err)))
+        if ((rc = pack_add_tensor(p, st_at(st, i), err)))
             error_prefix(err, "%s", path);
     st_close(st);
     return dumped ? recordfile_read_st(path, pack_put_record, p, err) : rc;

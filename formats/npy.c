@@ -170,28 +170,6 @@ static int npy_parse_descr(struct npy_header *h, const char *p)
     return 0;
 }
 
-/* The dtype that an array of such elements has in memory. */
-static int npy_memory_dtype(enum dtype *dtype, const struct npy_header *h)
-{
-    static const struct {
-        char kind;
-        size_t size;
-        enum dtype dtype;
-    } known[] = {
-        { 'b', 1, DTYPE_U8 },  { 'u', 1, DTYPE_U8 },  { 'i', 1, DTYPE_I32 },
-        { 'i', 2, DTYPE_I32 }, { 'u', 2, DTYPE_I32 }, { 'i', 4, DTYPE_I32 },
-        { 'i', 8, DTYPE_I32 }, { 'f', 2, DTYPE_F16 }, { 'f', 4, DTYPE_F32 },
-        { 'f', 8, DTYPE_F64 },
-    };
-
-    for (size_t i = 0; i < sizeof known / sizeof *known; i++)
-        if (known[i].kind == h->kind && known[i].size == h->size) {
-            *dtype = known[i].dtype;
-            return 0;
-        }
-    return -1;
-}
-
 /* The tuple after 'shape':; count is the product, refused over limit. */
 static int npy_parse_shape(struct npy_header *h, size_t *count, const char *p,
                            size_t limit)
@@ -296,79 +274,19 @@ static char *npy_read_text(FILE *f)
     return text;
 }
 
-/* Big-endian numbers in place. */
-static void npy_swap_bytes(unsigned char *p, size_t size, size_t count)
+bool npy_view(struct array_view *v, const struct npy_header *h)
 {
-    for (; count; count--, p += size)
-        for (size_t i = 0; i < size / 2; i++) {
-            unsigned char t = p[i];
-
-            p[i] = p[size - 1 - i];
-            p[size - 1 - i] = t;
-        }
-}
-
-/* Place in the file of row-major element i of a column-major array. */
-static size_t npy_column_major(const struct npy *a, size_t i)
-{
-    size_t at = 0, stride = 1;
-    size_t index[5];
-
-    for (int k = a->ndim - 1; k >= 0; k--) {
-        index[k] = i % a->dim[k];
-        i /= a->dim[k];
-    }
-    for (int k = 0; k < a->ndim; k++) {
-        at += index[k] * stride;
-        stride *= a->dim[k];
-    }
-    return at;
-}
-
-/* With the sign spread over 64 bits. */
-static int64_t npy_integer_at(const unsigned char *p, char kind, size_t size)
-{
-    uint64_t v = 0;
-
-    memcpy(&v, p, size);
-    if (kind == 'i' && size < 8 && v >> (8 * size - 1))
-        v |= ~(uint64_t)0 << (8 * size);
-    return (int64_t)v;
-}
-
-/* File elements to ours: transposed, integers widened or range-checked. */
-static int npy_convert(struct npy *a, const struct npy_header *e,
-                       const unsigned char *raw, size_t count,
-                       struct error *err)
-{
-    size_t size = dtype_size(a->dtype);
-
-    if (!e->fortran && e->size == size) {
-        memcpy(a->data, raw, count * size);
-        return 0;
-    }
-    for (size_t i = 0; i < count; i++) {
-        size_t at = e->fortran ? npy_column_major(a, i) : i;
-        const unsigned char *p = raw + at * e->size;
-
-        if (a->dtype == DTYPE_I32) {
-            int64_t v = npy_integer_at(p, e->kind, e->size);
-
-            if (v < INT32_MIN || v > INT32_MAX)
-                return error_set(err, EX_DATAERR, "value %lld at %zu does "
-                                 "not fit i32", (long long)v, i);
-            ((int32_t *)a->data)[i] = (int32_t)v;
-        } else {
-            memcpy((char *)a->data + i * size, p, size);
-        }
-    }
-    return 0;
+    *v = (struct array_view){.swap = h->swap, .ndim = h->ndim};
+    memcpy(v->dim, h->dim, sizeof v->dim);
+    return array_view_dtype(&v->dtype, h->kind, h->size) &&
+           array_view_pack(v, h->fortran);
 }
 
 /* Everything of an open file. */
 static int npy_read(struct npy *a, FILE *f, struct error *err)
 {
     struct npy_header e = { 0 };
+    struct array_view v = { 0 };
     struct stat st;
     size_t count = 0, left;
     unsigned char *raw = NULL;
@@ -380,16 +298,15 @@ static int npy_read(struct npy *a, FILE *f, struct error *err)
     left = (size_t)(st.st_size - ftell(f));
     if (npy_parse_header(&e, &count, text, left, err))
         goto out;
-    if (npy_memory_dtype(&a->dtype, &e) || e.ndim > 5) {
+    if (!npy_view(&v, &e) || e.ndim > 5) {
         error_set(err, EX_DATAERR, "dtype is not supported (expected bool, "
-                  "u1, u2, i1 to i8, f2, f4 or f8, at most 5 dimensions)");
+                  "integers, f2, f4 or f8, at most 5 dimensions)");
         goto out;
     }
     a->ndim = e.ndim;
     memcpy(a->dim, e.dim, sizeof a->dim);
     raw = malloc(count * e.size + 1);
-    a->data = calloc(count + 1, dtype_size(a->dtype));
-    if (!raw || !a->data) {
+    if (!raw) {
         error_set(err, EX_OSERR, "out of memory");
         goto out;
     }
@@ -397,9 +314,8 @@ static int npy_read(struct npy *a, FILE *f, struct error *err)
         error_set(err, EX_IOERR, "cannot read: %s", strerror(errno));
         goto out;
     }
-    if (e.swap)
-        npy_swap_bytes(raw, e.size, count);
-    rc = npy_convert(a, &e, raw, count, err);
+    a->data = array_view_to_stream(&a->dtype, &v, raw, err);
+    rc = a->data ? 0 : -1;
 out:
     free(raw);
     free(text);

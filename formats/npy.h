@@ -8,6 +8,7 @@ extern "C" {
 
 #include <stdbool.h>
 
+#include "formats/arrayview.h"
 #include "lib/stream/stream.h"
 
 /* An array in memory of its own. */
@@ -37,10 +38,13 @@ struct npy_header {
 int npy_header_read(struct npy_header *h, const void *head, size_t have,
                     size_t bytes, struct error *err);
 
-/* Read a file of booleans, u1, i1, i2, u2, i4, i8 (the values must fit i32),
- * f2, f4 or f8, either byte order; column-major ones are transposed.  Wrong
- * files are refused before anything large is allocated.  Objects (pickles)
- * are never read. */
+/* The view that a header describes; false: no dtype of ours. */
+bool npy_view(struct array_view *v, const struct npy_header *h);
+
+/* Read a file of booleans, integers, f2, f4 or f8, either byte order, as
+ * array_view_to_stream says; column-major ones are transposed.  Wrong files are
+ * refused before anything large is allocated.  Objects (pickles) are never
+ * read. */
 int npy_load(struct npy *a, const char *path, struct error *err);
 /* Free what it holds. */
 void npy_release(struct npy *a);

@@ -36,9 +36,4 @@ int recordfile_read_st(const char *path, record_sink sink, void *context,
 int recordfile_read_npy(const char *dir, record_sink sink, void *context,
                         struct error *err);
 
-/* The tensor's numbers, for the caller to free, as the dtype that streams have
- * for them: integers but u8 become i32, which they must fit, bf16 f32. */
-void *recordfile_tensor(enum dtype *dtype, const struct safetensors *st,
-                        const struct st_tensor *t, struct error *err);
-
 #endif

@@ -10,7 +10,6 @@
 
 #include "formats/npy.h"
 #include "formats/safetensors.h"
-#include "lib/base/half.h"
 
 #define PATH_ROOM 4096
 #define MAX_FILES 4096
@@ -280,33 +279,4 @@ int recordfile_read_npy(const char *dir, record_sink sink, void *context,
     cJSON_Delete(index);
     recordload_cache_release(&c);
     return rc ? error_prefix(err, "%s", dir) : 0;
-}
-
-void *recordfile_tensor(enum dtype *dtype, const struct safetensors *st,
-                        const struct st_tensor *t, struct error *err)
-{
-    static const enum dtype as[] = {
-        [ST_U8] = DTYPE_U8, [ST_I8] = DTYPE_I32, [ST_I32] = DTYPE_I32,
-        [ST_I64] = DTYPE_I32, [ST_F16] = DTYPE_F16, [ST_BF16] = DTYPE_F32,
-        [ST_F32] = DTYPE_F32, [ST_F64] = DTYPE_F64, [ST_BOOL] = DTYPE_I32,
-        [ST_I16] = DTYPE_I32, [ST_U16] = DTYPE_I32, [ST_U32] = DTYPE_I32,
-        [ST_U64] = DTYPE_I32
-    };
-    size_t bytes = t->count * dtype_size(*dtype = as[t->dtype]);
-    void *data;
-
-    if (*dtype == DTYPE_I32)
-        return st_load_i32(st, t->name, t->ndim, t->dim, NULL, err);
-    data = malloc(bytes + 1);
-    if (!data)
-        error_set(err, EX_OSERR, "out of memory");
-    else if (t->dtype != ST_BF16)
-        memcpy(data, t->data, bytes);
-    for (size_t i = 0; data && t->dtype == ST_BF16 && i < t->count; i++) {
-        uint16_t h;
-
-        memcpy(&h, (const char *)t->data + 2 * i, sizeof h);
-        ((float *)data)[i] = bf16_to_float(h);
-    }
-    return data;
 }

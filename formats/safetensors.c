@@ -15,6 +15,7 @@
 #include <sysexits.h>
 #include <unistd.h>
 
+#include "formats/arrayview.h"
 #include "lib/base/half.h"
 
 #define HEADER_MAX ((uint64_t)64 << 20) /* bytes of JSON we agree to parse */
@@ -401,34 +402,6 @@ safetensors_tensor_require(const struct safetensors *st, const char *name,
 
 /* ---- converting --------------------------------------------------------- */
 
-/* Element i as a double; unaligned data are legal in a file. */
-static double safetensors_tensor_element(const struct st_tensor *t, size_t i)
-{
-    const char *p = (const char *)t->data + i * dtypes[t->dtype].size;
-    union {
-        uint8_t u8; int8_t i8; int16_t i16; int32_t i32; int64_t i64;
-        uint16_t h; uint32_t u32; uint64_t u64; float f; double d;
-    } v;
-
-    memcpy(&v, p, dtypes[t->dtype].size);
-    switch (t->dtype) {
-    case ST_BOOL: return v.u8 != 0;
-    case ST_U8: return v.u8;
-    case ST_U16: return v.h;
-    case ST_U32: return v.u32;
-    case ST_U64: return (double)v.u64;
-    case ST_I16: return v.i16;
-    case ST_I8: return v.i8;
-    case ST_I32: return v.i32;
-    case ST_I64: return (double)v.i64;
-    case ST_F16: return half_to_float(v.h);
-    case ST_BF16: return bf16_to_float(v.h);
-    case ST_F32: return v.f;
-    case ST_F64: return v.d;
-    }
-    return 0;
-}
-
 void st_forget(const struct safetensors *st, const void *from, size_t bytes)
 {
     uintptr_t page = (uintptr_t)sysconf(_SC_PAGESIZE);
@@ -458,7 +431,7 @@ int st_to_f32(const struct safetensors *st, const struct st_tensor *t,
             half_to_floats(out + at, from, end - at);
         else
             for (size_t i = at; i < end; i++)
-                out[i] = (float)safetensors_tensor_element(t, i);
+                out[i] = (float)array_view_number(t->dtype, t->data, i);
         st_forget(st, (const char *)t->data + at * size, (end - at) * size);
         for (size_t i = at; i < end; i++)
             if (!isfinite(out[i]))
@@ -541,7 +514,7 @@ int32_t *st_load_i32(const struct safetensors *st, const char *name, int ndim,
         return NULL;
     }
     for (size_t i = 0; i < t->count; i++) {
-        double v = safetensors_tensor_element(t, i);
+        double v = array_view_number(t->dtype, t->data, i);
 
         if (v < INT32_MIN || v > INT32_MAX) {
             error_set(err, EX_DATAERR,

@@ -8,7 +8,6 @@
 
 #include "lib/base/camera.h"
 #include "lib/base/parallel.h"
-#include "lib/base/resample.h"
 
 /* In windows: over how much of it what moves comes to rest towards an edge,
  * and over how much it fades into the photograph. */
@@ -93,10 +92,7 @@ int inset_init(struct inset *s, const struct image *photo,
                          "of a picture of %zu x %zu pixels", photo->width,
                          photo->height);
     s->block = malloc(4 * side * sizeof *s->block);
-    if (s->width != side)
-        s->plan = resize_plan(RESIZE_ANTIALIAS, side, side, s->width,
-                              s->width, 0, 0);
-    if (!s->block || (s->width != side && !s->plan)) {
+    if (!s->block) {
         inset_release(s);
         return error_set(err, EX_OSERR, "no memory for the photograph");
     }
@@ -114,7 +110,6 @@ int inset_init(struct inset *s, const struct image *photo,
 
 void inset_release(struct inset *s)
 {
-    resize_release(s->plan);
     free(s->rest);
     free(s->back);
     free(s->block);
@@ -126,11 +121,14 @@ int inset_scratch_init(struct inset_scratch *w, const struct inset *s,
 {
     memset(w, 0, sizeof *w);
     w->change = malloc(3 * s->side * s->side * sizeof *w->change);
-    w->sized = s->plan ? malloc(3 * s->width * s->width * sizeof *w->sized)
-                       : NULL;
-    w->resize = s->plan ? malloc(resize_scratch(s->plan, 3) *
-                                 sizeof *w->resize) : NULL;
-    if (w->change && (!s->plan || (w->sized && w->resize)))
+    nn_plan_init(&w->plan, (struct nn_options){NN_INFER, NN_F32});
+    if (s->width != s->side) {
+        w->sized = malloc(3 * s->width * s->width * sizeof *w->sized);
+        rescale_plan(&w->resize, &w->plan, RESCALE_ANTIALIAS, 1, s->side,
+                     s->side, s->width, s->width, 3);
+    }
+    if (w->change && (s->width == s->side || w->sized) &&
+        !nn_plan_finish(&w->plan, NULL))
         return 0;
     inset_scratch_release(w);
     return error_set(err, EX_OSERR, "no memory for the photograph");
@@ -140,7 +138,7 @@ void inset_scratch_release(struct inset_scratch *w)
 {
     free(w->change);
     free(w->sized);
-    free(w->resize);
+    nn_plan_release(&w->plan);
     memset(w, 0, sizeof *w);
 }
 
@@ -267,8 +265,8 @@ void inset_draw(uint8_t *out, const struct inset *s, struct inset_scratch *w,
     memcpy(out, s->photo->rgb, 3 * s->photo->width * s->photo->height);
 
     parallel_each(inset_draw_part, s->side, 1, s, w, color, alpha, m);
-    if (s->plan) {
-        resize_forward(s->plan, w->sized, w->change, 1, 3, w->resize);
+    if (w->sized) {
+        rescale_forward(w->sized, w->change, &w->resize);
         change = w->sized;
     }
     inset_add(out, s, change);

@@ -13,8 +13,7 @@
 #include "formats/image.h"
 #include "lib/base/error.h"
 #include "lib/head/person.h"
-
-struct resize;
+#include "lib/nn/rescale.h"
 
 struct inset {
     const struct image *photo;  /* borrowed */
@@ -22,7 +21,6 @@ struct inset {
     uint8_t *rest, *back;       /* (N,N,3) portrait and its background */
     long left, top;             /* the window in the photograph, */
     size_t width;               /* (W,W) pixels */
-    struct resize *plan;        /* N to W; NULL: the same */
     float *hold, *fade;         /* (N) along an axis: how far from an edge,
                                  * 0 at it to 1; all 1 towards edges that the
                                  * photograph ends before */
@@ -38,7 +36,9 @@ struct inset_motion {
 
 /* What a thread draws with. */
 struct inset_scratch {
-    float *change, *sized, *resize;
+    float *change, *sized;      /* of N and W pixels a side; NULL: the same */
+    struct nn_plan plan;
+    struct rescale resize;      /* N to W */
 };
 
 /* photo is borrowed; p's window must be of it (p->crop).  EX_DATAERR when the

@@ -1,7 +1,7 @@
-/* Sampling and resizing of channel-last arrays, forward and backward, with
- * the conventions of the reference systems (golden 10).  All arrays are f32
- * row-major [B,H,W,C]; gradients are added to.  Results do not depend on the
- * thread count. */
+/* Sampling of channel-last arrays, forward and backward, with the conventions
+ * of the reference systems (golden 10); lib/nn/rescale.h resizes.  All arrays
+ * are f32 row-major [B,H,W,C]; gradients are added to.  Results do not depend
+ * on the thread count. */
 #ifndef SPID_BASE_RESAMPLE_H
 #define SPID_BASE_RESAMPLE_H
 
@@ -29,33 +29,5 @@ void affine_grid(float *grid, const float *theta, size_t B, size_t h,
 /* gtheta [B,2,3] += what ggrid gives it. */
 void affine_grid_backward(float *gtheta, const float *ggrid, size_t B,
                           size_t h, size_t w, bool align);
-
-enum resize_kind {
-    RESIZE_BILINEAR,        /* align false: half-pixel centres */
-    RESIZE_ALIGNED,         /* bilinear, corners aligned */
-    RESIZE_ANTIALIAS,       /* triangle filter widened when shrinking */
-    RESIZE_BICUBIC          /* A = -0.75, half-pixel centres, no antialias */
-};
-
-/* A planned resize: taps per row and column. */
-struct resize;
-
-/* From H x W to h x w.  scale_y, scale_x: the factor used for positions
- * instead of h/H and w/W (0: those); for "+0.1" position embeddings.
- * NULL when out of memory. */
-struct resize *resize_plan(enum resize_kind kind, size_t H, size_t W,
-                           size_t h, size_t w, double scale_y,
-                           double scale_x);
-/* NULL is allowed. */
-void resize_release(struct resize *r);
-
-/* out [B,h,w,C] from x [B,H,W,C]; tmp holds resize_scratch floats. */
-size_t resize_scratch(const struct resize *r, size_t C);
-/* out [B,h,w,C] from x [B,H,W,C]. */
-void resize_forward(const struct resize *r, float *out, const float *x,
-                    size_t B, size_t C, float *tmp);
-/* Adds to gx from gout. */
-void resize_backward(const struct resize *r, float *gx, const float *gout,
-                     size_t B, size_t C, float *tmp);
 
 #endif

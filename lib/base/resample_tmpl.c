@@ -4,8 +4,6 @@
 
 #include <math.h>
 
-/* ---- bilinear sampling ------------------------------------------------ */
-
 /* The four taps of a grid position: index (in pixels, -1: outside) and
  * weight; and the weights' derivative by x and y in pixels. */
 struct taps {
@@ -202,79 +200,4 @@ void ISA(grid_sample_dx)(float *gx, const float *gout, const float *grid,
 
     parallel_for(slices, B * N * C > FEW ? 1 : slices, resample_backward_x,
                  &c);
-}
-
-/* ---- separable resizing ----------------------------------------------- */
-
-/* tmp [H,w,C] = columns of x [H,W,C]. */
-static void resample_resize_columns(float *tmp, const float *x,
-                                    const struct resize_axis *a, size_t H,
-                                    size_t C)
-{
-    for (size_t y = 0; y < H; y++, x += a->in * C, tmp += a->out * C)
-        for (size_t i = 0; i < a->out; i++) {
-            const int32_t *at = a->at + i * a->taps;
-            const float *w = a->weight + i * a->taps;
-            float *o = tmp + i * C;
-
-            for (size_t c = 0; c < C; c++)
-                o[c] = w[0] * x[(size_t)at[0] * C + c];
-            for (size_t k = 1; k < a->taps; k++)
-                for (size_t c = 0; c < C; c++)
-                    o[c] += w[k] * x[(size_t)at[k] * C + c];
-        }
-}
-
-/* out [h,n] = rows of tmp [H,n]. */
-static void resample_resize_rows(float *out, const float *tmp,
-                                 const struct resize_axis *a, size_t n)
-{
-    for (size_t i = 0; i < a->out; i++, out += n) {
-        const int32_t *at = a->at + i * a->taps;
-        const float *w = a->weight + i * a->taps;
-
-        for (size_t c = 0; c < n; c++)
-            out[c] = w[0] * tmp[(size_t)at[0] * n + c];
-        for (size_t k = 1; k < a->taps; k++)
-            for (size_t c = 0; c < n; c++)
-                out[c] += w[k] * tmp[(size_t)at[k] * n + c];
-    }
-}
-
-/* Across, then down; tmp (rows in, columns out, C) between them. */
-void ISA(resize_forward)(float *out, const float *x,
-                         const struct resize_axis *ax,
-                         const struct resize_axis *ay, size_t C, float *tmp)
-{
-    resample_resize_columns(tmp, x, ax, ay->in, C);
-    resample_resize_rows(out, tmp, ay, ax->out * C);
-}
-
-/* in the forward pass this was: resample_resize_columns(tmp, x), then
- * resample_resize_rows(out, tmp) */
-void ISA(resize_backward)(float *gx, const float *gout,
-                          const struct resize_axis *ax,
-                          const struct resize_axis *ay, size_t C, float *tmp)
-{
-    const size_t n = ax->out * C;
-
-    for (size_t i = 0; i < ay->in * n; i++)
-        tmp[i] = 0;
-    for (size_t i = 0; i < ay->out; i++, gout += n)
-        for (size_t k = 0; k < ay->taps; k++) {
-            const float w = ay->weight[i * ay->taps + k];
-            float *t = tmp + (size_t)ay->at[i * ay->taps + k] * n;
-
-            for (size_t c = 0; c < n; c++)
-                t[c] += w * gout[c];
-        }
-    for (size_t y = 0; y < ay->in; y++, gx += ax->in * C, tmp += n)
-        for (size_t i = 0; i < ax->out; i++)
-            for (size_t k = 0; k < ax->taps; k++) {
-                const float w = ax->weight[i * ax->taps + k];
-                float *g = gx + (size_t)ax->at[i * ax->taps + k] * C;
-
-                for (size_t c = 0; c < C; c++)
-                    g[c] += w * tmp[i * C + c];
-            }
 }

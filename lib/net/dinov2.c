@@ -161,7 +161,8 @@ static void dinov2_plan_position(struct dinov2 *d, size_t height, size_t width)
     im->native = height == width && d->grid_h == G && d->grid_w == G;
     im->position = nn_plan_floats(p, d->tokens * E);
     if (!im->native)
-        rescale_plan_factor(&im->resize, p, 1, G, G, d->grid_h, d->grid_w,
+        rescale_plan_factor(&im->resize, p, RESCALE_BICUBIC, 1, G, G,
+                            d->grid_h, d->grid_w,
                             ((double)d->grid_h + OFFSET) / (double)G,
                             ((double)d->grid_w + OFFSET) / (double)G, E);
 }

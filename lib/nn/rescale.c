@@ -8,11 +8,13 @@
 #include "lib/base/parallel.h"
 #include "lib/nn/kernels.h"
 
+#define RESCALE_TAPS 1024       /* shrinks by 500 times and more would have more */
+
 /* Which inputs output o reads: indices may repeat and lie outside. */
 struct rescale_taps {
     int n;
-    long index[64];
-    double weight[64];
+    long index[RESCALE_TAPS];
+    double weight[RESCALE_TAPS];
 };
 
 /* Keys' cubic convolution kernel, A = -0.75, at distance t. */
@@ -35,7 +37,7 @@ static void rescale_antialias(struct rescale_taps *t, size_t n, double scale,
 
     lo = lo < 0 ? 0 : lo;
     hi = hi > (long)n ? (long)n : hi;
-    for (long j = lo; j < hi && t->n < 64; j++) {
+    for (long j = lo; j < hi && t->n < RESCALE_TAPS; j++) {
         double w = 1 - fabs(((double)j - c + 0.5) / support);
 
         if (w <= 0)
@@ -175,12 +177,13 @@ void rescale_plan(struct rescale *r, struct nn_plan *p, enum rescale_mode mode,
     rescale_plan_rest(r, p, batch, C);
 }
 
-void rescale_plan_factor(struct rescale *r, struct nn_plan *p, size_t batch,
-                         size_t h, size_t w, size_t oh, size_t ow,
-                         double factor_y, double factor_x, size_t C)
+void rescale_plan_factor(struct rescale *r, struct nn_plan *p,
+                         enum rescale_mode mode, size_t batch, size_t h,
+                         size_t w, size_t oh, size_t ow, double factor_y,
+                         double factor_x, size_t C)
 {
-    rescale_plan_axis(&r->y, p, RESCALE_BICUBIC, h, oh, 1 / factor_y);
-    rescale_plan_axis(&r->x, p, RESCALE_BICUBIC, w, ow, 1 / factor_x);
+    rescale_plan_axis(&r->y, p, mode, h, oh, 1 / factor_y);
+    rescale_plan_axis(&r->x, p, mode, w, ow, 1 / factor_x);
     rescale_plan_rest(r, p, batch, C);
 }
 

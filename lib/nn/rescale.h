@@ -36,10 +36,11 @@ struct rescale {
 void rescale_plan(struct rescale *r, struct nn_plan *p, enum rescale_mode mode,
                   size_t batch, size_t h, size_t w, size_t oh, size_t ow,
                   size_t C);
-/* RESCALE_BICUBIC with explicit factors: src = (dst+0.5)/factor - 0.5. */
-void rescale_plan_factor(struct rescale *r, struct nn_plan *p, size_t batch,
-                         size_t h, size_t w, size_t oh, size_t ow,
-                         double factor_y, double factor_x, size_t C);
+/* With factors in place of oh/h and ow/w: src = (dst+0.5)/factor - 0.5. */
+void rescale_plan_factor(struct rescale *r, struct nn_plan *p,
+                         enum rescale_mode mode, size_t batch, size_t h,
+                         size_t w, size_t oh, size_t ow, double factor_y,
+                         double factor_x, size_t C);
 /* out (B,oh,ow,C) from in (B,h,w,C). */
 void rescale_forward(float *out, const float *in, struct rescale *r);
 /* din is written. */

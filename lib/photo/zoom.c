@@ -5,7 +5,6 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "lib/base/resample.h"
 #include "lib/photo/place.h"
 
 int zoom_init(struct zoom *z, size_t from, size_t to, bool place,
@@ -16,13 +15,15 @@ int zoom_init(struct zoom *z, size_t from, size_t to, bool place,
     memset(z, 0, sizeof *z);
     z->from = from;
     z->to = to;
-    z->plan = resize_plan(RESIZE_BILINEAR, from, from, to, to, 0, 0);
-    z->scratch = z->plan ? malloc(resize_scratch(z->plan, 3) * sizeof(float))
-                         : NULL;
+    nn_plan_init(&z->plan, (struct nn_options){NN_INFER, NN_F32});
+    rescale_plan(&z->three, &z->plan, RESCALE_BILINEAR, 1, from, from, to, to,
+                 3);
+    rescale_plan(&z->one, &z->plan, RESCALE_BILINEAR, 1, from, from, to, to, 1);
     z->color = malloc(3 * n * sizeof *z->color);
     z->alpha = malloc(n * sizeof *z->alpha);
     z->place = place ? malloc(PLACE_CHANNELS * n * sizeof *z->place) : NULL;
-    if (z->scratch && z->color && z->alpha && (z->place || !place))
+    if (z->color && z->alpha && (z->place || !place) &&
+        !nn_plan_finish(&z->plan, NULL))
         return 0;
     zoom_release(z);
     return error_set(err, EX_OSERR, "no memory for a picture of %zu x %zu "
@@ -31,8 +32,7 @@ int zoom_init(struct zoom *z, size_t from, size_t to, bool place,
 
 void zoom_release(struct zoom *z)
 {
-    resize_release(z->plan);
-    free(z->scratch);
+    nn_plan_release(&z->plan);
     free(z->color);
     free(z->alpha);
     free(z->place);
@@ -45,11 +45,11 @@ void zoom_picture(struct zoom *z, const float *color, const float *alpha,
 {
     const float times = (float)z->to / (float)z->from;
 
-    resize_forward(z->plan, z->color, color, 1, 3, z->scratch);
-    resize_forward(z->plan, z->alpha, alpha, 1, 1, z->scratch);
+    rescale_forward(z->color, color, &z->three);
+    rescale_forward(z->alpha, alpha, &z->one);
     if (!place)
         return;
-    resize_forward(z->plan, z->place, place, 1, PLACE_CHANNELS, z->scratch);
+    rescale_forward(z->place, place, &z->three);
     if (field->at)
         texture_apply_field(z->color, z->alpha, t, v, z->place, z->to, field,
                             times * TEXTURE_FIELD_STEP);

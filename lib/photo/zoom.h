@@ -9,16 +9,15 @@
 #include <stddef.h>
 
 #include "lib/base/error.h"
+#include "lib/nn/rescale.h"
 #include "lib/photo/texture.h"
-
-struct resize;
 
 /* From pictures of `from` by `from` pixels to `to` by `to`, to > from; to 0:
  * none is made. */
 struct zoom {
     size_t from, to;
-    struct resize *plan;
-    float *scratch;
+    struct nn_plan plan;
+    struct rescale three, one;  /* channels */
     float *color, *alpha;       /* (to,to,3) premultiplied, (to,to): the
                                  * larger picture */
     float *place;               /* (to,to,3) */

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "lib/base/resample.h"
+#include "lib/nn/rescale.h"
 #include "tests/golden/golden.h"
 
 /* [B,C,n] to [B,n,C], or back when to_planes. */
@@ -173,7 +174,7 @@ static void run_affine(struct golden *g, const cJSON *ops)
 
 struct resizing {
     char name[80];             /* "it.bicubic.ac0.29x31" */
-    enum resize_kind kind;
+    enum rescale_mode mode;
     size_t B, C, H, W, h, w;
     double fy, fx;
     const float *x;            /* planes */
@@ -182,27 +183,36 @@ struct resizing {
 static void run_resizing(struct golden *g, const struct resizing *s)
 {
     const size_t in = s->H * s->W, out = s->h * s->w;
-    struct resize *r = resize_plan(s->kind, s->H, s->W, s->h, s->w, s->fy,
-                                   s->fx);
+    struct nn_plan plan;
+    struct rescale r;
+    struct error err;
     float *x = resample_rotated(s->x, s->B, s->C, in, false);
     float *y = malloc(s->B * s->C * out * sizeof *y);
     float *gx = calloc(s->B * s->C * in, sizeof *gx);
-    float *tmp = malloc(resize_scratch(r, s->C) * sizeof *tmp);
     float *probe = golden_probe_array(g->seed, s->B * s->C * out);
     float *gout = resample_rotated(probe, s->B, s->C, out, false);
     char name[96];
 
-    resize_forward(r, y, x, s->B, s->C, tmp);
+    nn_plan_init(&plan, (struct nn_options){NN_FROZEN, NN_F32});
+    if (s->fy > 0)
+        rescale_plan_factor(&r, &plan, s->mode, s->B, s->H, s->W, s->h, s->w,
+                            s->fy, s->fx, s->C);
+    else
+        rescale_plan(&r, &plan, s->mode, s->B, s->H, s->W, s->h, s->w, s->C);
+    if (nn_plan_finish(&plan, &err)) {
+        fprintf(stderr, "golden: %s\n", err.text);
+        exit(1);
+    }
+    rescale_forward(y, x, &r);
     snprintf(name, sizeof name, "%s.out", s->name);
     compare_planes(g, name, y, s->B, s->C, out);
-    resize_backward(r, gx, gout, s->B, s->C, tmp);
+    rescale_backward(gx, gout, &r);
     snprintf(name, sizeof name, "%s.grad_x", s->name);
     compare_planes(g, name, gx, s->B, s->C, in);
-    resize_release(r);
+    nn_plan_release(&plan);
     free(x);
     free(y);
     free(gx);
-    free(tmp);
     free(probe);
     free(gout);
 }
@@ -211,10 +221,10 @@ static void run_sizes(struct golden *g, const cJSON *ops)
 {
     static const struct {
         const char *name;
-        enum resize_kind kind;
+        enum rescale_mode mode;
     } kinds[] = {
-        {"bilinear.ac0", RESIZE_BILINEAR}, {"bilinear.ac1", RESIZE_ALIGNED},
-        {"bilinear.aa", RESIZE_ANTIALIAS}, {"bicubic.ac0", RESIZE_BICUBIC},
+        {"bilinear.ac0", RESCALE_BILINEAR}, {"bilinear.ac1", RESCALE_ALIGNED},
+        {"bilinear.aa", RESCALE_ANTIALIAS}, {"bicubic.ac0", RESCALE_BICUBIC},
     };
     const cJSON *size;
     size_t d[4];
@@ -228,7 +238,7 @@ static void run_sizes(struct golden *g, const cJSON *ops)
         resample_numbers(m, 2, size);
         for (size_t k = 0; k < 4; k++) {
             struct resizing s = {
-                "", kinds[k].kind, d[0], d[1], d[2], d[3], m[0], m[1], 0, 0, x
+                "", kinds[k].mode, d[0], d[1], d[2], d[3], m[0], m[1], 0, 0, x
             };
 
             snprintf(s.name, sizeof s.name, "it.%s.%zux%zu", kinds[k].name,
@@ -239,7 +249,7 @@ static void run_sizes(struct golden *g, const cJSON *ops)
     for (int k = 0; k < 3; k++) {
         const double f = k < 2 ? 2 : 0.5;
         struct resizing s = {
-            "", k == 1 ? RESIZE_ALIGNED : RESIZE_BILINEAR, d[0], d[1], d[2],
+            "", k == 1 ? RESCALE_ALIGNED : RESCALE_BILINEAR, d[0], d[1], d[2],
             d[3], (size_t)((double)d[2] * f), (size_t)((double)d[3] * f), f,
             f, x
         };
@@ -262,7 +272,7 @@ static void run_positions(struct golden *g, const cJSON *ops)
     planes = x;
     cJSON_ArrayForEach(size, cJSON_GetObjectItem(ops, "pesz")) {
         struct resizing s = {
-            "", RESIZE_BICUBIC, 1, d[1], d[0], d[0], 0, 0, 0, 0, planes
+            "", RESCALE_BICUBIC, 1, d[1], d[0], d[0], 0, 0, 0, 0, planes
         };
         size_t m[2];
 
@@ -287,7 +297,7 @@ static void run_images(struct golden *g, const cJSON *ops)
     x = golden_image("input.image", g->seed, d[0] * d[1], d[2], d[3], false);
     cJSON_ArrayForEach(size, cJSON_GetObjectItem(ops, "imsz")) {
         struct resizing s = {
-            "", RESIZE_ANTIALIAS, d[0], d[1], d[2], d[3], 0, 0, 0, 0, x
+            "", RESCALE_ANTIALIAS, d[0], d[1], d[2], d[3], 0, 0, 0, 0, x
         };
         size_t m[2];
 

@@ -3,7 +3,7 @@
  * definition. */
 #include <string.h>
 
-#include "lib/lab/import/arrayview.h"
+#include "formats/arrayview.h"
 #include "lib/lab/import/pickle.h"
 #include "tests/check.h"
 

@@ -16,7 +16,7 @@ extern "C" {
 #include <stddef.h>
 #include <stdint.h>
 
-#include "lib/lab/import/arrayview.h"
+#include "formats/arrayview.h"
 #include "lib/base/error.h"
 
 #define PICKLE_MAX_MEMORY ((size_t)64 << 20) /* of objects, bytes */

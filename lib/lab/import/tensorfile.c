@@ -121,16 +121,6 @@ static int tensorfile_sort_names(struct tensorfile *f, struct error *err)
 
 /* ---- numpy and safetensors ---------------------------------------------- */
 
-/* The view that an npy header describes; false: no dtype of ours. */
-static bool tensorfile_npy_view(struct array_view *v,
-                                const struct npy_header *h)
-{
-    *v = (struct array_view){.swap = h->swap, .ndim = h->ndim};
-    memcpy(v->dim, h->dim, sizeof v->dim);
-    return array_view_dtype(&v->dtype, h->kind, h->size) &&
-           array_view_pack(v, h->fortran);
-}
-
 struct pickle *tensorfile_unpickle(struct tensorfile *f, const char *where,
                                    const void *data, size_t bytes,
                                    size_t *used, struct error *err)
@@ -200,7 +190,7 @@ static int tensorfile_open_npy(struct tensorfile *f, struct error *err)
         return tensorfile_open_objects(f, "", "", f->map + h.bytes,
                                        f->bytes - h.bytes, err);
     p.data = f->map + h.bytes;
-    if (!tensorfile_npy_view(&p.view, &h))
+    if (!npy_view(&p.view, &h))
         return error_set(err, EX_DATAERR, "dtype is not supported");
     return tensorfile_add(f, name, &p, err);
 }
@@ -232,7 +222,7 @@ static int tensorfile_open_npz_entry(struct tensorfile *f, size_t i,
         else if (!ziparchive_read(all, f->zip, i, err))
             rc = tensorfile_open_objects(f, base, name, all + h.bytes,
                                          bytes - h.bytes, err);
-    } else if (tensorfile_npy_view(&p.view, &h)) {
+    } else if (npy_view(&p.view, &h)) {
         rc = tensorfile_add(f, base, &p, err);
     } else {
         tensorfile_add_other(f, TENSORFILE_PLAIN, base, "array");
@@ -299,12 +289,9 @@ static int tensorfile_open_safetensors(struct tensorfile *f, struct error *err)
     }
     for (size_t i = 0; i < st_count(f->st) && !rc; i++) {
         const struct st_tensor *t = st_at(f->st, i);
-        struct tensor_place p = {.data = t->data, .entry = SIZE_MAX};
+        struct tensor_place p = {.data = t->data, .entry = SIZE_MAX,
+                                 .view = array_view_tensor(t)};
 
-        p.view.dtype = t->dtype;
-        p.view.ndim = t->ndim;
-        memcpy(p.view.dim, t->dim, sizeof p.view.dim);
-        array_view_pack(&p.view, false);
         rc = tensorfile_add(f, t->name, &p, err);
     }
     return rc;

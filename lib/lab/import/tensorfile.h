@@ -13,7 +13,7 @@ extern "C" {
 
 #include <stddef.h>
 
-#include "lib/lab/import/arrayview.h"
+#include "formats/arrayview.h"
 #include "lib/base/error.h"
 
 #define TENSORFILE_MAX 32768      /* tensors */

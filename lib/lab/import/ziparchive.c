@@ -19,7 +19,6 @@ struct ziparchive {
     zip_t *zip;
     struct entry *entry;
     size_t count;
-    size_t *by_name;            /* indices in the order of names */
 };
 
 /* ---- opening ------------------------------------------------------------ */
@@ -76,28 +75,7 @@ static int ziparchive_check_room(const struct ziparchive *z, uint64_t bytes,
     return 0;
 }
 
-static int ziparchive_by_name(const void *a, const void *b, void *context)
-{
-    const struct entry *e = context;
-
-    return strcmp(e[*(const size_t *)a].name, e[*(const size_t *)b].name);
-}
-
-/* The index by which entries are found; no name may stand twice. */
-static int ziparchive_sort_names(struct ziparchive *z, struct error *err)
-{
-    for (size_t i = 0; i < z->count; i++)
-        z->by_name[i] = i;
-    qsort_r(z->by_name, z->count, sizeof *z->by_name, ziparchive_by_name,
-            z->entry);
-    for (size_t i = 1; i < z->count; i++)
-        if (!ziparchive_by_name(&z->by_name[i - 1], &z->by_name[i], z->entry))
-            return error_set(err, EX_DATAERR, "%s: occurs twice",
-                             z->entry[z->by_name[i]].name);
-    return 0;
-}
-
-/* All entries, checked, and an index by name. */
+/* All entries, checked. */
 static int ziparchive_read_directory(struct ziparchive *z, const char *path,
                                      struct error *err)
 {
@@ -108,16 +86,14 @@ static int ziparchive_read_directory(struct ziparchive *z, const char *path,
         return error_set(err, EX_DATAERR, "%lld entries (expected at most "
                          "%d)", (long long)n, ZIP_MAX_ENTRIES);
     z->entry = calloc((size_t)n + 1, sizeof *z->entry);
-    z->by_name = calloc((size_t)n + 1, sizeof *z->by_name);
-    if (!z->entry || !z->by_name)
+    if (!z->entry)
         return error_set(err, EX_OSERR, "out of memory");
     for (z->count = 0; z->count < (size_t)n; z->count++)
         if (ziparchive_check_entry(&z->entry[z->count], z->zip, z->count, err))
             return -1;
     if (stat(path, &st))
         return error_set(err, EX_NOINPUT, "cannot be read");
-    return ziparchive_check_room(z, (uint64_t)st.st_size, err) ? -1
-           : ziparchive_sort_names(z, err);
+    return ziparchive_check_room(z, (uint64_t)st.st_size, err);
 }
 
 struct ziparchive *ziparchive_open(const char *path, struct error *err)
@@ -131,6 +107,7 @@ struct ziparchive *ziparchive_open(const char *path, struct error *err)
         error_set(err, EX_OSERR, "out of memory");
         return NULL;
     }
+    /* the check for consistency refuses names that stand twice */
     z->zip = zip_open(path, ZIP_RDONLY | ZIP_CHECKCONS, &code);
     if (!z->zip) {
         zip_error_init_with_code(&why, code);
@@ -153,7 +130,6 @@ void ziparchive_close(struct ziparchive *z)
         return;
     zip_discard(z->zip);
     free(z->entry);
-    free(z->by_name);
     free(z);
 }
 
@@ -176,20 +152,9 @@ size_t ziparchive_size(const struct ziparchive *z, size_t i)
 
 size_t ziparchive_find(const struct ziparchive *z, const char *name)
 {
-    size_t low = 0, high = z->count;
+    const zip_int64_t i = zip_name_locate(z->zip, name, 0);
 
-    while (low < high) {
-        size_t middle = low + (high - low) / 2;
-        int c = strcmp(z->entry[z->by_name[middle]].name, name);
-
-        if (c == 0)
-            return z->by_name[middle];
-        if (c < 0)
-            low = middle + 1;
-        else
-            high = middle;
-    }
-    return SIZE_MAX;
+    return i < 0 ? SIZE_MAX : (size_t)i;
 }
 
 /* Up to `bytes` bytes; -1 when the archive is damaged. */

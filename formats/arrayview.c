@@ -1,7 +1,9 @@
 /* Element types, byte orders and strides taken apart and put in our order. */
-#include "lib/lab/import/arrayview.h"
+#include "formats/arrayview.h"
 
+#include <stdlib.h>
 #include <string.h>
+#include <sysexits.h>
 
 #include "lib/base/half.h"
 
@@ -130,4 +132,62 @@ double array_view_number(enum st_dtype dtype, const void *packed, size_t i)
     case ST_F64: return v.d;
     }
     return 0;
+}
+
+struct array_view array_view_tensor(const struct st_tensor *t)
+{
+    struct array_view v = {.dtype = t->dtype, .ndim = t->ndim};
+
+    memcpy(v.dim, t->dim, sizeof v.dim);
+    array_view_pack(&v, false);
+    return v;
+}
+
+/* out (n) from packed elements of another dtype. */
+static int arrayview_convert(void *out, enum dtype to, enum st_dtype from,
+                             const void *packed, size_t n, struct error *err)
+{
+    for (size_t i = 0; i < n; i++) {
+        const double x = array_view_number(from, packed, i);
+
+        if (to == DTYPE_F32)
+            ((float *)out)[i] = (float)x;
+        else if (x >= INT32_MIN && x <= INT32_MAX)
+            ((int32_t *)out)[i] = (int32_t)x;
+        else
+            return error_set(err, EX_DATAERR, "value %.0f at %zu does not fit "
+                             "i32", x, i);
+    }
+    return 0;
+}
+
+void *array_view_to_stream(enum dtype *dtype, const struct array_view *v,
+                           const void *data, struct error *err)
+{
+    static const enum dtype as[] = {
+        [ST_U8] = DTYPE_U8, [ST_I8] = DTYPE_I32, [ST_I32] = DTYPE_I32,
+        [ST_I64] = DTYPE_I32, [ST_F16] = DTYPE_F16, [ST_BF16] = DTYPE_F32,
+        [ST_F32] = DTYPE_F32, [ST_F64] = DTYPE_F64, [ST_BOOL] = DTYPE_U8,
+        [ST_I16] = DTYPE_I32, [ST_U16] = DTYPE_I32, [ST_U32] = DTYPE_I32,
+        [ST_U64] = DTYPE_I32
+    };
+    const bool same = v->dtype == ST_I32 || (as[v->dtype] != DTYPE_I32 &&
+                                             v->dtype != ST_BF16);
+    void *packed = malloc(v->count * st_dtype_size(v->dtype) + 1), *out = NULL;
+
+    *dtype = as[v->dtype];
+    if (packed)
+        array_view_copy(packed, v, data);
+    if (packed && same)
+        return packed;
+    if (packed)
+        out = malloc(v->count * dtype_size(*dtype) + 1);
+    if (!out)
+        error_set(err, EX_OSERR, "out of memory");
+    else if (arrayview_convert(out, *dtype, v->dtype, packed, v->count, err)) {
+        free(out);
+        out = NULL;
+    }
+    free(packed);
+    return out;
 }

@@ -1,8 +1,8 @@
 /* An array as it lies in somebody else's memory: any element type, byte order
  * and strides, as numpy and PyTorch pickle them, and its elements one after
  * another in our order. */
-#ifndef SPID_LAB_IMPORT_ARRAYVIEW_H
-#define SPID_LAB_IMPORT_ARRAYVIEW_H
+#ifndef SPID_FORMATS_ARRAYVIEW_H
+#define SPID_FORMATS_ARRAYVIEW_H
 
 #ifdef __cplusplus
 extern "C" {
@@ -12,6 +12,8 @@ extern "C" {
 #include <stddef.h>
 
 #include "formats/safetensors.h"
+#include "lib/base/error.h"
+#include "lib/stream/stream.h"
 
 #define ARRAY_VIEW_DIMS 8
 
@@ -39,8 +41,16 @@ size_t array_view_reach(const struct array_view *v);
  * first element lies. */
 void array_view_copy(void *out, const struct array_view *v, const void *data);
 
-/* Element i of a packed copy as a double. */
+/* Element i of a packed copy, aligned or not, as a double. */
 double array_view_number(enum st_dtype dtype, const void *packed, size_t i);
+
+/* The view of a tensor as safetensors files hold it. */
+struct array_view array_view_tensor(const struct st_tensor *t);
+
+/* The elements as the dtype that streams have for them, for the caller to free:
+ * booleans are u8, other integers i32, which they must fit, bf16 is f32. */
+void *array_view_to_stream(enum dtype *dtype, const struct array_view *v,
+                           const void *data, struct error *err);
 
 #ifdef __cplusplus
 }
