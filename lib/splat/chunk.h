@@ -15,22 +15,21 @@
 #define COLUMN (CHUNK + 48)    /* floats between columns of the chunk */
 #define AHEAD 32               /* entries whose records are fetched early */
 
-/* Columns of an entry. */
-enum { COLOR = 0, DEPTH = 3, PLACE = 4, ROOT = 7 };
+/* Columns of an entry, the first of which are summed up.  q = high - (root x -
+ * shift)^2, shift = BASE + TILT y, high = TOP - FALLOFF (y - ROW)^2, x and y
+ * about the tile's centre. */
+enum { COLOR = 0, DEPTH = 3, PLACE = 4, SUMS = 7,
+       BASE = 8, TILT, ROW, FALLOFF, TOP, ROOT, COLUMNS_OF_ENTRY = 16 };
 
 /* One thread's scratch. */
 struct splat_work {
-    /* of each row of blocks and entry, for its four rows of pixels: shift,
-     * then high, of q = high - (root x - shift)^2 */
-    float rows[4][CHUNK + 2][8];
-    float entry[COLUMN][8];                /* colours (3: or depth), place
-                                            * channels, root */
+    float entry[COLUMN][COLUMNS_OF_ENTRY]; /* a line of the cache each */
     uint32_t index[COLUMN];                /* Gaussian of each entry */
     uint32_t list[BLOCKS][COLUMN];         /* entries that reach a block */
     uint32_t count[BLOCKS];
     uint32_t alive[SLICES];                /* pixels still taking light */
     float T[SLICES][VEC];
-    float sum[ROOT][SLICES][VEC];          /* of entries' columns but root */
+    float sum[SUMS][SLICES][VEC];          /* of entries' columns */
     float weight[COLUMN][PARTS][VEC];      /* of one block's entries */
     float row[COLUMN][VEC];                /* of one slice's product, and */
     uint32_t used[COLUMN];                 /* the Gaussian of each row */
@@ -160,45 +159,31 @@ VEC_INLINE void chunk_cull(struct splat_work *w, const vf g[8], vf u, vf v,
     }
 }
 
-/* What makes the rows of VEC entries: shift = base + tilt row, high = top
- * - falloff (row - y)^2, rows about the tile's centre. */
-struct slopes {
-    float base[VEC], tilt[VEC], y[VEC], falloff[VEC], top[VEC];
-};
-
-/* Rows of one entry. */
-VEC_INLINE void chunk_build_rows(struct splat_work *w, uint32_t e,
-                                 const struct slopes *s, uint32_t k)
+/* Numbers BASE to ROOT of VEC entries from e on, of centres (u,v) about the
+ * tile's. */
+VEC_INLINE void chunk_put_shapes(struct splat_work *w, uint32_t e,
+                                 const vf g[8], vf u, vf v)
 {
-    static const float row[TILE] = {
-        -7.5f, -6.5f, -5.5f, -4.5f, -3.5f, -2.5f, -1.5f, -0.5f,
-        0.5f, 1.5f, 2.5f, 3.5f, 4.5f, 5.5f, 6.5f, 7.5f};
+    vf row[2][4] = {{g[FROOT] * vf_fnma(g[FSY], v, u), g[FROOT] * g[FSY], v,
+                     g[FFALLOFF]},
+                    {g[FTOP], g[FROOT], g[FTOP], g[FROOT]}};
 
+#pragma GCC unroll 2
+    for (int half = 0; half < 2; half++) {
+        vf_transpose_quads(row[half]);
 #pragma GCC unroll 4
-    for (int i = 0; i < TILE; i += VEC) {
-        vf y = vf_load(row + i), dy = y - vf_set(s->y[k]);
-        vf shift = vf_fma(y, vf_set(s->tilt[k]), vf_set(s->base[k]));
-        vf high = vf_fnma(vf_set(s->falloff[k]) * dy, dy, vf_set(s->top[k]));
+        for (uint32_t k = 0; k < 4; k++) {
+            float *to = w->entry[e + k] + BASE + 4 * half;
 
-#if VEC == 16
-        const __m512i low = _mm512_setr_epi32(0, 1, 2, 3, 16, 17, 18, 19,
-                                              4, 5, 6, 7, 20, 21, 22, 23);
-        __m512i up = _mm512_add_epi32(low, _mm512_set1_epi32(8));
-        __m512 a = _mm512_permutex2var_ps((__m512)shift, low, (__m512)high);
-        __m512 b = _mm512_permutex2var_ps((__m512)shift, up, (__m512)high);
-
-        _mm256_storeu_ps(w->rows[0][e], _mm512_castps512_ps256(a));
-        _mm256_storeu_ps(w->rows[1][e], _mm512_extractf32x8_ps(a, 1));
-        _mm256_storeu_ps(w->rows[2][e], _mm512_castps512_ps256(b));
-        _mm256_storeu_ps(w->rows[3][e], _mm512_extractf32x8_ps(b, 1));
-#else
-        vq_store(w->rows[i / 4][e], vf_quad(shift, 0));
-        vq_store(w->rows[i / 4][e] + 4, vf_quad(high, 0));
-#if VEC == 8
-        vq_store(w->rows[i / 4 + 1][e], vf_quad(shift, 1));
-        vq_store(w->rows[i / 4 + 1][e] + 4, vf_quad(high, 1));
+            vq_store(to, vf_quad(row[half][k], 0));
+#if VEC > 4
+            vq_store(to + 4 * COLUMNS_OF_ENTRY, vf_quad(row[half][k], 1));
 #endif
+#if VEC > 8
+            vq_store(to + 8 * COLUMNS_OF_ENTRY, vf_quad(row[half][k], 2));
+            vq_store(to + 12 * COLUMNS_OF_ENTRY, vf_quad(row[half][k], 3));
 #endif
+        }
     }
 }
 
@@ -218,7 +203,6 @@ chunk_build(struct splat_work *w, const struct splat_state *s,
         w->index[n + k] = list[0];
     for (uint32_t i = 0; i < n; i += VEC) {
         uint32_t left = n - i < VEC ? n - i : VEC;
-        struct slopes t;
         vf g[8];
 
         for (uint32_t k = 0; k < VEC && i + AHEAD + k < n; k++)
@@ -232,11 +216,7 @@ chunk_build(struct splat_work *w, const struct splat_state *s,
             vf_store(w->center[0] + i, u);
             vf_store(w->center[1] + i, v);
         }
-        vf_store(t.base, g[FROOT] * vf_fnma(g[FSY], v, u));
-        vf_store(t.tilt, g[FROOT] * g[FSY]);
-        vf_store(t.y, v);
-        vf_store(t.falloff, g[FFALLOFF]);
-        vf_store(t.top, g[FTOP]);
+        chunk_put_shapes(w, i, g, u, v);
         for (uint32_t k = 0; k < left; k++) {
             uint32_t one = w->index[i + k];
 
@@ -246,16 +226,12 @@ chunk_build(struct splat_work *w, const struct splat_state *s,
                        sizeof s->place[0]);
             if (depth)
                 memcpy(&w->entry[i + k][DEPTH], &s->key[one], sizeof(float));
-            w->entry[i + k][ROOT] = s->projection[one].root;
-            chunk_build_rows(w, i + k, &t, k);
         }
         chunk_cull(w, g, u, v, i, (1u << left) - 1, s->view.cut);
     }
     /* lists end with entries that add nothing, for loops that take four */
-    for (int y = 0; y < 4; y++)
-        for (int k = 0; k < 8; k++)
-            w->rows[y][CHUNK][k] = k < 4 ? 0 : -1e30f;
     memset(w->entry[CHUNK], 0, sizeof w->entry[0]);
+    w->entry[CHUNK][TOP] = -1e30f;
     w->index[CHUNK] = list[0];
     for (int b = 0; b < BLOCKS; b++)
         for (uint32_t k = 0; k < 4; k++)
@@ -268,12 +244,23 @@ VEC_INLINE void chunk_exponents(vf q[4], const struct splat_work *w,
                                 const uint32_t *entry, int b, const vf *x,
                                 const int parts)
 {
-    const float (*row)[8] = w->rows[b / ACROSS];
+    static const float row[16] = {0, 1, 2, 3, 0, 1, 2, 3,
+                                  0, 1, 2, 3, 0, 1, 2, 3};
+    const vf y = vf_load(row) + vf_set(4 * (float)(b / ACROSS) - 7.5f);
+    vf shift[4], high[4];
 
+#pragma GCC unroll 4
+    for (int k = 0; k < 4 / parts; k++) {
+        const float *e = w->entry[entry[k]];
+        vf dy = y - vf_set(e[ROW]);
+
+        shift[k] = vf_fma(y, vf_set(e[TILT]), vf_set(e[BASE]));
+        high[k] = vf_fnma(vf_set(e[FALLOFF]) * dy, dy, vf_set(e[TOP]));
+    }
     FOUR q[k] = vf_fma(x[k % parts], vf_set(w->entry[entry[k / parts]][ROOT]),
-                       -vf_repeat(row[entry[k / parts]]));
+                       -shift[k / parts]);
     ABREAST(q);
-    FOUR q[k] = vf_fnma(q[k], q[k], vf_repeat(row[entry[k / parts]] + 4));
+    FOUR q[k] = vf_fnma(q[k], q[k], high[k / parts]);
     ABREAST(q);
 }
 

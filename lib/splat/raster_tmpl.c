@@ -95,10 +95,10 @@ VEC_INLINE uint32_t raster_traverse(struct splat_work *w, int block,
 VEC_INLINE void raster_sum(struct splat_work *w, int block, uint32_t rows,
                            const unsigned columns)
 {
-    vf sum[ROOT][PARTS];
+    vf sum[SUMS][PARTS];
 
 #define EACH_SUM \
-    _Pragma("GCC unroll 7") for (int c = 0; c < ROOT; c++) \
+    _Pragma("GCC unroll 7") for (int c = 0; c < SUMS; c++) \
         if (columns >> c & 1) \
             _Pragma("GCC unroll 4") for (int k = 0; k < PARTS; k++)
     EACH_SUM sum[c][k] = vf_load(w->sum[c][PARTS * block + k]);
