@@ -77,18 +77,54 @@ static bool ISA(lookup_places)(struct lookup_run *r,
 
 #define PARTS (16 / VEC)        /* vectors that hold four pixels' channels */
 
-/* The four neighbours' weights at t in [0,1) past the second are polynomials:
- * their numbers from the highest power, one for each lane.  Keys's a is -3/4:
- * it restores photographs best that were moved by known fractions of a
- * pixel. */
-static const float weights[4][16] = {
-    {-0.75f, -0.75f, -0.75f, -0.75f, 1.25f, 1.25f, 1.25f, 1.25f,
-     -1.25f, -1.25f, -1.25f, -1.25f, 0.75f, 0.75f, 0.75f, 0.75f},
-    {1.5f, 1.5f, 1.5f, 1.5f, -2.25f, -2.25f, -2.25f, -2.25f,
-     1.5f, 1.5f, 1.5f, 1.5f, -0.75f, -0.75f, -0.75f, -0.75f},
-    {-0.75f, -0.75f, -0.75f, -0.75f, 0, 0, 0, 0,
-     0.75f, 0.75f, 0.75f, 0.75f, 0, 0, 0, 0},
-    {0, 0, 0, 0, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0}};
+/* The four neighbours' weights at t in [0,1) past the second are polynomials,
+ * from the highest power.  Keys's a is -3/4: it restores photographs best that
+ * were moved by known fractions of a pixel. */
+static const float weights[4][4] = {{-0.75f, 1.5f, -0.75f, 0},
+                                    {1.25f, -2.25f, 0, 1},
+                                    {-1.25f, 1.5f, 0.75f, 0},
+                                    {0.75f, -0.75f, 0, 0}};
+
+/* VEC positions' neighbours: of each the first in x and y, its number in the
+ * texture (-1: some are missing), and the weights across and down. */
+struct lookup_taps {
+    int32_t x[VEC], y[VEC], at[VEC];
+    float across[VEC][4], down[VEC][4];
+};
+
+/* Neighbours of VEC coordinates p along an axis of `end` pixels; what is far
+ * outside is the border's anyway, and NaN becomes the corner.  Returns the
+ * first ones. */
+VEC_INLINE vi lookup_axis(float weight[VEC][4], const float *p, float end)
+{
+    vf x = vf_min(vf_max(vf_load(p), vf_set(-2)), vf_set(end + 2)) - 0.5f;
+    vi first = __builtin_convertvector(x, vi);
+    vf w[4];
+
+    first += x < __builtin_convertvector(first, vf);        /* downwards */
+    x -= __builtin_convertvector(first, vf);
+    for (int i = 0; i < 4; i++) {
+        w[i] = vf_fma(vf_set(weights[i][0]), x, vf_set(weights[i][1]));
+        w[i] = vf_fma(w[i], x, vf_set(weights[i][2]));
+        w[i] = vf_fma(w[i], x, vf_set(weights[i][3]));
+    }
+    vf_put_rows(weight[0], w, 4);
+    return first - 1;
+}
+
+/* Those of positions (u,v) in a texture of S x S pixels. */
+VEC_INLINE void lookup_taps_make(struct lookup_taps *t, const float *u,
+                                 const float *v, size_t S)
+{
+    const int32_t last = (int32_t)S - 3;
+    vi x = lookup_axis(t->across, u, (float)S);
+    vi y = lookup_axis(t->down, v, (float)S);
+    vi inside = (x >= 0) & (y >= 0) & (x < last) & (y < last);
+
+    vi_store(t->x, x);
+    vi_store(t->y, y);
+    vi_store(t->at, (y * (int32_t)S + x) | ~inside);
+}
 
 /* Four pixels' bytes. */
 VEC_INLINE void lookup_bytes(vf p[PARTS], const uint8_t *row)
@@ -145,29 +181,39 @@ VEC_INLINE vq lookup_sum(const vf p[PARTS])
 #endif
 }
 
-/* The sum over four rows `stride` bytes apart, at (tx,ty) past the second
- * pixel of the second row. */
-VEC_INLINE vq lookup_cubic(const uint8_t *row, size_t stride, float tx,
-                           float ty)
+/* Weights of the pixels that vector k of four pixels' channels holds. */
+VEC_INLINE vf lookup_spread(const float w[4], const int k)
+{
+#if VEC == 16
+    vf v = vf_repeat(w);
+
+    (void)k;
+    return __builtin_shufflevector(v, v, 0, 0, 0, 0, 5, 5, 5, 5,
+                                   10, 10, 10, 10, 15, 15, 15, 15);
+#elif VEC == 8
+    vf v = vf_repeat(w);
+
+    return k ? __builtin_shufflevector(v, v, 2, 2, 2, 2, 7, 7, 7, 7)
+             : __builtin_shufflevector(v, v, 0, 0, 0, 0, 5, 5, 5, 5);
+#else
+    return vf_set(w[k]);
+#endif
+}
+
+/* The sum over four rows `stride` bytes apart. */
+VEC_INLINE vq lookup_cubic(const uint8_t *row, size_t stride,
+                           const float across[4], const float down[4])
 {
     vf sum[PARTS] = {{0}}, p[PARTS];
-    float wy[4];
 
-    for (int i = 0; i < 4; i++)
-        wy[i] = ((weights[0][4 * i] * ty + weights[1][4 * i]) * ty +
-                 weights[2][4 * i]) * ty + weights[3][4 * i];
     for (int j = 0; j < 4; j++, row += stride) {
         lookup_bytes(p, row);
         for (int k = 0; k < PARTS; k++)
-            sum[k] = vf_fma(vf_set(wy[j]), p[k], sum[k]);
+            sum[k] = vf_fma(vf_set(down[j]), p[k], sum[k]);
     }
-    for (int k = 0; k < PARTS; k++) {
-        vf w = vf_fma(vf_load(weights[0] + VEC * k), vf_set(tx),
-                      vf_load(weights[1] + VEC * k));
-
-        w = vf_fma(w, vf_set(tx), vf_load(weights[2] + VEC * k));
-        sum[k] *= vf_fma(w, vf_set(tx), vf_load(weights[3] + VEC * k));
-    }
+#pragma GCC unroll 4
+    for (int k = 0; k < PARTS; k++)
+        sum[k] *= lookup_spread(across, k);
     return lookup_sum(sum);
 }
 
@@ -177,67 +223,53 @@ static inline size_t lookup_clamp(int32_t i, int32_t n)
     return (size_t)(i < 0 ? 0 : i >= n ? n - 1 : i);
 }
 
-/* The same where rows or columns are missing. */
-static vq lookup_border(const uint8_t *texture, size_t S, int32_t x0,
-                        int32_t y0, float tx, float ty)
+/* The same for position k where rows or columns are missing. */
+static vq lookup_border(const uint8_t *texture, size_t S,
+                        const struct lookup_taps *t, size_t k)
 {
     uint8_t near[4][16];
 
     for (int j = 0; j < 4; j++)
         for (int i = 0; i < 4; i++)
             memcpy(near[j] + 4 * i, texture + 4 *
-                   (S * lookup_clamp(y0 + j, (int32_t)S) +
-                    lookup_clamp(x0 + i, (int32_t)S)), 4);
-    return lookup_cubic(near[0], sizeof near[0], tx, ty);
-}
-
-/* Pixels before the positions p (VEC), clamped near the texture, and how far
- * past the second of the four.  What is far outside is the border's anyway; NaN
- * becomes the corner. */
-VEC_INLINE void lookup_split(int32_t first[VEC], float past[VEC],
-                             const float *p, float end)
-{
-    vf x = vf_min(vf_max(vf_load(p), vf_set(-2)), vf_set(end + 2)) - 0.5f;
-    vi i = __builtin_convertvector(x, vi);
-
-    i += x < __builtin_convertvector(i, vf);        /* downwards */
-    vi_store(first, i - 1);
-    vf_store(past, x - __builtin_convertvector(i, vf));
+                   (S * lookup_clamp(t->y[k] + j, (int32_t)S) +
+                    lookup_clamp(t->x[k] + i, (int32_t)S)), 4);
+    return lookup_cubic(near[0], sizeof near[0], t->across[k], t->down[k]);
 }
 
 /* Each lane of c / 255 clamped to 0..1: the cubic overshoots at edges. */
 VEC_INLINE vq lookup_saturate(vq c)
 {
-    const vq one = {1, 1, 1, 1};
-
     c *= 1.0f / 255;
-    c = (vq)((c > 0.0f) & (typeof(c > c))c);
-    typeof(c > c) big = c > one;
-    return (vq)((big & (typeof(big))one) | (~big & (typeof(big))c));
+#ifdef __SSE2__
+    return (vq)_mm_min_ps(_mm_max_ps((__m128)c, _mm_setzero_ps()),
+                          _mm_set1_ps(1));
+#else
+    for (int k = 0; k < 4; k++)
+        c[k] = c[k] > 0 ? c[k] < 1 ? c[k] : 1 : 0;
+    return c;
+#endif
 }
 
 static void ISA(texture_bicubic)(float *photo, const float *u, const float *v,
                                  const float *weight, size_t n,
                                  const uint8_t *texture, size_t S)
 {
-    const int32_t last = (int32_t)S - 3;
-    int32_t x0[VEC], y0[VEC];
-    float tx[VEC], ty[VEC];
+    struct lookup_taps t;
 
     for (size_t i = 0; i < n; i++, photo += TEXTURE_PHOTO) {
-        size_t k = i % VEC;
+        const size_t k = i % VEC;
 
         if (k == 0) {
-            lookup_split(x0, tx, u + i, (float)S);
-            lookup_split(y0, ty, v + i, (float)S);
+            lookup_taps_make(&t, u + i, v + i, S);
+            if (t.at[0] >= 0)           /* what the next row will need */
+                __builtin_prefetch(texture + 4 * ((size_t)t.at[0] + 4 * S));
         }
         if (!(weight[i] > 0))
             continue;
-        bool within = x0[k] >= 0 && y0[k] >= 0 && x0[k] < last && y0[k] < last;
-        vq c = within ? lookup_cubic(texture + 4 * ((size_t)y0[k] * S +
-                                                    (size_t)x0[k]),
-                                     4 * S, tx[k], ty[k])
-                      : lookup_border(texture, S, x0[k], y0[k], tx[k], ty[k]);
+        vq c = t.at[k] < 0 ? lookup_border(texture, S, &t, k)
+                           : lookup_cubic(texture + 4 * (size_t)t.at[k], 4 * S,
+                                          t.across[k], t.down[k]);
 
         vq_store(photo, lookup_saturate(c));
         photo[4] = weight[i];
