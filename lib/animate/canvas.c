@@ -41,35 +41,35 @@ void canvas_release(struct canvas *c)
     memset(c, 0, sizeof *c);
 }
 
-/* Memory for places, and for what is looked up there if `photo`, unless it is
- * there already. */
+/* Memory for what is looked up if `photo`, and for places if asked for, unless
+ * it is there already. */
 static int canvas_reserve(struct canvas *c, bool photo, struct error *err)
 {
     const size_t pixels = c->size * c->size;
 
-    if (!c->place)
+    if (c->places && !c->place)
         c->place = malloc(PLACE_CHANNELS * pixels * sizeof *c->place);
     if (photo && !c->photo)
         c->photo = malloc(TEXTURE_PHOTO * pixels * sizeof *c->photo);
-    return c->place && (!photo || c->photo) ? 0 : canvas_too_large(c, err);
+    return (!c->places || c->place) && (!photo || c->photo)
+               ? 0 : canvas_too_large(c, err);
 }
 
 int canvas_draw(struct canvas *c, struct splat *s,
                 const struct splat_camera *cam, const struct texture *t,
                 bool beside, struct error *err)
 {
-    const struct splat_place_view *v = &c->view;
+    struct splat_pictures to = {.image = c->image, .half = c->half,
+                                .alpha = c->alpha, .depth = c->depth};
 
-    if ((t && canvas_reserve(c, beside, err)) ||
-        splat_draw(s, &(struct splat_pictures){
-            .image = c->image, .half = c->half, .alpha = c->alpha,
-            .depth = c->depth, .place = t ? c->place : NULL
-        }, cam, v, NULL, err))
-        return -1;
-    if (t && beside)
-        texture_lookup(c->photo, t, v, c->place, c->alpha, c->size);
-    else if (t)
-        texture_apply(c->image, c->channels, c->alpha, t, v, c->place,
-                      c->size);
-    return 0;
+    if (t) {
+        if (canvas_reserve(c, beside, err))
+            return -1;
+        texture_shader_init(&c->shader, t, &c->view, c->size,
+                            beside ? c->photo : NULL, c->channels);
+        to.place = c->place;
+        to.shade = texture_shade;
+        to.ctx = &c->shader;
+    }
+    return splat_draw(s, &to, cam, &c->view, NULL, err);
 }

@@ -18,9 +18,11 @@ struct canvas {
     uint16_t *half;             /* in place of image: in half precision */
     float *alpha;               /* (N,N) */
     float *depth;               /* (N,N), or NULL */
-    float *place;               /* (N,N,3), once there is a texture, ... */
-    struct splat_place_view view;       /* ... and what they are relative to */
-    float *photo;               /* (N,N,5) looked up, for FEAT */
+    struct splat_place_view view;       /* what places are relative to */
+    float *photo;               /* (N,N,5) looked up there, for FEAT */
+    bool places;                /* these are asked for, too: */
+    float *place;               /* (N,N,3) */
+    struct texture_shader shader;
 };
 
 /* EX_OSERR without memory; c is then to be released all the same. */

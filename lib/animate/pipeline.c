@@ -50,6 +50,7 @@ int pipeline_init(struct pipeline *p, const struct pipeline_options *opt,
         baked_move_init(&p->move, avatar->baked, err) ||
         pipeline_open_renderer(p, err))
         return -1;
+    p->canvas.places = opt->picture && opt->picture != opt->size;
     return opt->star || opt->refine ? 0 : pipeline_open_refiner(&p->own, opt,
                                                                 err);
 }

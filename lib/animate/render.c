@@ -27,8 +27,11 @@ int render_init(struct render *r, const struct render_options *opt,
                          size, size);
     if (canvas_init(&r->canvas, size, C, half, opt->splat.depth, err))
         return -1;
-    return opt->features ? canvas_init(&r->other, size, C, half,
-                                       opt->splat.depth, err) : 0;
+    if (opt->features &&
+        canvas_init(&r->other, size, C, half, opt->splat.depth, err))
+        return -1;
+    r->canvas.places = r->other.places = opt->places;
+    return 0;
 }
 
 void render_release(struct render *r)

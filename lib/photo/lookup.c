@@ -46,40 +46,31 @@ size_t texture_level(const struct texture *t, const struct splat_place_view *v,
 /* ---- runs of pixels ------------------------------------------------------
  */
 
-/* A picture's lookups: what is the same for all of its pixels. */
-struct lookup {
-    const struct texture *t;
-    const struct lookup_kernels *kernels;
-    const float *place, *alpha;
-    size_t level, size;
-    struct splat_place_view view;
-};
-
-static struct lookup lookup_make(const struct texture *t,
-                                 const struct splat_place_view *v,
-                                 const float *place, const float *alpha,
-                                 size_t size)
+void texture_shader_init(struct texture_shader *s, const struct texture *t,
+                         const struct splat_place_view *v, size_t size,
+                         float *photo, size_t channels)
 {
-    return (struct lookup){t, lookup_kernels(), place, alpha,
-                           texture_level(t, v, size), size, *v};
+    *s = (struct texture_shader){t, texture_level(t, v, size), size, *v, photo,
+                                 channels};
 }
 
-/* photo (n,5) of row y's pixels from x0 on; whether the photograph shows any of
+/* photo (n,5) of row y's pixels from x on; whether the photograph shows any of
  * them.  Rows end where they end: what is left of a vector is looked up in a
  * copy. */
-static bool lookup_run(float *photo, const struct lookup *k, size_t x0,
-                       size_t n, size_t y)
+static bool lookup_run(float *photo, const struct texture_shader *s,
+                       const float *place, const float *alpha, size_t x,
+                       size_t y, size_t n)
 {
-    const size_t S = k->t->side[k->level], at = y * k->size + x0;
-    const size_t whole = n / 16 * 16;
-    const float *place = k->place + 3 * at, *alpha = k->alpha + at;
-    float step = 2.0f / (float)k->size;
-    struct lookup_run r = {
-        .step = step, .nx = ((float)x0 + 0.5f) * step - 1,
-        .ny = ((float)y + 0.5f) * step - 1, .half = 0.5f * (float)S
-    };
+    const struct lookup_kernels *kernels = lookup_kernels();
+    const size_t S = s->t->side[s->level], whole = n / 16 * 16;
+    float step = 2.0f / (float)s->size;
+    struct lookup_run r;
     float rest[3 * LOOKUP_RUN], cover[LOOKUP_RUN];
 
+    r.step = step;
+    r.nx = ((float)x + 0.5f) * step - 1;
+    r.ny = ((float)y + 0.5f) * step - 1;
+    r.half = 0.5f * (float)S;
     if (whole < n) {
         memset(rest, 0, sizeof rest);
         memset(cover, 0, sizeof cover);
@@ -88,21 +79,40 @@ static bool lookup_run(float *photo, const struct lookup *k, size_t x0,
         place = rest;
         alpha = cover;
     }
-    if (!k->kernels->places(&r, &k->view, place, alpha, (n + 15) / 16 * 16))
+    if (!kernels->places(&r, &s->view, place, alpha, (n + 15) / 16 * 16))
         return false;
     memset(photo, 0, TEXTURE_PHOTO * n * sizeof *photo);
-    k->kernels->bicubic(photo, r.u, r.v, r.confidence, n, k->t->level[k->level], S);
+    kernels->bicubic(photo, r.u, r.v, r.confidence, n, s->t->level[s->level],
+                     S);
     return true;
 }
 
-/* One row. */
-PARALLEL(texture_lookup_part, y, float *, photo, size_t, size, struct lookup, k)
+void texture_shade(void *ctx, float *color, float *alpha, const float *place,
+                   int x, int y, int n)
 {
-    for (size_t x = 0; x < size; x += LOOKUP_RUN) {
-        const size_t n = size - x < LOOKUP_RUN ? size - x : LOOKUP_RUN;
-        float *to = photo + TEXTURE_PHOTO * (y * size + x);
+    const struct texture_shader *s = ctx;
+    const size_t left = (size_t)x, row = (size_t)y, count = (size_t)n;
+    float run[TEXTURE_PHOTO * LOOKUP_RUN];
+    float *photo = s->photo ? s->photo + TEXTURE_PHOTO * (row * s->size + left)
+                            : run;
+    const bool shown = lookup_run(photo, s, place, alpha, left, row, count);
 
-        if (!lookup_run(to, &k, x, n, y))
+    if (s->photo && !shown)
+        memset(photo, 0, TEXTURE_PHOTO * count * sizeof *photo);
+    else if (!s->photo && shown)
+        texture_mix(color, s->channels, alpha, photo, count);
+}
+
+/* One row. */
+PARALLEL(texture_lookup_part, y, const struct texture_shader *, s,
+         const float *, place, const float *, alpha)
+{
+    for (size_t x = 0; x < s->size; x += LOOKUP_RUN) {
+        const size_t at = y * s->size + x, left = s->size - x;
+        const size_t n = left < LOOKUP_RUN ? left : LOOKUP_RUN;
+        float *to = s->photo + TEXTURE_PHOTO * at;
+
+        if (!lookup_run(to, s, place + 3 * at, alpha + at, x, y, n))
             memset(to, 0, TEXTURE_PHOTO * n * sizeof *to);
     }
 }
@@ -111,46 +121,39 @@ void texture_lookup(float *photo, const struct texture *t,
                     const struct splat_place_view *v, const float *place,
                     const float *alpha, size_t size)
 {
-    const struct lookup k = lookup_make(t, v, place, alpha, size);
+    struct texture_shader s;
 
-    parallel_each(texture_lookup_part, size, 1, photo, size, k);
+    texture_shader_init(&s, t, v, size, photo, 0);
+    parallel_each(texture_lookup_part, size, 1, &s, place, alpha);
 }
 
 /* One row. */
-PARALLEL(lookup_apply_part, y, const struct lookup *, k,
-         const struct texture_field *, field, float *, color, float *, alpha,
-         float, step, size_t, channels)
+PARALLEL(lookup_apply_part, y, const struct texture_shader *, s,
+         const float *, place, const struct texture_field *, field,
+         float *, color, float *, alpha, float, step)
 {
-    for (size_t x = 0; x < k->size; x += LOOKUP_RUN) {
-        const size_t at = y * k->size + x, left = k->size - x;
+    for (size_t x = 0; x < s->size; x += LOOKUP_RUN) {
+        const size_t at = y * s->size + x, left = s->size - x;
         const size_t n = left < LOOKUP_RUN ? left : LOOKUP_RUN;
         float photo[TEXTURE_PHOTO * LOOKUP_RUN];
 
-        if (!lookup_run(photo, k, x, n, y))
+        if (!lookup_run(photo, s, place + 3 * at, alpha + at, x, y, n))
             continue;
         if (field)
             texture_field_row(photo, field, step, x, n, y);
-        texture_mix(color + channels * at, channels, alpha + at, photo, n);
+        texture_mix(color + s->channels * at, s->channels, alpha + at, photo,
+                    n);
     }
-}
-
-/* Run by run over color (size,size,channels) and alpha, with a field or
- * NULL. */
-static void lookup_apply(float *color, size_t channels, float *alpha,
-                         const struct lookup *k,
-                         const struct texture_field *field, float step)
-{
-    parallel_each(lookup_apply_part, k->size, 1, k, field, color, alpha, step,
-                  channels);
 }
 
 void texture_apply(float *color, size_t channels, float *alpha,
                    const struct texture *t, const struct splat_place_view *v,
                    const float *place, size_t size)
 {
-    const struct lookup k = lookup_make(t, v, place, alpha, size);
+    struct texture_shader s;
 
-    lookup_apply(color, channels, alpha, &k, NULL, 0);
+    texture_shader_init(&s, t, v, size, NULL, channels);
+    parallel_each(lookup_apply_part, size, 1, &s, place, NULL, color, alpha, 0);
 }
 
 void texture_apply_field(float *color, float *alpha, const struct texture *t,
@@ -158,8 +161,10 @@ void texture_apply_field(float *color, float *alpha, const struct texture *t,
                          size_t size, const struct texture_field *field,
                          float step)
 {
-    const struct lookup k = lookup_make(t, v, place, alpha, size);
+    struct texture_shader s;
 
-    lookup_apply(color, 3, alpha, &k, field, step);
+    texture_shader_init(&s, t, v, size, NULL, 3);
+    parallel_each(lookup_apply_part, size, 1, &s, place, field, color, alpha,
+                  step);
     texture_clamp_to_alpha(color, 3, alpha, size * size);
 }

@@ -49,6 +49,8 @@ static bool ISA(lookup_places)(struct lookup_run *r,
 
         if (!vm_any(has)) {
             vf_store(r->confidence + i, zero);
+            vf_store(r->u + i, zero);
+            vf_store(r->v + i, zero);
             continue;
         }
         vf over = one / vf_sel(has, weight, one);

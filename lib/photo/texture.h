@@ -51,6 +51,21 @@ void texture_release(struct texture *t);
 void texture_straight(uint8_t *out, const uint8_t *rgb, const uint8_t *matte,
                       const uint8_t *back, size_t n);
 
+/* The photograph while a picture is drawn (splat_pictures): each pixel is looked
+ * up as soon as its place is known, and nothing is read again. */
+struct texture_shader {
+    const struct texture *t;
+    size_t level, size;         /* of the picture: size by size pixels */
+    struct splat_place_view view;
+    float *photo;               /* (size,size,5) what is looked up; NULL: it is
+                                 * mixed into colours and alpha (texture_mix) */
+    size_t channels;            /* of these colours */
+};
+void texture_shader_init(struct texture_shader *s, const struct texture *t,
+                         const struct splat_place_view *v, size_t size,
+                         float *photo, size_t channels);
+splat_shade_fn texture_shade;   /* ctx: a struct texture_shader */
+
 /* photo (size,size,5) of a picture of size by size pixels.
  *   place (size,size,3)  the blended places (place.h)
  *   alpha (size,size)    coverage

@@ -218,6 +218,29 @@ static void raster_finish_colors(struct splat_work *w, struct strip *p,
         raster_to_half(out->half + at * C, line, values);
 }
 
+/* Places of row y of a strip, pixels from `at` on, and what is made of them. */
+static void raster_finish_places(const struct strip *p, const struct splat *s,
+                                 const struct target *out, size_t at, int y,
+                                 int n)
+{
+    const int width = s->opt.width;
+    const size_t bytes = 3 * (size_t)n * sizeof *out->place;
+    float row[4][TILE], place[3 * TILE];
+
+    for (int c = 0; c < 3; c++)
+        memcpy(row[c], p->place[c][y], sizeof row[c]);
+    raster_put_colors(place, row, n, 3);
+    if (out->place)
+        memcpy(out->place + 3 * at, place, bytes);
+    if (out->kept_place)
+        memcpy(out->kept_place + 3 * at, place, bytes);
+    if (out->shade)
+        out->shade(out->ctx, out->image ? out->image +
+                                          at * (size_t)s->opt.channels : NULL,
+                   out->alpha + at, place, (int)(at % (size_t)width),
+                   (int)(at / (size_t)width), n);
+}
+
 /* T, alpha and depth of row y of a strip. */
 static void raster_finish_row(const struct strip *p, const struct target *out,
                               size_t at, int y, int n)
@@ -234,15 +257,6 @@ static void raster_finish_row(const struct strip *p, const struct target *out,
         memcpy(out->alpha + at, opaque, sizeof opaque);
     else if (out->alpha)
         memcpy(out->alpha + at, opaque, bytes);
-    if (out->place) {
-        float row[4][TILE];
-
-        for (int c = 0; c < 3; c++)
-            memcpy(row[c], p->place[c][y], sizeof row[c]);
-        raster_put_colors(out->place + 3 * at, row, n, 3);
-        if (out->kept_place)
-            memcpy(out->kept_place + 3 * at, out->place + 3 * at, 3 * bytes);
-    }
     if (!out->depth)
         return;
     for (int x = 0; x < n; x++)
@@ -255,13 +269,14 @@ static void raster_finish(struct splat_work *w, const struct splat *s,
                           const struct target *out, int x0, int y0)
 {
     int n = s->opt.width - x0 < TILE ? s->opt.width - x0 : TILE;
+    const bool place = out->place || out->shade;
     struct strip p;
 
     for (int by = 0; by < 4; by++) {
         raster_block_rows(p.T, w->T[ACROSS * by]);
         for (int c = 0; !s->state->row && c < 4; c++)
             raster_block_rows(p.color[c], w->sum[COLOR + c][ACROSS * by]);
-        for (int c = 0; out->place && c < 3; c++)
+        for (int c = 0; place && c < 3; c++)
             raster_block_rows(p.place[c], w->sum[PLACE + c][ACROSS * by]);
         if (out->depth)
             raster_block_rows(p.z, w->sum[DEPTH][ACROSS * by]);
@@ -270,6 +285,8 @@ static void raster_finish(struct splat_work *w, const struct splat *s,
 
             raster_finish_colors(w, &p, s, out, at, y, n);
             raster_finish_row(&p, out, at, y & 3, n);
+            if (place)
+                raster_finish_places(&p, s, out, at, y & 3, n);
         }
     }
 }

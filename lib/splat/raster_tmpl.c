@@ -403,7 +403,8 @@ void ISA(splat_tile)(const struct splat *s, struct splat_work *w, uint32_t t,
          i += CHUNK) {
         uint32_t n = st->end[t] - i < CHUNK ? st->end[t] - i : CHUNK;
 
-        raster_chunk(s, w, st->list + i, n, cx, cy, out->place != NULL);
+        raster_chunk(s, w, st->list + i, n, cx, cy,
+                     out->place || out->shade);
     }
     raster_finish(w, s, out, x0, y0);
 }

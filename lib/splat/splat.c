@@ -416,7 +416,7 @@ static int splat_check_pictures(const struct splat *s,
     if (out->depth && !s->opt.depth)
         return error_set(err, EX_SOFTWARE, "depth asked for (expected the "
                          "option when the renderer was made)");
-    if (out->place && !(s->opt.place && view))
+    if ((out->place || out->shade) && !(s->opt.place && view))
         return error_set(err, EX_SOFTWARE, "places asked for (expected a view "
                          "and the option when the renderer was made)");
     return 0;
@@ -440,7 +440,8 @@ int splat_draw(struct splat *s, const struct splat_pictures *out,
 {
     struct target to = {.image = out->image, .half = out->half,
                         .alpha = out->alpha, .depth = out->depth,
-                        .place = out->place, .background = background};
+                        .place = out->place, .background = background,
+                        .shade = out->shade, .ctx = out->ctx};
 
     if (splat_check_pictures(s, out, view, err) ||
         splat_check_camera(cam, err) ||

@@ -73,6 +73,8 @@ struct target {
     float *background_free;    /* ... and the image without background ... */
     float *kept_place;         /* ... and the places */
     const float *background;
+    splat_shade_fn *shade;
+    void *ctx;
 };
 
 struct splat_state {

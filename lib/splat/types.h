@@ -135,6 +135,12 @@ static inline void splat_place_slope(double J[4],
     }
 }
 
+/* What becomes of n <= 16 finished pixels of row y, from x on: color (n,C) and
+ * alpha (n) in place in their pictures, by the blended places, place (n,3).
+ * color is NULL in half precision.  Any thread calls it. */
+typedef void splat_shade_fn(void *ctx, float *color, float *alpha,
+                            const float *place, int x, int y, int n);
+
 /* Where a frame goes; what is NULL is not drawn, but for image and half, of
  * which there is one. */
 struct splat_pictures {
@@ -144,6 +150,8 @@ struct splat_pictures {
     float *depth;                 /* (H,W) with opt.depth */
     float *place;                 /* (H,W,3) with opt.place: sum_i w_i of the
                                    * place channels, always in float */
+    splat_shade_fn *shade;        /* with opt.place and alpha */
+    void *ctx;                    /* its first argument */
 };
 
 /* A loss's gradients of them; all but image may be NULL. */

@@ -6,15 +6,28 @@ enum { SIZE = 200, N = 300, P = SIZE * SIZE };
 
 /* Everything that a frame of SpiD* has. */
 struct kept_pictures {
-    float image[3 * P], alpha[P], place[3 * P];
+    float image[3 * P], alpha[P], place[3 * P], shaded[3 * P];
 };
+
+/* What a shader is told, where it belongs. */
+static void kept_shade(void *ctx, float *color, float *alpha,
+                       const float *place, int x, int y, int n)
+{
+    struct kept_pictures *p = ctx;
+    const size_t at = (size_t)y * SIZE + (size_t)x;
+
+    CHECK(n <= 16 && color == p->image + 3 * at && alpha == p->alpha + at,
+          "row %d from %d on: others' pixels", y, x);
+    memcpy(p->shaded + 3 * at, place, 3 * (size_t)n * sizeof *place);
+}
 
 static void kept_draw(struct splat *s, struct kept_pictures *p,
                       const struct splat_camera *cam)
 {
     const struct splat_place_view view = {.A = {1, 0, 0, 1}};
     const struct splat_pictures out = {
-        .image = p->image, .alpha = p->alpha, .place = p->place};
+        .image = p->image, .alpha = p->alpha, .place = p->place,
+        .shade = kept_shade, .ctx = p};
     struct error err = {0};
 
     CHECK(splat_draw(s, &out, cam, &view, NULL, &err) == 0, "%s", err.text);
@@ -54,6 +67,8 @@ int main(void)
         memset(b, 0x55, sizeof *b);
         kept_draw(&anew, b, &cam);
         CHECK(!memcmp(a, b, sizeof *a), "frame %d is another", i);
+        CHECK(!memcmp(a->place, a->shaded, sizeof a->place),
+              "frame %d was shaded by other places", i);
     }
     for (size_t k = 0; k < P; k++)
         clear += a->alpha[k] == 0;

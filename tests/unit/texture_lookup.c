@@ -390,10 +390,14 @@ static void field_in_one(const struct texture *t)
     }
 }
 
-/* texture_apply is texture_lookup and texture_mix, whatever the threads. */
+/* texture_apply is texture_lookup and texture_mix, whatever the threads; so is
+ * what is looked up while a picture is drawn, tile by tile (whose positions are
+ * exact at this size). */
 static void in_one(const struct texture *t)
 {
-    static float two[3 * PIXELS], cover[PIXELS];
+    static float two[3 * PIXELS], cover[PIXELS], shown[TEXTURE_PHOTO * PIXELS];
+    static float shaded[3 * PIXELS], over[PIXELS];
+    struct texture_shader mixed, beside;
 
     lookup_set_chance();
     memcpy(two, color, sizeof two);
@@ -402,6 +406,21 @@ static void in_one(const struct texture *t)
     lookup_run(t);
     texture_mix(two, 3, cover, photo, PIXELS);
     parallel_set_width(1);
+    texture_shader_init(&mixed, t, &straight, S, NULL, 3);
+    texture_shader_init(&beside, t, &straight, S, shown, 0);
+    memcpy(shaded, color, sizeof shaded);
+    memcpy(over, alpha, sizeof over);
+    for (size_t i = 0; i < PIXELS; i += 16) {
+        const int x = (int)(i % S), y = (int)(i / S);
+
+        texture_shade(&beside, NULL, over + i, place + 3 * i, x, y, 16);
+        texture_shade(&mixed, shaded + 3 * i, over + i, place + 3 * i, x, y,
+                      16);
+    }
+    check_that("looked up while it is drawn: the same bits",
+               !memcmp(shown, photo, sizeof shown) &&
+               !memcmp(shaded, two, sizeof shaded) &&
+               !memcmp(over, cover, sizeof over));
     texture_apply(color, 3, alpha, t, &straight, place, S);
     check_that("applied at once and by one thread: the same bits",
                !memcmp(two, color, sizeof two) &&
