@@ -202,6 +202,14 @@ void cli_run_networks(void)
     cli_reserve_heap();
 }
 
+const char *cli_stream_operand(int first, int argc, char **argv)
+{
+    if (argc - first > 1)
+        die(EX_USAGE, "%s: one stream at a time (expected at most one "
+            "operand)", argv[first + 1]);
+    return first < argc ? argv[first] : "-";
+}
+
 struct stream_writer *cli_create_stream(const char *path, struct error *err)
 {
     if (file_is_media_name(path)) {

@@ -74,6 +74,10 @@ int cli_parse(const struct cli_usage *usage, int argc, char **argv);
 int cli_parse_stage(const struct cli_usage *usage, int argc, char **argv,
                     bool hard_input);
 
+/* The one stream that the operands from argv[first] on may name, or "-"; more
+ * than one is misuse. */
+const char *cli_stream_operand(int first, int argc, char **argv);
+
 /* stream_create of -o, but not under the name of a picture or a clip. */
 struct stream_writer *cli_create_stream(const char *path, struct error *err);
 

@@ -266,14 +266,12 @@ int main(int argc, char **argv)
     struct error err = { 0 };
     struct stream_reader *in;
     int rc, first = cli_parse(&usage, argc, argv);
+    const char *input = cli_stream_operand(first, argc, argv);
 
-    if (argc - first > 1)
-        die(EX_USAGE, "%s: one stream at a time (expected at most one "
-            "operand)", argv[first + 1]);
     if (values && !json)
         die(EX_USAGE, "--values needs --json");
     cpu_keep_denormals();
-    in = stream_open(first < argc ? argv[first] : "-", NULL, &err);
+    in = stream_open(input, NULL, &err);
     if (!in)
         die_error(&err);
     rc = dump_open_outputs(&out, &err);

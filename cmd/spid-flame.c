@@ -121,10 +121,7 @@ int main(int argc, char **argv)
     int rc;
 
     int first = cli_parse_stage(&usage, argc, argv, false);
-    if (argc - first > 1)
-        die(EX_USAGE, "%s: one stream at a time (expected at most one "
-            "operand)", argv[first + 1]);
-    const char *input = first < argc ? argv[first] : "-";
+    const char *input = cli_stream_operand(first, argc, argv);
     flame_open_head(&f, head_path);
     flame_open_identity(&f, identity_path);
     struct stream_reader *in = stream_open(input, NULL, &err);

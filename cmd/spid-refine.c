@@ -217,14 +217,12 @@ int main(int argc, char **argv)
     static struct program p;
     struct error err = {0};
     int first = cli_parse_stage(&usage, argc, argv, true);
+    const char *input = cli_stream_operand(first, argc, argv);
 
-    if (argc - first > 1)
-        die(EX_USAGE, "%s: one stream at a time (expected at most one "
-            "operand)", argv[first + 1]);
     p.picture.size = (size_t)size;
     refine_open_model(&p);
     refine_open_background();
-    refine_open_streams(&p, first < argc ? argv[first] : "-");
+    refine_open_streams(&p, input);
     if (refine_pass_stream(&p, &err) < 0) {    /* a stream gets no END */
         progress_end();
         framesink_abandon(p.out);

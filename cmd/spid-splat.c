@@ -164,11 +164,8 @@ int main(int argc, char **argv)
     struct record rec;
     int rc, first = cli_parse_stage(&usage, argc, argv, false);
 
-    if (argc - first > 1)
-        die(EX_USAGE, "%s: one stream at a time (expected at most one "
-            "operand)", argv[first + 1]);
     struct stream_reader *in =
-        stream_open(first < argc ? argv[first] : "-", NULL, &err);
+        stream_open(cli_stream_operand(first, argc, argv), NULL, &err);
 
     if (!in)
         die_error(&err);

@@ -23,7 +23,7 @@ enum kind { KIND_NONE, KIND_IMAGE, KIND_VIDEO, KIND_Y4M, KIND_PNM, KIND_PNG };
 
 struct framesource {
     struct framesource_options opt;
-    struct inputs in;
+    struct names in;
     size_t next;                   /* the one to open */
     enum kind kind;                /* of the open one */
     FILE *fp;
@@ -236,7 +236,7 @@ static int framesource_open_stdin(struct framesource *s, struct error *err)
 /* The next input of the list. */
 static int framesource_open_next(struct framesource *s, struct error *err)
 {
-    const char *path = s->in.path[s->next++];
+    const char *path = s->in.name[s->next++];
 
     s->name = path;
     s->here = 0;
@@ -264,6 +264,19 @@ static void framesource_close_input(struct framesource *s)
 }
 
 /* ---- reading ---------------------------------------------------------- */
+
+int frame_copy(struct image *im, const struct frame *f, struct error *err)
+{
+    const size_t n = 3 * f->width * f->height;
+
+    *im = (struct image){.width = f->width, .height = f->height,
+                         .rgb = malloc(n)};
+    if (!im->rgb)
+        return error_set(err, EX_OSERR, "no memory for a frame");
+    memcpy(im->rgb, f->rgb, n);
+    return 0;
+}
+
 
 /* The same frame with square pixels: 1, or -1. */
 static int framesource_make_square(struct framesource *s, struct frame *f,
@@ -466,10 +479,10 @@ double framesource_end(const struct framesource *s)
 
 const char *framesource_sound(const struct framesource *s, double *start)
 {
-    if (s->in.count != 1 || !s->sounds || video_is_live(s->in.path[0]))
+    if (s->in.count != 1 || !s->sounds || video_is_live(s->in.name[0]))
         return NULL;
     *start = s->start;
-    return s->in.path[0];
+    return s->in.name[0];
 }
 
 bool framesource_reads(const struct framesource *s, const char *name)
@@ -499,7 +512,7 @@ void framesource_close(struct framesource *s)
     if (!s)
         return;
     framesource_close_input(s);
-    inputs_release(&s->in);
+    names_release(&s->in);
     free(s->rgb);
     free(s->planes);
     door_release(&s->door);

@@ -7,6 +7,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "formats/image.h"
 #include "lib/base/error.h"
 
 struct framesource_options {
@@ -25,6 +26,9 @@ struct frame {
     bool restart;           /* set by lib/animate/live.h: nothing is where it
                              * was in the frame before */
 };
+
+/* An image of the frame's pixels, for image_release.  -1: EX_OSERR. */
+int frame_copy(struct image *im, const struct frame *f, struct error *err);
 
 struct framesource;
 

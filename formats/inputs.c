@@ -1,8 +1,6 @@
 /* Names of inputs, spelled out (inputs.h). */
 #include "formats/inputs.h"
 
-#include <dirent.h>
-#include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -14,23 +12,6 @@
 #include "formats/pattern.h"
 #include "formats/video.h"
 #include "lib/base/file.h"
-#include "lib/base/list.h"
-
-/* Append one input. */
-static int inputs_add_path(struct inputs *s, const char *path,
-                                struct error *err)
-{
-    char **p = list_grow(s->path, &s->room, s->count, sizeof *p);
-
-    if (!p)
-        return error_set(err, EX_OSERR, "out of memory");
-    s->path = p;
-    s->path[s->count] = strdup(path);
-    if (!s->path[s->count])
-        return error_set(err, EX_OSERR, "out of memory");
-    s->count++;
-    return 0;
-}
 
 /* By its ending; hidden files are none. */
 bool inputs_is_picture(const char *name)
@@ -50,70 +31,9 @@ bool inputs_is_picture(const char *name)
     return false;
 }
 
-/* For scandir. */
-static int inputs_filter(const struct dirent *e)
-{
-    return inputs_is_picture(e->d_name);
-}
-
-/* The pictures of a folder as a person counts them: 2 before 10. */
-static int inputs_add_folder(struct inputs *s, const char *path,
-                                  struct error *err)
-{
-    struct dirent **entry;
-    int n = scandir(path, &entry, inputs_filter, versionsort),
-        rc = 0;
-
-    if (n < 0)
-        return error_set(err, EX_NOINPUT, "%s: cannot open: %s", path,
-                         strerror(errno));
-    if (n == 0)
-        rc = error_set(err, EX_DATAERR, "%s: no pictures in this directory "
-                       "(expected names such as 0001.png)", path);
-    for (int i = 0; i < n; i++) {
-        size_t size = strlen(path) + strlen(entry[i]->d_name) + 2;
-        char *full = malloc(size);
-
-        if (!full)
-            rc = error_set(err, EX_OSERR, "out of memory");
-        if (rc == 0) {
-            snprintf(full, size, "%s/%s", path, entry[i]->d_name);
-            rc = inputs_add_path(s, full, err);
-        }
-        free(full);
-        free(entry[i]);
-    }
-    free(entry);
-    return rc;
-}
-
-/* The lines of a file, one input each. */
-static int inputs_add_list(struct inputs *s, const char *path,
-                                struct error *err)
-{
-    FILE *fp = fopen(path, "r");
-    char *line = NULL;
-    size_t size = 0;
-    ssize_t n;
-    int rc = 0;
-
-    if (!fp)
-        return error_set(err, EX_NOINPUT, "%s: cannot open: %s", path,
-                         strerror(errno));
-    while (rc == 0 && (n = getline(&line, &size, fp)) >= 0) {
-        while (n > 0 && (line[n - 1] == '\n' || line[n - 1] == '\r'))
-            line[--n] = 0;
-        if (n > 0)
-            rc = inputs_add_path(s, line, err);
-    }
-    free(line);
-    fclose(fp);
-    return rc;
-}
-
 /* The pictures of a pattern such as frames/%05d.png, none missing. */
-static int inputs_add_pattern(struct inputs *s, const char *path,
-                                   struct error *err)
+static int inputs_add_pattern(struct names *s, const char *path,
+                              struct error *err)
 {
     uint64_t first, last;
     int rc = pattern_find(path, &first, &last, err);
@@ -121,7 +41,7 @@ static int inputs_add_pattern(struct inputs *s, const char *path,
     for (uint64_t n = first; rc == 0 && n <= last; n++) {
         char *name = pattern_name(path, n);
 
-        rc = name ? inputs_add_path(s, name, err)
+        rc = name ? names_add(s, name, err)
                   : error_set(err, EX_OSERR, "out of memory");
         free(name);
     }
@@ -129,23 +49,27 @@ static int inputs_add_pattern(struct inputs *s, const char *path,
 }
 
 /* A list, a folder, a pattern or the thing itself. */
-int inputs_add(struct inputs *s, const char *path,
-                                 struct error *err)
+int inputs_add(struct names *s, const char *path, struct error *err)
 {
     struct stat st;
+    int found;
 
     if (path[0] == '@')
-        return inputs_add_list(s, path + 1, err);
+        return names_add_lines(s, path + 1, err);
     if (strcmp(path, "-") != 0 && !video_is_live(path)
-        && stat(path, &st) == 0 && S_ISDIR(st.st_mode))
-        return inputs_add_folder(s, path, err);
+        && stat(path, &st) == 0 && S_ISDIR(st.st_mode)) {
+        found = names_add_folder(s, path, inputs_is_picture, err);
+        return found ? found > 0 ? 0 : -1
+               : error_set(err, EX_DATAERR, "%s: no pictures in this directory "
+                           "(expected names such as 0001.png)", path);
+    }
     if (!video_is_live(path) && pattern_count(path) == 1 &&
         access(path, F_OK) != 0)
         return inputs_add_pattern(s, path, err);
-    return inputs_add_path(s, path, err);
+    return names_add(s, path, err);
 }
 
-bool inputs_have(const struct inputs *s, const char *name)
+bool inputs_have(const struct names *s, const char *name)
 {
     const bool pattern = pattern_count(name) == 1;
 
@@ -154,18 +78,10 @@ bool inputs_have(const struct inputs *s, const char *name)
         bool same = false;
 
         for (size_t k = 0; k < s->count && !same; k++)
-            same = file_is_same(one ? one : name, s->path[k]);
+            same = file_is_same(one ? one : name, s->name[k]);
         free(one);
         if (same)
             return true;
     }
     return false;
-}
-
-void inputs_release(struct inputs *s)
-{
-    for (size_t i = 0; i < s->count; i++)
-        free(s->path[i]);
-    free(s->path);
-    *s = (struct inputs){0};
 }

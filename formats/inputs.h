@@ -6,21 +6,14 @@
 #include <stddef.h>
 
 #include "lib/base/error.h"
-
-/* Zeroed before the first. */
-struct inputs {
-    char **path;
-    size_t count, room;
-};
+#include "lib/base/names.h"
 
 /* Whether it is a picture's name by its ending; hidden files are none. */
 bool inputs_is_picture(const char *name);
 /* Append what a name stands for (framesource_open).  -1 and *err. */
-int inputs_add(struct inputs *s, const char *path, struct error *err);
+int inputs_add(struct names *s, const char *path, struct error *err);
 /* Whether one of them is the file of that name, or among the first of a
  * pattern. */
-bool inputs_have(const struct inputs *s, const char *name);
-/* Free what it holds; zeroed then. */
-void inputs_release(struct inputs *s);
+bool inputs_have(const struct names *s, const char *name);
 
 #endif

@@ -8,9 +8,8 @@
 #include <string.h>
 #include <sys/stat.h>
 #include <sysexits.h>
-#include <unistd.h>
 
-#include "lib/base/file.h"
+#include "formats/outfile.h"
 
 #define MAGIC "\x93NUMPY"
 #define PREAMBLE 10            /* magic, version, u16 length: version 1 */
@@ -20,8 +19,7 @@
 /* ---- writing ---------------------------------------------------------- */
 
 struct npy_writer {
-    FILE *f;
-    char *path, *part;
+    struct outfile out;
     enum dtype dtype;
     int ndim;
     size_t dim[4];
@@ -54,22 +52,16 @@ static int npy_put_header(struct npy_writer *w, struct error *err)
         descr[w->dtype], shape);
     head[n] = ' ';
     head[HEADER - 1] = '\n';
-    if (fseek(w->f, 0, SEEK_SET) || fwrite(head, HEADER, 1, w->f) != 1)
-        return error_set(err, EX_IOERR, "%s: cannot write: %s", w->part,
-                         strerror(errno));
+    if (fseek(w->out.file, 0, SEEK_SET) ||
+        fwrite(head, HEADER, 1, w->out.file) != 1)
+        return outfile_error(&w->out, err);
     return 0;
 }
 
 void npy_abandon(struct npy_writer *w)
 {
-    if (!w)
-        return;
-    if (w->f) {
-        fclose(w->f);
-        unlink(w->part);
-    }
-    free(w->path);
-    free(w->part);
+    if (w)
+        outfile_abandon(&w->out);
     free(w);
 }
 
@@ -79,10 +71,9 @@ struct npy_writer *npy_create(const char *path, enum dtype dtype, int ndim,
 {
     struct npy_writer *w = calloc(1, sizeof *w);
 
-    if (!w || !(w->path = strdup(path)) ||
-        asprintf(&w->part, "%s.part", path) < 0) {
+    if (!w) {
         error_set(err, EX_OSERR, "out of memory");
-        goto fail;
+        return NULL;
     }
     w->dtype = dtype;
     w->ndim = ndim;
@@ -92,23 +83,16 @@ struct npy_writer *npy_create(const char *path, enum dtype dtype, int ndim,
         w->dim[k] = dims[k];
         w->bytes *= dims[k];
     }
-    if (!(w->f = fopen(w->part, "wb"))) {
-        error_set(err, EX_CANTCREAT, "%s: cannot create: %s", w->part,
-                  strerror(errno));
-        goto fail;
-    }
-    if (npy_put_header(w, err) == 0)
+    if (!outfile_open(&w->out, path, err) && !npy_put_header(w, err))
         return w;
-fail:
     npy_abandon(w);
     return NULL;
 }
 
 int npy_append(struct npy_writer *w, const void *data, struct error *err)
 {
-    if (w->bytes && fwrite(data, w->bytes, 1, w->f) != 1)
-        return error_set(err, EX_IOERR, "%s: cannot write: %s", w->part,
-                         strerror(errno));
+    if (w->bytes && fwrite(data, w->bytes, 1, w->out.file) != 1)
+        return outfile_error(&w->out, err);
     w->rows++;
     return 0;
 }
@@ -116,18 +100,12 @@ int npy_append(struct npy_writer *w, const void *data, struct error *err)
 int npy_finish(struct npy_writer *w, struct error *err)
 {
     int rc;
-    FILE *f;
 
     if (!w)
         return 0;
     rc = npy_put_header(w, err);
-    f = w->f;
-    if (rc == 0) {
-        w->f = NULL;
-        if (fclose(f) || file_rename(w->part, w->path))
-            rc = error_set(err, EX_IOERR, "%s: cannot write: %s", w->path,
-                           strerror(errno));
-    }
+    if (rc == 0)
+        rc = outfile_close(&w->out, err);
     npy_abandon(w);
     return rc;
 }

@@ -12,6 +12,7 @@
 #include <unistd.h>
 
 #include "formats/npy.h"
+#include "formats/outfile.h"
 #include "formats/safetensors.h"
 #include "lib/base/list.h"
 
@@ -38,7 +39,7 @@ struct recordfile {
     struct st_tensor *tensor;  /* safetensors: copies of all arrays */
     size_t tensors, room;
     struct column *column;     /* npy */
-    size_t columns;
+    size_t columns, column_room;
 };
 
 /* Of either kind; nothing is written yet. */
@@ -198,7 +199,7 @@ static struct column *recordfile_find_column(struct recordfile *w,
     if (c == w->column + w->columns) {
         size_t at = w->columns;
 
-        c = realloc(w->column, (at + 1) * sizeof *c);
+        c = list_grow(w->column, &w->column_room, at, sizeof *c);
         if (!c) {
             error_set(err, EX_OSERR, "out of memory");
             return NULL;
@@ -274,8 +275,7 @@ int recordfile_add(struct recordfile *w, const struct record *rec,
 static int recordfile_finish_npy(struct recordfile *w, struct error *err)
 {
     char path[PATH_ROOM], *text;
-    FILE *f;
-    bool bad;
+    struct outfile out;
 
     for (size_t i = 0; i < w->columns; i++) {
         struct npy_writer *open = w->column[i].w;
@@ -286,12 +286,15 @@ static int recordfile_finish_npy(struct recordfile *w, struct error *err)
     }
     snprintf(path, sizeof path, "%s/records.json", w->path);
     text = cJSON_PrintUnformatted(w->index);
-    f = fopen(path, "w");
-    bad = !text || !f || fprintf(f, "%s\n", text) < 0;
-    bad = (f && fclose(f)) || bad;
+    if (!text)
+        return error_set(err, EX_OSERR, "out of memory");
+    int rc = outfile_open(&out, path, err);
+    if (rc == 0) {
+        fprintf(out.file, "%s\n", text);
+        rc = outfile_close(&out, err);
+    }
     cJSON_free(text);
-    return bad ? error_set(err, EX_IOERR, "%s: cannot write: %s", path,
-                           strerror(errno)) : 0;
+    return rc;
 }
 
 int recordfile_finish(struct recordfile *w, struct error *err)

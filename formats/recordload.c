@@ -10,9 +10,12 @@
 
 #include "formats/npy.h"
 #include "formats/safetensors.h"
+#include "lib/base/file.h"
+#include "lib/base/list.h"
 
 #define PATH_ROOM 4096
 #define MAX_FILES 4096
+#define INDEX_MAX ((size_t)1 << 30)     /* bytes of records.json */
 
 /* Type, frame and time of an index row. */
 static int recordload_get_head(struct record *rec, const cJSON *row,
@@ -150,7 +153,7 @@ struct cache {
         char *file;
         struct npy a;
     } *loaded;
-    size_t count;
+    size_t count, room;
 };
 
 /* The file, read at its first use. */
@@ -167,7 +170,7 @@ static const struct npy *recordload_cache_get(struct cache *c, const char *file,
         error_set(err, EX_DATAERR, "bad file name '%.80s'", file);
         return NULL;
     }
-    l = realloc(c->loaded, (c->count + 1) * sizeof *l);
+    l = list_grow(c->loaded, &c->room, c->count, sizeof *l);
     if (!l) {
         error_set(err, EX_OSERR, "out of memory");
         return NULL;
@@ -241,21 +244,11 @@ static int recordload_npy_record(struct cache *c, const cJSON *row,
 /* The JSON text of records.json. */
 static cJSON *recordload_read_index(const char *path, struct error *err)
 {
-    FILE *f = fopen(path, "rb");
-    cJSON *index = NULL;
-    char *text = NULL;
-    size_t room = 0;
+    char *text = file_read_text(path, INDEX_MAX, err);
+    cJSON *index = text ? cJSON_Parse(text) : NULL;
 
-    if (!f) {
-        error_set(err, EX_NOINPUT, "%s: cannot open: %s", path,
-                  strerror(errno));
-        return NULL;
-    }
-    if (getdelim(&text, &room, '\0', f) > 0)
-        index = cJSON_Parse(text);
     free(text);
-    fclose(f);
-    if (cJSON_IsArray(index))
+    if (!text || cJSON_IsArray(index))
         return index;
     cJSON_Delete(index);
     error_set(err, EX_DATAERR, "%s: not a list of records", path);

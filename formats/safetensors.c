@@ -3,7 +3,6 @@
 
 #include <cjson/cJSON.h>
 #include <errno.h>
-#include <fcntl.h>
 #include <inttypes.h>
 #include <math.h>
 #include <stdbool.h>
@@ -11,11 +10,11 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
-#include <sys/stat.h>
 #include <sysexits.h>
 #include <unistd.h>
 
 #include "formats/arrayview.h"
+#include "lib/base/file.h"
 #include "lib/base/half.h"
 
 #define HEADER_MAX ((uint64_t)64 << 20) /* bytes of JSON we agree to parse */
@@ -248,31 +247,6 @@ static int safetensors_parse_header(struct safetensors *st, uint64_t n,
                    safetensors_check_overlap(st, err) ? -1 : 0;
 }
 
-/* The whole file, read-only. */
-static int safetensors_map_file(struct safetensors *st, struct error *err)
-{
-    struct stat sb;
-    int fd = open(st->path, O_RDONLY | O_CLOEXEC);
-
-    if (fd < 0)
-        return error_set(err, errno == EACCES ? EX_NOPERM : EX_NOINPUT,
-                         "%s: %s", st->path, strerror(errno));
-    if (fstat(fd, &sb) || !S_ISREG(sb.st_mode)) {
-        close(fd);
-        return error_set(err, EX_NOINPUT, "%s: not a regular file", st->path);
-    }
-    st->bytes = (size_t)sb.st_size;
-    st->map = st->bytes ? mmap(NULL, st->bytes, PROT_READ, MAP_PRIVATE, fd, 0)
-                        : MAP_FAILED;
-    close(fd);
-    if (st->map == MAP_FAILED) {
-        st->map = NULL;
-        return error_set(err, EX_DATAERR, "%s: empty or unreadable",
-                         st->path);
-    }
-    return 0;
-}
-
 struct safetensors *st_open(const char *path, struct error *err)
 {
     struct safetensors *st = calloc(1, sizeof *st);
@@ -282,7 +256,8 @@ struct safetensors *st_open(const char *path, struct error *err)
         error_set(err, EX_OSERR, "%s: out of memory", path);
         goto out;
     }
-    if (safetensors_map_file(st, err))
+    st->map = file_map(&st->bytes, path, err);
+    if (!st->map)
         goto out;
     if (st->bytes >= 8)
         memcpy(&n, st->map, 8);

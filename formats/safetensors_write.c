@@ -11,11 +11,11 @@
 #include <sysexits.h>
 #include <unistd.h>
 
-#include "lib/base/file.h"
+#include "formats/outfile.h"
 
-/* The JSON header; offsets count from the first tensor. */
-static cJSON *st_describe_header(const struct st_tensor *tensors,
-                                 size_t count, const char *const *meta)
+/* The JSON header, for cJSON_free; offsets count from the first tensor. */
+static char *st_describe_header(const struct st_tensor *tensors, size_t count,
+                                const char *const *meta)
 {
     cJSON *root = cJSON_CreateObject();
     size_t at = 0;
@@ -41,7 +41,9 @@ static cJSON *st_describe_header(const struct st_tensor *tensors,
         cJSON_AddItemToArray(offs, cJSON_CreateNumber((double)(at + bytes)));
         at += bytes;
     }
-    return root;
+    char *text = root ? cJSON_PrintUnformatted(root) : NULL;
+    cJSON_Delete(root);
+    return text;
 }
 
 /* What is saved, and where data that are not in memory come from. */
@@ -86,15 +88,13 @@ int st_write(FILE *f, const struct st_tensor *tensors, size_t count,
              const char *const *meta, struct error *err)
 {
     struct save save = {.tensors = tensors, .count = count};
-    cJSON *root = st_describe_header(tensors, count, meta);
-    char *json = root ? cJSON_PrintUnformatted(root) : NULL;
+    char *json = st_describe_header(tensors, count, meta);
     int rc = 0;
 
     if (!json)
         rc = error_set(err, EX_OSERR, "out of memory");
     else if (!st_write_all(f, json, &save, err))
         rc = error_set(err, EX_IOERR, "%s", strerror(errno));
-    cJSON_Delete(root);
     cJSON_free(json);
     return rc;
 }
@@ -110,38 +110,19 @@ int st_save_from(const char *path, const struct st_tensor *tensors,
                  void *context, struct error *err)
 {
     struct save save = {tensors, count, fetch, context, false};
-    size_t len = strlen(path) + 6;
-    char *part = malloc(len), *json = NULL;
-    cJSON *root = st_describe_header(tensors, count, meta);
-    FILE *f = NULL;
+    char *json = st_describe_header(tensors, count, meta);
+    struct outfile out;
     int rc = -1;
 
-    if (!part || !root || !(json = cJSON_PrintUnformatted(root))) {
+    if (!json) {
         error_set(err, EX_OSERR, "%s: out of memory", path);
-        goto out;
+    } else if (outfile_open(&out, path, err) == 0) {
+        if (st_write_all(out.file, json, &save, err) && st_write_sync(out.file))
+            rc = outfile_close(&out, err);
+        else if (!save.unfetched)
+            outfile_error(&out, err);
+        outfile_abandon(&out);
     }
-    bool special = file_is_special(path); /* written in place */
-    snprintf(part, len, "%s%s", path, special ? "" : ".part");
-    f = fopen(part, "wb");
-    if (!f) {
-        error_set(err, EX_CANTCREAT, "%s: %s", part, strerror(errno));
-        goto out;
-    }
-    bool ok = st_write_all(f, json, &save, err) && st_write_sync(f);
-    int why = errno;
-    ok = !fclose(f) && ok;
-    if (!ok || (!special && file_rename(part, path))) {
-        if (!save.unfetched)
-            error_set(err, EX_IOERR, "%s: %s", path,
-                      strerror(ok ? errno : why));
-        if (!special)
-            remove(part);
-        goto out;
-    }
-    rc = 0;
-out:
-    cJSON_Delete(root);
     cJSON_free(json);
-    free(part);
     return rc;
 }

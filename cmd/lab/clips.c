@@ -2,8 +2,6 @@
 #include "cmd/lab/clips.h"
 
 #include <dirent.h>
-#include <errno.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -12,57 +10,9 @@
 #include "lib/base/file.h"
 #include "lib/stream/stream.h"
 
-/* Append a clip. */
-static void clips_append(struct clips *c, const char *name)
+static bool clips_is_visible(const char *entry)
 {
-    char **grown = realloc(c->name, (c->count + 1) * sizeof *grown);
-
-    if (strlen(name) > CLIPS_LONGEST)
-        die(EX_USAGE, "a name of %zu characters (expected at most %d)",
-            strlen(name), CLIPS_LONGEST);
-    if (!grown || !(grown[c->count] = strdup(name)))
-        die(EX_OSERR, "no memory for %zu names", c->count + 1);
-    c->name = grown;
-    c->count++;
-}
-
-static int clips_visible(const struct dirent *d)
-{
-    return d->d_name[0] != '.';
-}
-
-/* All that is in a folder. */
-static void clips_add_folder(struct clips *c, const char *path)
-{
-    struct dirent **entry;
-    char name[CLIPS_LONGEST + 300];
-    int count = scandir(path, &entry, clips_visible, versionsort);
-
-    if (count < 0)
-        die(EX_NOINPUT, "%s: %s", path, strerror(errno));
-    if (count == 0)
-        die(EX_NOINPUT, "%s: an empty folder (expected clips)", path);
-    for (int i = 0; i < count; i++) {
-        snprintf(name, sizeof name, "%.*s/%s", CLIPS_LONGEST, path,
-                 entry[i]->d_name);
-        clips_append(c, name);
-        free(entry[i]);
-    }
-    free(entry);
-}
-
-/* One name on each line. */
-static void clips_add_list(struct clips *c, const char *path)
-{
-    struct error err = {0};
-    char *text = file_read_text(path, 256 << 20, &err), *rest = text, *line;
-
-    if (!text)
-        die_error(&err);
-    while ((line = strsep(&rest, "\n")))
-        if (*line && *line != '#')
-            clips_append(c, line);
-    free(text);
+    return entry[0] != '.';
 }
 
 /* Whether the path is a folder. */
@@ -73,22 +23,23 @@ static bool clips_is_folder(const char *path)
     return stat(path, &st) == 0 && S_ISDIR(st.st_mode);
 }
 
-void clips_add(struct clips *c, const char *operand)
+void clips_add(struct names *c, const char *operand)
 {
-    if (*operand == '@')
-        clips_add_list(c, operand + 1);
-    else if (clips_is_folder(operand))
-        clips_add_folder(c, operand);
-    else
-        clips_append(c, operand);
-}
+    struct error err = {0};
+    size_t i = c->count;
+    int rc = *operand == '@' ? names_add_lines(c, operand + 1, &err)
+             : clips_is_folder(operand)
+                 ? names_add_folder(c, operand, clips_is_visible, &err)
+                 : names_add(c, operand, &err);
 
-void clips_release(struct clips *c)
-{
-    for (size_t i = 0; i < c->count; i++)
-        free(c->name[i]);
-    free(c->name);
-    *c = (struct clips){0};
+    if (rc < 0)
+        die_error(&err);
+    if (*operand != '@' && c->count == i)
+        die(EX_NOINPUT, "%s: an empty folder (expected clips)", operand);
+    for (; i < c->count; i++)
+        if (strlen(c->name[i]) > CLIPS_LONGEST)
+            die(EX_USAGE, "a name of %zu characters (expected at most %d)",
+                strlen(c->name[i]), CLIPS_LONGEST);
 }
 
 /* What spid-prepare leaves in a folder. */
@@ -130,7 +81,7 @@ static bool clips_named(const char *operand)
 size_t clips_gather(const char **data, char **operand,
                     const struct clips_job *job)
 {
-    struct clips clips = {0};
+    struct names clips = {0};
     size_t n = 0, all;
 
     for (; *operand; operand++) {
@@ -143,6 +94,6 @@ size_t clips_gather(const char **data, char **operand,
         clips_prepare(&clips, job, &all);
         data[n++] = job->folder;
     }
-    clips_release(&clips);
+    names_release(&clips);
     return n;
 }

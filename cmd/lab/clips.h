@@ -6,6 +6,7 @@
 #include <stddef.h>
 
 #include "cmd/cli.h"
+#include "lib/base/names.h"
 #include "lib/nn/nn.h"
 #include "lib/lab/data/clip.h"
 
@@ -19,17 +20,10 @@
 
 #define CLIPS_LONGEST 3000          /* characters of a name */
 
-struct clips {
-    char **name;
-    size_t count;
-};
-
 /* Append what an operand names: a video, all that is in a folder (each a clip;
  * a folder of pictures is one, too), or with "@FILE" the file's lines.  A
  * failure ends the program. */
-void clips_add(struct clips *c, const char *operand);
-/* Free what it holds; zeroed then. */
-void clips_release(struct clips *c);
+void clips_add(struct names *c, const char *operand);
 
 /* How records are made. */
 struct clips_job {
@@ -44,7 +38,7 @@ struct clips_job {
 /* Records of every clip of the part that has none yet, by the encoders of -m:
  * folder/NAME.spid, or NAME.bad with the reason, and a line of
  * folder/clips.tsv for each.  How many clips have records then, of *all. */
-size_t clips_prepare(const struct clips *c, const struct clips_job *job,
+size_t clips_prepare(const struct names *c, const struct clips_job *job,
                      size_t *all);
 
 /* The streams that the operands, ended by NULL, stand for: themselves, and

@@ -121,7 +121,7 @@ static bool clips_prepare_one(const struct clip *c, const char *folder,
 }
 
 /* Every clip of the part: the lines that are spid-prepare. */
-static size_t clips_prepare_each(const struct clips *names,
+static size_t clips_prepare_each(const struct names *names,
                                  const struct clips_job *job,
                                  const struct clip *c, size_t *all)
 {
@@ -167,7 +167,7 @@ static void clips_make_folder(const char *path)
 }
 
 /* Clips of the part without records or a reason. */
-static size_t clips_left(const struct clips *c, const struct clips_job *job)
+static size_t clips_left(const struct names *c, const struct clips_job *job)
 {
     size_t n = 0;
 
@@ -177,7 +177,7 @@ static size_t clips_left(const struct clips *c, const struct clips_job *job)
     return n;
 }
 
-size_t clips_prepare(const struct clips *c, const struct clips_job *job,
+size_t clips_prepare(const struct names *c, const struct clips_job *job,
                      size_t *all)
 {
     struct error err = {0};

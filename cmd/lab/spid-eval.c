@@ -3,11 +3,9 @@
 #include <stdbool.h>
 #include <stdio.h>
 #include <string.h>
-#include <unistd.h>
 
 #include "cmd/options.h"
 #include "formats/outfile.h"
-#include "lib/base/file.h"
 #include "lib/lab/eval/compare.h"
 #include "lib/lab/eval/pairs.h"
 #include "lib/lab/eval/people.h"
@@ -104,26 +102,23 @@ static void eval_write_table(const struct table *t, enum table_format format,
                              const struct comparison *j)
 {
     const bool named = strcmp(cli.output, "-") != 0;
-    const bool direct = named && file_is_special(cli.output);
-    char part[600];
-    FILE *f = stdout;
+    struct outfile out = {.file = stdout};
+    struct error err = {0};
 
-    snprintf(part, sizeof part, direct ? "%s" : "%s.part", cli.output);
-    if (named && !(f = fopen(part, "w")))
-        die(EX_CANTCREAT, "%s: %s", part, strerror(errno));
+    if (named && outfile_open(&out, cli.output, &err))
+        die_error(&err);
     if (opt.people && format == TABLE_JSON)
-        summary_write(f, t);
+        summary_write(out.file, t);
     else
-        table_write(f, t, format);
+        table_write(out.file, t, format);
     if (format != TABLE_JSON)
-        protocols_write(f, j->protocols, format == TABLE_LATEX ? "% " : "# ");
-    if (fflush(f) || ferror(f) || (named && fclose(f))) {
-        if (named && !direct)
-            unlink(part);
-        die(EX_IOERR, "%s: %s", cli.output, strerror(errno));
+        protocols_write(out.file, j->protocols,
+                        format == TABLE_LATEX ? "% " : "# ");
+    if (named ? outfile_close(&out, &err) : fflush(stdout) || ferror(stdout)) {
+        if (!named)
+            error_set(&err, EX_IOERR, "<stdout>: %s", strerror(errno));
+        die_error(&err);
     }
-    if (named && !direct && file_rename(part, cli.output))
-        die(EX_CANTCREAT, "%s: %s", cli.output, strerror(errno));
 }
 
 /* ---- pairs -------------------------------------------------------------- */

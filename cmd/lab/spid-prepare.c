@@ -52,7 +52,7 @@ static const struct cli_usage usage = {
 
 int main(int argc, char **argv)
 {
-    struct clips clips = {0};
+    struct names clips = {0};
     size_t all;
     int first = cli_parse(&usage, argc, argv);
 
@@ -69,6 +69,6 @@ int main(int argc, char **argv)
                 .min_face = min_face}};
     size_t good = clips_prepare(&clips, &job, &all);
     stats_write();
-    clips_release(&clips);
+    names_release(&clips);
     return good || !all ? EX_OK : EX_DATAERR;
 }

@@ -2,7 +2,6 @@
  * how they begin, and read whole. */
 #include "formats/media/still.h"
 
-#include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -10,38 +9,19 @@
 
 #include <libheif/heif.h>
 
+#include "lib/base/file.h"
+
 #define FILE_MAX ((size_t)1 << 30)     /* bytes that are read whole */
 
 uint8_t *still_load(const char *path, size_t *bytes, struct error *err)
 {
-    FILE *f = fopen(path, "rb");
-    uint8_t *data = NULL;
-    long n = -1;
+    char *data = file_read(bytes, path, FILE_MAX, err);
 
-    if (!f) {
-        error_set(err, EX_NOINPUT, "%s: cannot open: %s", path,
-                  strerror(errno));
-        return NULL;
-    }
-    if (fseek(f, 0, SEEK_END) == 0)
-        n = ftell(f);
-    rewind(f);
-    if (n == 0)
-        error_set(err, EX_DATAERR, "%s: empty file (expected a picture)",
-                  path);
-    else if (n < 0 || (size_t)n > FILE_MAX)
-        error_set(err, EX_DATAERR, "%s: cannot be read whole (expected at "
-                  "most %zu bytes)", path, FILE_MAX);
-    else if (!(data = malloc((size_t)n)))
-        error_set(err, EX_OSERR, "%s: out of memory", path);
-    else if (fread(data, 1, (size_t)n, f) != (size_t)n) {
-        error_set(err, EX_IOERR, "%s: cannot read", path);
-        free(data);
-        data = NULL;
-    }
-    fclose(f);
-    *bytes = (size_t)n;
-    return data;
+    if (!data || *bytes)
+        return (uint8_t *)data;
+    free(data);
+    error_set(err, EX_DATAERR, "%s: empty file (expected a picture)", path);
+    return NULL;
 }
 
 /* Whether the file begins as WebP or as HEIF, and which. */

@@ -2,12 +2,15 @@
 #include "lib/base/file.h"
 
 #include <errno.h>
+#include <fcntl.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
+#include <sys/mman.h>
 #include <sys/stat.h>
 #include <sysexits.h>
+#include <unistd.h>
 
 bool file_is_special(const char *path)
 {
@@ -62,7 +65,13 @@ static char *file_read_all(FILE *f, size_t *n, size_t max, struct error *err)
 {
     size_t room = 0;
     char *text = NULL;
+    struct stat st;
 
+    if (!fstat(fileno(f), &st) && S_ISREG(st.st_mode) &&
+        (size_t)st.st_size > max) {
+        error_set(err, EX_DATAERR, "more than %zu bytes", max);
+        return NULL;
+    }
     for (*n = 0;;) {
         if (*n == room) {
             char *more = realloc(text, (room = 2 * room + 4096) + 1);
@@ -92,26 +101,59 @@ static char *file_read_all(FILE *f, size_t *n, size_t max, struct error *err)
     return NULL;
 }
 
-char *file_read_text(const char *path, size_t max, struct error *err)
+char *file_read(size_t *bytes, const char *path, size_t max, struct error *err)
 {
     FILE *f = strcmp(path, "-") ? fopen(path, "rb") : stdin;
-    size_t n = 0;
+    char *data;
 
     if (!f) {
         error_set(err, EX_NOINPUT, "%s: %s", path, strerror(errno));
         return NULL;
     }
-    char *text = file_read_all(f, &n, max, err);
-    if (text && strlen(text) != n) {
-        error_set(err, EX_DATAERR, "not a text file");
-        free(text);
-        text = NULL;
-    }
-    if (!text)
+    data = file_read_all(f, bytes, max, err);
+    if (!data)
         error_prefix(err, "%s", path);
     if (f != stdin)
         fclose(f);
-    return text;
+    return data;
+}
+
+char *file_read_text(const char *path, size_t max, struct error *err)
+{
+    size_t n;
+    char *text = file_read(&n, path, max, err);
+
+    if (!text || strlen(text) == n)
+        return text;
+    free(text);
+    error_set(err, EX_DATAERR, "%s: not a text file", path);
+    return NULL;
+}
+
+void *file_map(size_t *bytes, const char *path, struct error *err)
+{
+    const int fd = open(path, O_RDONLY | O_CLOEXEC);
+    struct stat st;
+    void *map;
+
+    if (fd < 0) {
+        error_set(err, errno == EACCES ? EX_NOPERM : EX_NOINPUT, "%s: %s", path,
+                  strerror(errno));
+        return NULL;
+    }
+    if (fstat(fd, &st) || !S_ISREG(st.st_mode)) {
+        close(fd);
+        error_set(err, EX_NOINPUT, "%s: not a regular file", path);
+        return NULL;
+    }
+    *bytes = (size_t)st.st_size;
+    map = *bytes ? mmap(NULL, *bytes, PROT_READ, MAP_PRIVATE, fd, 0)
+                 : MAP_FAILED;
+    close(fd);
+    if (map != MAP_FAILED)
+        return map;
+    error_set(err, EX_DATAERR, "%s: empty or unreadable", path);
+    return NULL;
 }
 
 void file_temporary(char *path, const char *name)

@@ -35,10 +35,17 @@ int file_rename(const char *part, const char *path);
  * name, a template for mkdtemp(3) and its kin. */
 void file_temporary(char *path, const char *name);
 
-/* All of a text file of at most `max` bytes, ended by a 0, of which there is
- * none inside; "-" is standard input; the caller frees.  NULL and *err, which
- * names the path: EX_NOINPUT when it cannot be opened, EX_IOERR when reading
- * fails (a folder, too), EX_DATAERR when it is larger or no text. */
+/* A regular file's bytes, *bytes of them, read-only, for munmap; it is not
+ * empty.  NULL and *err, which names the path: EX_NOPERM, EX_NOINPUT,
+ * EX_DATAERR. */
+void *file_map(size_t *bytes, const char *path, struct error *err);
+
+/* All *bytes of a file of at most `max`, and a 0 behind them; "-" is standard
+ * input; the caller frees.  NULL and *err, which names the path: EX_NOINPUT when
+ * it cannot be opened, EX_IOERR when reading fails (a folder, too), EX_DATAERR
+ * when it is larger. */
+char *file_read(size_t *bytes, const char *path, size_t max, struct error *err);
+/* The same of a text, without a 0 inside, or EX_DATAERR. */
 char *file_read_text(const char *path, size_t max, struct error *err);
 
 #ifdef __cplusplus

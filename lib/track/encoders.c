@@ -41,7 +41,6 @@ int encoders_open(struct encoders *e, const struct model *m, bool with_shape,
 
     memset(e, 0, sizeof *e);
     params_init(&e->ps);
-    e->has_shape = with_shape;
     if (with_shape)
         encoders_init_matte(e, m);
     if (encoders_init_motion(e, m, err) ||

@@ -15,9 +15,9 @@
 struct encoders {
     struct params ps;
     struct motion_encoder motion;
-    struct shape_encoder shape;         /* when has_shape */
+    struct shape_encoder shape;         /* when with_shape */
     struct matte_net matte;             /* when has_matte */
-    bool has_shape, has_matte;
+    bool has_matte;
 };
 
 /* Load the motion encoder, of this type, but without a plan: motion_tta_init

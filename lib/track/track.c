@@ -418,7 +418,6 @@ static int track_find(struct track *t, struct track_result *r,
     const struct square crop = t->crop;
     int found = track_detect(t, r, rgb, W, H, err);
 
-    r->detected = found == 1;
     if (found == 0 && (t->started || t->opt.face <= 1))
         found = track_look(t, r, rgb, W, H, err);
     if (found != 1) {

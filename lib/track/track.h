@@ -50,8 +50,6 @@ enum track_event {
 struct track_result {
     struct motion motion;       /* held when lost; crop is the one used */
     bool lost;
-    bool detected;              /* the detector saw the face, which it does
-                                 * upright alone; not only E_m */
     float confidence;                 /* of E_m, 0 to 1, that the crop shows a face
                                  * in place; 1 from models that do not say */
     enum track_event event;

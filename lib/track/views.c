@@ -191,19 +191,6 @@ static int views_take(struct views *v, struct views_report *r,
     return 1;
 }
 
-/* A copy of a frame. */
-static int views_copy(struct image *im, const struct frame *f,
-                      struct error *err)
-{
-    const size_t n = 3 * f->width * f->height;
-
-    *im = (struct image){f->width, f->height, malloc(n), NULL, false};
-    if (!im->rgb)
-        return error_set(err, EX_OSERR, "no memory for a frame");
-    memcpy(im->rgb, f->rgb, n);
-    return 0;
-}
-
 /* Frames of a clip until it ends, shows a stranger or there are enough. */
 static int views_add_clip(struct views *v, struct views_report *r,
                           struct framesource *in, struct frame *f,
@@ -227,7 +214,7 @@ static int views_add_clip(struct views *v, struct views_report *r,
         found = found || rc;
         if (now.lost || !views_is_new(v, now.motion.R))
             continue;
-        if (views_copy(&im, f, err) || views_take(v, r, &im, err) < 0)
+        if (frame_copy(&im, f, err) || views_take(v, r, &im, err) < 0)
             return -1;
     }
     if (rc == 0 && !found)

@@ -77,20 +77,6 @@ static int clip_resize(struct person *p, size_t size, struct error *err)
     return 0;
 }
 
-/* The frame's pixels, which may be turned; released by the caller. */
-static int clip_copy(struct image *im, const struct frame *f,
-                     struct error *err)
-{
-    const size_t n = 3 * f->width * f->height;
-
-    *im = (struct image){.width = f->width, .height = f->height,
-                         .rgb = malloc(n)};
-    if (!im->rgb)
-        return error_set(err, EX_OSERR, "no memory for a frame");
-    memcpy(im->rgb, f->rgb, n);
-    return 0;
-}
-
 /* A frame's picture, face and matte; a frame without a good face is passed
  * over.  -1 only when memory is short. */
 static int clip_add_frame(struct clip_state *s, struct clip_report *r,
@@ -107,7 +93,7 @@ static int clip_add_frame(struct clip_state *s, struct clip_report *r,
         opt.has_window = true;
         opt.window = s->window;
     }
-    if (clip_copy(&im, f, err))
+    if (frame_copy(&im, f, err))
         return -1;
     int rc = source_make(&src, &im, NULL, c->head, c->nets, &opt, &why);
     image_release(&im);

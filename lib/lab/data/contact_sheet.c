@@ -6,8 +6,6 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "formats/image.h"
-
 int contact_sheet_init(struct contact_sheet *s, size_t rows, size_t cols,
                        size_t side, struct error *err)
 {
@@ -52,6 +50,25 @@ void contact_sheet_picture(struct contact_sheet *s, size_t row, size_t col,
                 contact_sheet_pixel(s, row, col, y, x)[c] =
                     contact_sheet_byte(rgb[3 * i + (size_t)c] + rest);
         }
+}
+
+int contact_sheet_image(struct contact_sheet *s, size_t row, size_t col,
+                        const struct image *im, struct error *err)
+{
+    const double w = (double)im->width, h = (double)im->height;
+    uint8_t *cell = malloc(3 * s->side * s->side);
+
+    if (!cell || crop_resize_u8(cell, s->side, im->rgb, im->width, im->height,
+                                3 * im->width, 3,
+                                (struct square){w / 2, h / 2, fmax(w, h)})) {
+        free(cell);
+        return error_set(err, EX_OSERR, "out of memory");
+    }
+    for (size_t y = 0; y < s->side; y++)
+        memcpy(contact_sheet_pixel(s, row, col, y, 0), cell + 3 * s->side * y,
+               3 * s->side);
+    free(cell);
+    return 0;
 }
 
 void contact_sheet_difference(struct contact_sheet *s, size_t row, size_t col,

@@ -5,6 +5,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "formats/image.h"
 #include "lib/base/error.h"
 #include "lib/base/crop.h"
 
@@ -23,6 +24,9 @@ void contact_sheet_release(struct contact_sheet *s);
  * (side,side) it is composed over grey. */
 void contact_sheet_picture(struct contact_sheet *s, size_t row, size_t col,
                            const float *rgb, const float *alpha);
+/* Put a picture of any size into a place, as large as fits. */
+int contact_sheet_image(struct contact_sheet *s, size_t row, size_t col,
+                        const struct image *im, struct error *err);
 /* The difference |a - b|, four times enlarged. */
 void contact_sheet_difference(struct contact_sheet *s, size_t row, size_t col,
                               const float *a, const float *b);

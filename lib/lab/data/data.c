@@ -2,8 +2,6 @@
  * SHAP, or the end of the file, is read. */
 #include "lib/lab/data/data.h"
 
-#include <dirent.h>
-#include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -12,6 +10,7 @@
 #include <sysexits.h>
 
 #include "lib/base/file.h"
+#include "lib/base/names.h"
 #include "lib/base/list.h"
 #include "lib/head/motion.h"
 #include "lib/stream/shape.h"
@@ -21,8 +20,8 @@
 struct data_reader {
     const char *const *names;  /* as given: files, folders, "-" */
     size_t nnames;
-    char **files;              /* what they stand for in this pass */
-    size_t count, at;          /* file being read */
+    struct names files;        /* what they stand for in this pass */
+    size_t at;                 /* file being read */
     double margin;
     struct stream_reader *in;
     bool once;                 /* one pass only */
@@ -54,72 +53,28 @@ void data_person_release(struct data_person *p)
     memset(p, 0, sizeof *p);
 }
 
-/* The names of a pass. */
-static void data_forget_files(struct data_reader *r)
+static bool data_is_stream(const char *entry)
 {
-    for (size_t i = 0; i < r->count; i++)
-        free(r->files[i]);
-    free(r->files);
-    r->files = NULL;
-    r->count = r->at = 0;
-}
-
-/* Append a name. */
-static int data_remember_file(struct data_reader *r, const char *name,
-                              struct error *err)
-{
-    char **grown = realloc(r->files, (r->count + 1) * sizeof *grown);
-
-    if (grown)
-        r->files = grown;
-    if (!grown || !(r->files[r->count] = strdup(name)))
-        return error_set(err, EX_OSERR, "out of memory");
-    r->count++;
-    return 0;
-}
-
-static int data_is_stream(const struct dirent *d)
-{
-    return d->d_name[0] != '.' && file_ends(d->d_name, ".spid");
-}
-
-/* Append a folder's streams, by name. */
-static int data_list_folder(struct data_reader *r, const char *folder,
-                            struct error *err)
-{
-    struct dirent **entry;
-    const int count = scandir(folder, &entry, data_is_stream, alphasort);
-    int rc = 0;
-
-    if (count < 0)
-        return error_set(err, EX_NOINPUT, "%s: %s", folder, strerror(errno));
-    for (int i = 0; i < count; i++) {
-        char *path;
-
-        if (!rc && asprintf(&path, "%s/%s", folder, entry[i]->d_name) < 0)
-            rc = error_set(err, EX_OSERR, "out of memory");
-        if (!rc) {
-            rc = data_remember_file(r, path, err);
-            free(path);
-        }
-        free(entry[i]);
-    }
-    free(entry);
-    return count ? rc : error_set(err, EX_NOINPUT, "%s: no streams (expected "
-                                  "*.spid)", folder);
+    return entry[0] != '.' && file_ends(entry, ".spid");
 }
 
 /* The files that the names stand for now: a folder may grow from one pass to
  * the next. */
 static int data_list_files(struct data_reader *r, struct error *err)
 {
-    data_forget_files(r);
+    names_release(&r->files);
+    r->at = 0;
     for (size_t i = 0; i < r->nnames; i++) {
+        const char *name = r->names[i];
         struct stat st;
-        const bool folder = !stat(r->names[i], &st) && S_ISDIR(st.st_mode);
+        const bool folder = !stat(name, &st) && S_ISDIR(st.st_mode);
+        int rc = folder ? names_add_folder(&r->files, name, data_is_stream, err)
+                        : names_add(&r->files, name, err);
 
-        if (folder ? data_list_folder(r, r->names[i], err)
-                   : data_remember_file(r, r->names[i], err))
+        if (folder && rc == 0)
+            rc = error_set(err, EX_NOINPUT, "%s: no streams (expected *.spid)",
+                           name);
+        if (rc < 0)
             return -1;
     }
     return 0;
@@ -155,7 +110,7 @@ void data_close(struct data_reader *r)
     if (!r)
         return;
     stream_close(r->in);
-    data_forget_files(r);
+    names_release(&r->files);
     free(r);
 }
 
@@ -305,7 +260,7 @@ static int data_open_file(struct data_reader *r, struct error *err)
 {
     struct stream_options opt = {.trust = true};
 
-    if (r->at == r->count) {
+    if (r->at == r->files.count) {
         if (!r->ever)
             return error_set(err, EX_DATAERR, "%s: no person with frames "
                              "(expected SHAP, MOTN and IMAG records)",
@@ -320,7 +275,7 @@ static int data_open_file(struct data_reader *r, struct error *err)
             return -1;
     }
     r->have_shape = r->have_motion = false;
-    r->in = stream_open(r->files[r->at], &opt, err);
+    r->in = stream_open(r->files.name[r->at], &opt, err);
     return r->in ? 0 : -1;
 }
 

@@ -7,6 +7,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/list.h"
 #include "lib/base/rotation.h"
 #include "lib/head/arkit.h"
 
@@ -29,19 +30,16 @@ static const float reenact_front[9] = {1, 0, 0, 0, -1, 0, 0, 0, -1};
 
 /* ---- opening ------------------------------------------------------------ */
 
-/* One more motion to act; the room doubles when it is full. */
+/* One more motion to act. */
 static int reenact_add(struct reenact *r, const struct record *rec,
                        struct error *err)
 {
-    if ((r->acts & (r->acts - 1)) == 0) {
-        size_t room = r->acts ? 2 * r->acts : 1;
-        struct motion *grown = realloc(r->act, room * sizeof *grown);
+    struct motion *grown = list_grow(r->act, &r->room, r->acts, sizeof *grown);
 
-        if (!grown)
-            return error_set(err, EX_OSERR, "no memory for %zu motions",
-                             room);
-        r->act = grown;
-    }
+    if (!grown)
+        return error_set(err, EX_OSERR, "no memory for more than %zu motions",
+                         r->acts);
+    r->act = grown;
     if (motion_read(&r->act[r->acts], rec, r->models.head.nexp, err))
         return -1;
     r->acts++;

@@ -18,7 +18,7 @@
 struct reenact {
     struct prepare models;
     struct motion *act;         /* (acts) what people do */
-    size_t acts;
+    size_t acts, room;
     struct random random;
     size_t size;                /* of the pictures */
     struct prepared person;     /* who acts, and who draws him */

@@ -2,25 +2,24 @@
  * elements. */
 #include "lib/lab/import/tensorfile.h"
 
-#include <errno.h>
-#include <fcntl.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
-#include <sys/stat.h>
 #include <sysexits.h>
-#include <unistd.h>
 #include <xxhash.h>
 
 #include "formats/npy.h"
+#include "lib/base/file.h"
+#include "lib/base/list.h"
 #include "lib/lab/import/tensorfile_impl.h"
 
 /* ---- the table of tensors ----------------------------------------------- */
 
 void *tensorfile_own(struct tensorfile *f, size_t bytes, struct error *err)
 {
-    void **owned = realloc(f->owned, (f->nowned + 1) * sizeof *owned);
+    void **owned = list_grow(f->owned, &f->owned_room, f->nowned,
+                             sizeof *owned);
     void *p = owned ? malloc(bytes + 1) : NULL;
 
     if (owned)
@@ -35,22 +34,13 @@ void *tensorfile_own(struct tensorfile *f, size_t bytes, struct error *err)
 /* Room for one more tensor. */
 static int tensorfile_table_grow(struct tensorfile *f, struct error *err)
 {
-    size_t room = f->room ? 2 * f->room : 64;
-    struct tensorfile_tensor *t;
-    struct tensor_place *p;
+    void *tensors = list_grow(f->tensor, &f->room, f->count, sizeof *f->tensor);
+    void *places = list_grow(f->place, &f->place_room, f->count,
+                             sizeof *f->place);
 
-    if (f->count < f->room)
-        return 0;
-    t = realloc(f->tensor, room * sizeof *t);
-    if (t)
-        f->tensor = t;
-    p = t ? realloc(f->place, room * sizeof *p) : NULL;
-    if (p)
-        f->place = p;
-    if (!p)
-        return error_set(err, EX_OSERR, "out of memory");
-    f->room = room;
-    return 0;
+    f->tensor = tensors ? tensors : f->tensor;
+    f->place = places ? places : f->place;
+    return tensors && places ? 0 : error_set(err, EX_OSERR, "out of memory");
 }
 
 int tensorfile_add(struct tensorfile *f, const char *name,
@@ -125,8 +115,8 @@ struct pickle *tensorfile_unpickle(struct tensorfile *f, const char *where,
                                    const void *data, size_t bytes,
                                    size_t *used, struct error *err)
 {
-    struct pickle **list = realloc(f->pickle,
-                                   (f->npickle + 1) * sizeof *list);
+    struct pickle **list = list_grow(f->pickle, &f->pickle_room, f->npickle,
+                                     sizeof *list);
     struct pickle *p;
     size_t memory = 0;
 
@@ -233,19 +223,12 @@ out:
     return rc ? error_prefix(err, "%s", name) : 0;
 }
 
-static bool tensorfile_ends_in(const char *name, const char *end)
-{
-    size_t n = strlen(name), k = strlen(end);
-
-    return n >= k && !strcmp(name + n - k, end);
-}
-
 /* Each entry is an array. */
 static int tensorfile_open_npz(struct tensorfile *f, struct error *err)
 {
     f->format = "numpy npz";
     for (size_t i = 0; i < ziparchive_count(f->zip); i++) {
-        if (!tensorfile_ends_in(ziparchive_name(f->zip, i), ".npy"))
+        if (!file_ends(ziparchive_name(f->zip, i), ".npy"))
             return error_set(err, EX_DATAERR, "%s: is no array (expected a "
                              "PyTorch checkpoint or .npy entries)",
                              ziparchive_name(f->zip, i));
@@ -268,7 +251,7 @@ static int tensorfile_open_zip(struct tensorfile *f, struct error *err)
         const char *name = ziparchive_name(f->zip, i);
 
         f->source += ziparchive_size(f->zip, i);
-        if (tensorfile_ends_in(name, "/data.pkl") &&
+        if (file_ends(name, "/data.pkl") &&
             strchr(name, '/') == strrchr(name, '/'))
             found = i;
     }
@@ -298,30 +281,6 @@ static int tensorfile_open_safetensors(struct tensorfile *f, struct error *err)
 }
 
 /* ---- opening ------------------------------------------------------------ */
-
-/* All of a regular file, read-only. */
-static int tensorfile_map_file(struct tensorfile *f, struct error *err)
-{
-    struct stat sb;
-    int fd = open(f->path, O_RDONLY | O_CLOEXEC);
-    void *map;
-
-    if (fd < 0)
-        return error_set(err, errno == EACCES ? EX_NOPERM : EX_NOINPUT, "%s",
-                         strerror(errno));
-    if (fstat(fd, &sb) || !S_ISREG(sb.st_mode)) {
-        close(fd);
-        return error_set(err, EX_NOINPUT, "not a regular file");
-    }
-    f->bytes = f->source = (size_t)sb.st_size;
-    map = f->bytes ? mmap(NULL, f->bytes, PROT_READ, MAP_PRIVATE, fd, 0)
-                   : MAP_FAILED;
-    close(fd);
-    if (map == MAP_FAILED)
-        return error_set(err, EX_DATAERR, "empty or unreadable");
-    f->map = map;
-    return 0;
-}
 
 static void tensorfile_hash_file(struct tensorfile *f)
 {
@@ -398,7 +357,10 @@ struct tensorfile *tensorfile_open(const char *path, struct error *err)
         return NULL;
     }
     f->cached = SIZE_MAX;
-    if (tensorfile_map_file(f, err) || tensorfile_open_contents(f, err) ||
+    f->map = file_map(&f->bytes, path, err);
+    f->source = f->bytes;
+    f->named = !f->map;
+    if (!f->map || tensorfile_open_contents(f, err) ||
         tensorfile_sort_names(f, err) || tensorfile_check_refused(f, err)) {
         if (!f->named)
             error_prefix(err, "%s", path);

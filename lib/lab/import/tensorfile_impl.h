@@ -36,7 +36,7 @@ struct tensorfile {
     struct ziparchive *zip;
     struct safetensors *st;
     struct pickle **pickle;         /* torch's, or object arrays' */
-    size_t npickle;
+    size_t npickle, pickle_room;
     struct error refused;           /* the first thing that made an object */
     bool swap;                      /* storages in the other byte order */
     char prefix[256];               /* of a torch archive: "archive/" */
@@ -46,13 +46,13 @@ struct tensorfile {
     struct tensorfile_tensor *tensor;
     struct tensor_place *place;
     size_t *by_name;                /* once all are known */
-    size_t count, room;
+    size_t count, room, place_room;
     struct {
         char *name[TENSORFILE_NOTED], *kind[TENSORFILE_NOTED];
         size_t n;
     } other[TENSORFILE_SORTS];
     void **owned;                   /* blocks that tensors lie in */
-    size_t nowned;
+    size_t nowned, owned_room;
 
     size_t source, total;           /* bytes: unpacked file, all tensors */
     size_t visited;                 /* values, shared ones again */

@@ -5,6 +5,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/list.h"
 #include "lib/lab/import/tensorfile_impl.h"
 
 /* Of a matrix: what its class keeps, and the entries. */
@@ -64,15 +65,11 @@ static int sparse_row(struct row *out, const struct sparse *s,
 static int sparse_add(struct sparse *s, double row, double column,
                       double value)
 {
-    if (s->n == s->room) {
-        size_t room = s->room ? 2 * s->room : 256;
-        struct entry *e = realloc(s->entry, room * sizeof *e);
+    struct entry *e = list_grow(s->entry, &s->room, s->n, sizeof *e);
 
-        if (!e)
-            return error_set(s->err, EX_OSERR, "out of memory");
-        s->entry = e;
-        s->room = room;
-    }
+    if (!e)
+        return error_set(s->err, EX_OSERR, "out of memory");
+    s->entry = e;
     s->entry[s->n++] = (struct entry){row, column, value};
     return 0;
 }

@@ -3,8 +3,8 @@
 #define SPID_LAB_REPORT_CLIPS_H
 
 #include <stddef.h>
-#include <stdint.h>
 
+#include "formats/image.h"
 #include "lib/base/error.h"
 #include "lib/lab/report/report.h"
 
@@ -14,9 +14,9 @@ int run_find(char *path, size_t size, const char *dir, const char *name);
 
 /* A few frames of a clip, spread evenly. */
 struct clip {
-    size_t count, width, height;
+    size_t count;
     size_t index[REPORT_FRAMES];
-    uint8_t *rgb[REPORT_FRAMES];    /* owned, [height,width,3] */
+    struct image frame[REPORT_FRAMES];      /* owned */
 };
 
 /* Read path twice: once to count, once to keep REPORT_FRAMES frames. */

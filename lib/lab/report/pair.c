@@ -105,26 +105,6 @@ static int pair_step(struct pair *p, struct pairing *g,
     return 1;
 }
 
-/* The finished file, whole. */
-static int pair_load(struct pair *p, const char *path, struct error *err)
-{
-    FILE *f = fopen(path, "rb");
-    long n = -1;
-
-    if (f && fseek(f, 0, SEEK_END) == 0)
-        n = ftell(f);
-    if (n <= 0 || (size_t)n > PAIR_LARGEST ||
-        !(p->mp4 = malloc((size_t)n))) {
-        error_set(err, EX_IOERR, "%s: cannot be read back", path);
-    } else {
-        rewind(f);
-        p->bytes = fread(p->mp4, 1, (size_t)n, f);
-    }
-    if (f)
-        fclose(f);
-    return p->bytes ? 0 : -1;
-}
-
 int pair_make(struct pair *p, const char *driver, const char *result,
               const struct square *window, struct error *err)
 {
@@ -140,8 +120,11 @@ int pair_make(struct pair *p, const char *driver, const char *result,
     if (rc >= 0 && !p->frames)
         rc = error_set(err, EX_DATAERR, "%s: no frames", result);
     if (rc >= 0) {
-        rc = video_finish(g.video, 0, err) || pair_load(p, g.path, err) ? -1 : 0;
+        rc = video_finish(g.video, 0, err);
         g.video = NULL;
+        if (rc == 0)
+            p->mp4 = (uint8_t *)file_read(&p->bytes, g.path, PAIR_LARGEST, err);
+        rc = p->mp4 ? 0 : -1;
     }
     video_abandon(g.video);
     if (g.path[0])

@@ -38,7 +38,8 @@ static int report_show_clip(FILE *f, const struct clip *c, struct error *err)
         char caption[40];
 
         snprintf(caption, sizeof caption, "frame %zu", c->index[i]);
-        rc = html_picture(f, c->rgb[i], c->width, c->height, caption, err);
+        rc = html_picture(f, c->frame[i].rgb, c->frame[i].width,
+                          c->frame[i].height, caption, err);
     }
     html_row_end(f);
     return rc;
@@ -48,7 +49,8 @@ static int report_show_clip(FILE *f, const struct clip *c, struct error *err)
 static int report_show_errors(FILE *f, const struct clip *a,
                               const struct clip *b, struct error *err)
 {
-    size_t n = a->width * a->height * 3;
+    const struct image *first = &a->frame[0];
+    const size_t n = first->width * first->height * 3;
     uint8_t *map = malloc(n + 1);
     int rc = map ? 0 : error_set(err, EX_OSERR, "out of memory");
 
@@ -60,14 +62,14 @@ static int report_show_errors(FILE *f, const struct clip *a,
         double sum = 0;
 
         for (size_t k = 0; k < n; k++) {
-            int d = abs(a->rgb[i][k] - b->rgb[i][k]);
+            int d = abs(a->frame[i].rgb[k] - b->frame[i].rgb[k]);
 
             sum += d;
             map[k] = (uint8_t)(d > 63 ? 255 : 4 * d);
         }
         snprintf(caption, sizeof caption, "frame %zu, mean %.1f of 255",
                  a->index[i], sum / (double)(n ? n : 1));
-        rc = html_picture(f, map, a->width, a->height, caption, err);
+        rc = html_picture(f, map, first->width, first->height, caption, err);
     }
     html_row_end(f);
     free(map);
@@ -102,8 +104,9 @@ static int report_write_clips(FILE *f, const char *dir, struct error *err)
         }
         clip_release(&other);
     }
-    if (!rc && driver.count && driver.width == result.width &&
-        driver.height == result.height)
+    if (!rc && driver.count &&
+        driver.frame[0].width == result.frame[0].width &&
+        driver.frame[0].height == result.frame[0].height)
         rc = report_show_errors(f, &driver, &result, err);
     clip_release(&driver);
     clip_release(&result);
