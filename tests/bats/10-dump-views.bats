@@ -90,7 +90,9 @@ assert abs(jaw["max"] - 0.01) < 1e-8'
     cmp motion.spid a
     ln -s /dev/null nothing
     spid-dump -o nothing --safetensors nothing motion.spid
-    [ -c /dev/null ] && [ -L nothing ] && [ ! -e nothing.part ]
+    [ -c /dev/null ]
+    [ -L nothing ]
+    [ ! -e nothing.part ]
     spid-pack motion.spid -o nothing
     [ -c /dev/null ] && [ -L nothing ] && [ ! -e nothing.part ]
 }
@@ -100,7 +102,10 @@ assert abs(jaw["max"] - 0.01) < 1e-8'
     head -c 100 m.spid >cut.spid
     status 65 spid-dump --npy d --safetensors t -o text cut.spid
     one_line
-    [ ! -e d ] && [ ! -e t ] && [ ! -e text ] && [ ! -e text.part ]
+    [ ! -e d ]
+    [ ! -e t ]
+    [ ! -e text ]
+    [ ! -e text.part ]
     status 73 spid-dump --npy d -o none/text m.spid
     [ ! -e d ]
     mkdir d

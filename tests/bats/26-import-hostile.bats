@@ -13,7 +13,8 @@ refuse_all() {
         one_line
         has "spid-import: $file: "
         has "$message"
-        [ ! -e out.safetensors ] && [ ! -e out.safetensors.part ]
+        [ ! -e out.safetensors ]
+        [ ! -e out.safetensors.part ]
         [ ! -e executed ]
         count=$((count + 1))
     done <hostile.txt

@@ -181,9 +181,10 @@ numbers() {
     spid-animate -q -s -m model avatar.spid motion.spid -f png -o a-%d.png
     spid-animate -q -s -m model avatar.spid take.csv -f png -o b-%d.png
     spid-animate -q -s -m model --absolute avatar.spid take.csv -f png -o c-%d.png
-    [ "$(ls a-*.png | wc -l)" -eq 6 ] && [ "$(ls b-*.png | wc -l)" -eq 6 ]
+    [ "$(ls a-*.png | wc -l)" -eq 6 ]
+    [ "$(ls b-*.png | wc -l)" -eq 6 ]
     for i in 0 1 2 3 4 5; do cmp a-$i.png b-$i.png; done
-    ! cmp -s b-5.png c-5.png
+    no cmp -s b-5.png c-5.png
     status 64 spid-animate -q -s -m model --live avatar.spid take.csv -o d.png
     one_line
     has 'take.csv: recorded motions cannot be live'

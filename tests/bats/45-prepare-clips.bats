@@ -169,7 +169,8 @@ P
     has 'missing: No such file'
     echo nothing >x.mp4
     status 65 run_prepare -q -o records x.mp4
-    [ ! -e records/x-*.spid ] && [ ! -e records/x-*.part ]
+    [ ! -e records/x-*.spid ]
+    [ ! -e records/x-*.part ]
     grep -q 'x.mp4' records/x-*.bad
 }
 

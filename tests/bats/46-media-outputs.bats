@@ -82,7 +82,8 @@ with_sound() {
     for name in x.jpg x.JPG x.heic x.wmv x.xyz; do
         status 64 run_animate drive.y4m -o $name
         has "$name: such a file cannot be written"
-        [ ! -e $name ] && [ ! -e $name.part ]
+        [ ! -e $name ]
+        [ ! -e $name.part ]
     done
     mkdir no.ending
     status 0 run_animate drive.y4m -f stream -o x.xyz

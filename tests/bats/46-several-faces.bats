@@ -32,10 +32,13 @@ crop() {
     run spid-shape -m "$MODEL" --face 2 two.png -o two.spid
     has 'number 2 is taken'
     run spid-shape -m "$MODEL" --crop "$at" two.png -o crop.spid
-    [ "$status" -eq 0 ] && [ -z "$output" ]
+    [ "$status" -eq 0 ]
+    [ -z "$output" ]
     # the window of each is about its face
     x() { spid-dump --json --values --only SRCI "$1" | sed 's/.*"crop"[^]]*][^[]*"data":\[\([0-9]*\).*/\1/'; }
-    [ "$(x one.spid)" -gt 400 ] && [ "$(x two.spid)" -lt 250 ] && [ "$(x crop.spid)" -lt 250 ]
+    [ "$(x one.spid)" -gt 400 ]
+    [ "$(x two.spid)" -lt 250 ]
+    [ "$(x crop.spid)" -lt 250 ]
     status 65 spid-shape -m "$MODEL" --face 3 two.png -o x.spid
     has '2 faces in a picture of 700 x 400 pixels (expected 3 for --face)'
     [ ! -e x.spid ]
@@ -49,7 +52,8 @@ crop() {
     grep -q 'two.png: 2 faces .*number 2 is taken (--face' said
     spid-animate -s -m "$MODEL" --driver-face 2 "$TOP/examples/photo.jpg" two.png -o b-%d.png 2>said
     grep -q 'two.png: 2 faces .*number 2 is taken (--driver-face' said
-    [ -s a-0.png ] && [ -s b-0.png ]
+    [ -s a-0.png ]
+    [ -s b-0.png ]
     status 65 spid-animate -q -s -m "$MODEL" --driver-face 3 "$TOP/examples/photo.jpg" two.png -o c.png
     one_line
     has '2 faces seen in 1 frames'

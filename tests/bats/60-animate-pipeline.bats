@@ -79,7 +79,8 @@ prepare() { animate_files; }
     status 65 spid-animate -m model -s --list list
     has "3 clips: 1 made, 1 were there, 1 failed"
     [ "$(cat a.y4m)" = kept ]
-    [ -s c.y4m ] && [ ! -e b.y4m ]
+    [ -s c.y4m ]
+    [ ! -e b.y4m ]
     printf 'one\ttwo\n' >short
     status 65 spid-animate -m model --list short
     has "line 1"

@@ -54,7 +54,9 @@ J
 }
 
 @test "what cannot be is one line, and nothing is written" {
-    status 78 spid-import raw.safetensors --as gagavatar --config model/none.json -o x.safetensors || true
+    status 66 spid-import raw.safetensors --as gagavatar --config model/none.json -o x.safetensors
+    has 'model/none.json: '
+    [ ! -e x.safetensors ]
     status 65 spid-import raw.safetensors --as gagavatar -o x.safetensors
     has 'wrong shape: head_base [5140, 8] (expected [5140, 256])'
     spid-import raw.safetensors --as gagavatar --config small.json -o bare.safetensors

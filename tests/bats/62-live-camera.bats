@@ -24,7 +24,8 @@ pictures() { grep -ao FRAME "$1" | wc -l; }
     cat said
     [ "$(head -c 9 out.y4m)" = YUV4MPEG2 ]
     n=$(sed -n 's/^spid-live: \([0-9]*\) frames.*/\1/p' said)
-    [ "$n" -gt 0 ] && [ "$n" -le 12 ]
+    [ "$n" -gt 0 ]
+    [ "$n" -le 12 ]
     [ "$(pictures out.y4m)" -eq "$n" ]
     grep -Eq 'dropped; latency p50 [0-9.]+ ms, p95 [0-9.]+ ms' said
 }

@@ -41,7 +41,8 @@ PY
     PATH=/nowhere status 69 "$bench" -j 1 -s 0.2 --plot cost.png -o /dev/null motion
     one_line
     has "gnuplot-nox"
-    [ ! -e cost.png ] && [ ! -e cost.part.png ]
+    [ ! -e cost.png ]
+    [ ! -e cost.part.png ]
     command -v gnuplot >/dev/null || skip "no gnuplot (apt: gnuplot-nox)"
     "${BENCH[@]}" --plot cost.png -o /dev/null
     [ "$(head -c 4 cost.png | tail -c 3)" = PNG ]
@@ -54,7 +55,7 @@ PY
             index($2, p) == 1 { ms[$3] = $5 }
             END { exit !(ms["alone"] > 0 && ms["beside 1 busy loop"] > 0) }' shared.tsv
     done
-    ! compgen -G "spid-bench-*"
+    no compgen -G "spid-bench-*"
     ! pgrep -f "$PWD/spid-bench-"
 }
 

@@ -21,6 +21,14 @@ status() {
     }
 }
 
+# no COMMAND...: the command fails; a test goes on after "! COMMAND" in any case.
+no() {
+    ! "$@" || {
+        echo "expected to fail: $*"
+        return 1
+    }
+}
+
 # has TEXT: $output contains it.
 has() {
     [[ $output == *"$1"* ]] || {

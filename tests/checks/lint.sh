@@ -31,6 +31,16 @@ report "longer than 700 lines" < <(longer 700 '^tests/.*\.c$')
 # make check prints why a test was skipped, so that must say what would run it.
 report "skip without (what would run it)" < <(grep -nE '\bskip "[^"]*"' tests/bats/*.ba* | grep -v '("\?[^")]*)"')
 
+# Of "[ a ] && [ b ]" and "! command" a test sees no failure unless they are its last line: a line
+# for each check, and `no command` (helper.bash).
+report "a check that cannot fail" < <(awk '
+    FNR == 1 { held = "" }
+    held != "" && !/^}/ { print held }
+    { held = "" }
+    /^ +(\[.*\] && \[|! )/ && !/\|\| |(\\|&&)$/ || /^ +status .*\|\| (true|:)$/ {
+        held = FILENAME ":" FNR ": " $0
+    }' tests/bats/*.bats)
+
 # The words of SYNOPSIS on one line, as --help prints them after "Usage:".
 synopsis() {
     mandoc -T utf8 -O width=1000 "$1" | col -bx | sed 's/‐/-/g' |
