@@ -48,8 +48,6 @@ static const struct cli_option options[] = {
     OPTION_CLIP_FRAMES(&opt.frames),
     OPTION_STRING("validation", 0, &opt.validation, "FILE",
                   "people for validation, never trained on"),
-    OPTION_STRING("held", 0, &opt.validation, "FILE",
-                  "the same as --validation"),
     OPTION_HEAD(&opt.head),
     OPTION_STRING("shapes", 0, &opt.shapes, "FILE",
                   "people's shapes by FILE's E_beta, not the true ones"),

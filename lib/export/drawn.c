@@ -134,10 +134,10 @@ static int drawn_measure(struct drawn *d, enum drawn_format format,
     d->n = g->n;
     d->files++;
     rc = 0;
-    if ((format == DRAWN_PLY || format == DRAWN_GLB) && db < DRAWN_LEAST)
+    if ((format == DRAWN_PLY || format == DRAWN_GLB) && db < DRAWN_MIN)
         rc = error_set(err, EX_SOFTWARE, "%s: read back and drawn it is %.1f "
                        "dB from our picture (expected at least %d)", path, db,
-                       DRAWN_LEAST);
+                       DRAWN_MIN);
 out:
     free(own);
     return rc;

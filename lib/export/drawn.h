@@ -13,7 +13,7 @@
 #define DRAWN_SIZE 512          /* pixels of a side */
 #define DRAWN_VERTEX_MM 2       /* standard deviation of a mesh's vertices: about
                                  * their spacing on the face */
-#define DRAWN_LEAST 40          /* dB that a file without rounding must reach */
+#define DRAWN_MIN 40          /* dB that a file without rounding must reach */
 
 enum drawn_format {
     DRAWN_PLY, DRAWN_SPLAT, DRAWN_GLB, DRAWN_PLY_PACKED, DRAWN_FORMATS
@@ -32,7 +32,7 @@ struct drawn {
  * none, from the front.  turned: a PLY with y down; unit: head units per
  * metre, for GLB.  EX_SOFTWARE when the file has another number of Gaussians
  * or, rounded formats (.splat, compressed PLY) apart, is under
- * DRAWN_LEAST. */
+ * DRAWN_MIN. */
 int drawn_compare(struct drawn *d, enum drawn_format format, const char *path,
                   const struct scene *s, bool turned, float unit,
                   struct error *err);

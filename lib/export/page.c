@@ -39,12 +39,12 @@ static int page_take_avatar(struct page *p, const struct record *rec,
 
     if (baked_read(&next, rec, 0, err))
         return -1;
-    if (next.N == 0 || next.N > PAGE_MOST_GAUSSIANS) {
+    if (next.N == 0 || next.N > PAGE_MAX_GAUSSIANS) {
         size_t n = next.N;
 
         baked_release(&next);
         return error_set(err, EX_DATAERR, "GAUS has %zu Gaussians (expected 1 "
-                         "to %d in a page)", n, PAGE_MOST_GAUSSIANS);
+                         "to %d in a page)", n, PAGE_MAX_GAUSSIANS);
     }
     baked_release(&p->baked);
     p->baked = next;
@@ -59,9 +59,9 @@ static int page_grow(struct page *p, struct error *err)
     float *motion;
     double *time;
 
-    if (p->frames == PAGE_MOST_FRAMES)
+    if (p->frames == PAGE_MAX_FRAMES)
         return error_set(err, EX_DATAERR, "the drive is too long for a page "
-                         "(expected at most %d frames)", PAGE_MOST_FRAMES);
+                         "(expected at most %d frames)", PAGE_MAX_FRAMES);
     if (p->frames < p->room)
         return 0;
     if ((motion = realloc(p->motion, room * (PAGE_POSE + p->nexp) *
@@ -238,10 +238,10 @@ static int page_pack_photograph(struct pack *k, const struct baked *b,
 
     if (!person->rgb)
         return 0;
-    if (S < 2 || S > PAGE_MOST_PIXELS)
+    if (S < 2 || S > PAGE_MAX_PIXELS)
         return error_set(err, EX_DATAERR, "SRCI has %zu x %zu pixels "
                          "(expected 2 to %d in a page)", S, S,
-                         PAGE_MOST_PIXELS);
+                         PAGE_MAX_PIXELS);
     page_pack_picture(k, "rgb", person->rgb, S, 3);
     page_pack_picture(k, "matte", person->matte, S, 1);
     if (!person->back)

@@ -18,9 +18,9 @@
 #include "lib/head/person.h"
 
 /* More than that no browser plays. */
-#define PAGE_MOST_GAUSSIANS 1000000
-#define PAGE_MOST_FRAMES 65536
-#define PAGE_MOST_PIXELS 2048   /* of a side of the photograph */
+#define PAGE_MAX_GAUSSIANS 1000000
+#define PAGE_MAX_FRAMES 65536
+#define PAGE_MAX_PIXELS 2048   /* of a side of the photograph */
 
 /* One frame's numbers before its expression: R (3,3), t (3), jaw (3), lids
  * (2), eyes (6). */

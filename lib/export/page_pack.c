@@ -17,7 +17,7 @@ void *page_pack_add(struct pack *k, const char *name, enum st_dtype dtype,
 {
     const size_t count = d0 * (d1 ? d1 : 1);
     const size_t bytes = count * st_dtype_size(dtype), i = k->count;
-    void *copy = k->failed || i == PACK_MOST ? NULL : malloc(bytes + 1);
+    void *copy = k->failed || i == PACK_MAX ? NULL : malloc(bytes + 1);
 
     if (!copy) {
         k->failed = true;

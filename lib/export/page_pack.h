@@ -10,14 +10,14 @@
 #include "formats/safetensors.h"
 #include "lib/head/lbs.h"
 
-#define PACK_MOST 96            /* arrays of an archive */
+#define PACK_MAX 96            /* arrays of an archive */
 
 /* With the memory they own; zeroed: none. */
 struct pack {
-    struct st_tensor tensor[PACK_MOST];
+    struct st_tensor tensor[PACK_MAX];
     size_t count;
-    char name[PACK_MOST][24];
-    void *owned[PACK_MOST];
+    char name[PACK_MAX][24];
+    void *owned[PACK_MAX];
     bool failed;                /* memory was short */
 };
 

@@ -16,7 +16,7 @@ train() {
 }
 
 @test "the motion encoder learns from synthetic people" {
-    train -q -c "$DIR/m.json" -o "$DIR/a" --held "$DIR/p.spid" "$DIR/p.spid"
+    train -q -c "$DIR/m.json" -o "$DIR/a" --validation "$DIR/p.spid" "$DIR/p.spid"
     [ -s "$DIR/a/model.safetensors" ]
     [ -s "$DIR/a/sheet-000004.png" ]
     [ "$(wc -l < "$DIR/a/log.tsv")" = 5 ]

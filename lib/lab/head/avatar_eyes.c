@@ -120,7 +120,8 @@ static void eyes_parts(float part[3], const float x[3], const float axis[3],
     eyes_direction(out, x, h, x[0] > 0);
     const float cosine = out[0] * axis[0] + out[1] * axis[1] +
                          out[2] * axis[2];
-    const float angle = acosf(fminf(fmaxf(cosine, -1), 1)) * 57.29578f;
+    const float angle = acosf(fminf(fmaxf(cosine, -1), 1)) *
+                        (float)(180 / M_PI);
     const float iris = branch_ramp(angle, PUPIL, PUPIL + SOFT);
     const float white = branch_ramp(angle, IRIS - SOFT, IRIS + SOFT);
 

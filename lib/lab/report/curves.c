@@ -13,7 +13,7 @@
 #include "lib/stream/conf_text.h"
 #include "lib/stream/stream.h"
 
-#define DEGREES (180 / 3.14159265358979323846)
+#define DEGREES (180 / M_PI)
 #define CURVES_EXPRESSIONS 6    /* charts of expression components */
 
 void curves_release(struct curves *c)

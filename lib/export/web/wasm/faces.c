@@ -4,9 +4,9 @@
 
 #include "formats/facedetect.h"
 
-/* How many of at most `most` faces went to face (x, y, size each). */
-EM_JS(int, faces_find, (double *face, int most, const uint8_t *rgb, int W, int H), {
-    const found = Module.faces(HEAPU8.subarray(rgb, rgb + 3 * W * H), W, H).slice(0, most);
+/* How many of at most `max` faces went to face (x, y, size each). */
+EM_JS(int, faces_find, (double *face, int max, const uint8_t *rgb, int W, int H), {
+    const found = Module.faces(HEAPU8.subarray(rgb, rgb + 3 * W * H), W, H).slice(0, max);
     found.forEach(({ x, y, size }, i) => HEAPF64.set([x, y, size], face / 8 + 3 * i));
     return found.length;
 })
@@ -31,7 +31,7 @@ void facedetect_close(struct facedetect *d)
     (void)d;
 }
 
-size_t facedetect_find(struct facedetect *d, struct square *face, size_t most,
+size_t facedetect_find(struct facedetect *d, struct square *face, size_t max,
                        bool all, const uint8_t *rgb, size_t W, size_t H,
                        size_t stride)
 {
@@ -39,7 +39,7 @@ size_t facedetect_find(struct facedetect *d, struct square *face, size_t most,
     (void)d;
     (void)all;
     (void)stride;
-    return (size_t)faces_find(&face->x, (int)most, rgb, (int)W, (int)H);
+    return (size_t)faces_find(&face->x, (int)max, rgb, (int)W, (int)H);
 }
 
 int facedetect_confirm(struct facedetect *d, const uint8_t *rgb, size_t W,
