@@ -1,21 +1,21 @@
 /* spid-eval: how far results are from the truth, as the paper's tables. */
-#include <errno.h>
 #include <stdbool.h>
 #include <stdio.h>
 #include <string.h>
 
+#include "cmd/lab/eval_output.h"
 #include "cmd/options.h"
 #include "formats/outfile.h"
 #include "lib/lab/eval/compare.h"
+#include "lib/lab/eval/distribution.h"
 #include "lib/lab/eval/pairs.h"
 #include "lib/lab/eval/people.h"
-#include "lib/lab/eval/summary.h"
 
 static struct {
     const char *format, *name, *pairs, *frames_tsv, *people, *sheet, *head;
-    const char *lpips, *arcface, *source;
+    const char *lpips, *arcface, *musiq, *source;
     unsigned truth;
-    bool motion, no_ablations, no_cross;
+    bool motion, features, no_ablations, no_cross;
     long count, frames, stride, rows;
 } opt = {.format = "text", .name = "result", .count = 40, .frames = 25,
          .stride = 5, .rows = 8};
@@ -30,6 +30,8 @@ static const struct cli_option options[] = {
                   "text, tsv, json or latex (default text)"),
     OPTION_FLAG("motion", 0, &opt.motion,
                 "TRUTH and RESULT are motion streams, not frames"),
+    OPTION_FLAG("features", 0, &opt.features,
+                "TRUTH and RESULT are features (.npy): columns fid and kid"),
     OPTION_STRING("name", 0, &opt.name, "NAME",
                   "of the table's row (default result)"),
     OPTION_STRING("pairs", 0, &opt.pairs, "FILE",
@@ -40,6 +42,8 @@ static const struct cli_option options[] = {
                   "AlexNet and LPIPS weights: adds the column lpips"),
     OPTION_STRING("arcface", 0, &opt.arcface, "FILE",
                   "weights of an iresnet: adds the column arcface"),
+    OPTION_STRING("musiq", 0, &opt.musiq, "FILE",
+                  "weights of MUSIQ: adds the column musiq"),
     OPTION_STRING("source", 0, &opt.source, "PICTURE",
                   "--arcface: who it shall be, adds the column arcface_src"),
     OPTION_STRING("people", 0, &opt.people, "STREAM",
@@ -74,6 +78,7 @@ struct comparison {
     struct head head;           /* V 0: none found */
     struct lpips lpips;
     struct likeness likeness;
+    struct musiq musiq;
     struct compare_nets nets;
     struct outfile tsv;         /* --frames-tsv */
     unsigned protocols;         /* that rows name */
@@ -95,30 +100,6 @@ static int eval_print_error(const struct error *err)
 {
     fprintf(stderr, "spid-eval: %s\n", err->text);
     return err->code ? err->code : EX_SOFTWARE;
-}
-
-/* To -o, complete or not at all. */
-static void eval_write_table(const struct table *t, enum table_format format,
-                             const struct comparison *j)
-{
-    const bool named = strcmp(cli.output, "-") != 0;
-    struct outfile out = {.file = stdout};
-    struct error err = {0};
-
-    if (named && outfile_open(&out, cli.output, &err))
-        die_error(&err);
-    if (opt.people && format == TABLE_JSON)
-        summary_write(out.file, t);
-    else
-        table_write(out.file, t, format);
-    if (format != TABLE_JSON)
-        protocols_write(out.file, j->protocols,
-                        format == TABLE_LATEX ? "% " : "# ");
-    if (named ? outfile_close(&out, &err) : fflush(stdout) || ferror(stdout)) {
-        if (!named)
-            error_set(&err, EX_IOERR, "<stdout>: %s", strerror(errno));
-        die_error(&err);
-    }
 }
 
 /* ---- pairs -------------------------------------------------------------- */
@@ -184,7 +165,7 @@ static void eval_print_progress(size_t done, size_t total)
 }
 
 /* --people: 0, or the exit code. */
-static int eval_model(struct table *t, const struct head *h)
+static int eval_model(struct table *t, const struct comparison *j)
 {
     struct error err = {0};
     struct reenactor s;
@@ -195,6 +176,7 @@ static int eval_model(struct table *t, const struct head *h)
                                 .stride = (size_t)opt.stride,
                                 .ablations = !opt.no_ablations,
                                 .cross = !opt.no_cross,
+                                .lpips = j->nets.lpips,
                                 .sheet_rows = !opt.sheet ? 0
                                               : opt.rows < opt.count
                                                   ? (size_t)opt.rows
@@ -204,7 +186,7 @@ static int eval_model(struct table *t, const struct head *h)
     int rc;
 
     if (option_model_open(&model, &err) ||
-        reenactor_init(&s, &model, h, &err))
+        reenactor_init(&s, &model, &j->head, &err))
         die_error(&err);
     s.truth = opt.truth;
     rc = people_evaluate(t, &sheet, &s, &po, &err);
@@ -232,6 +214,11 @@ static void eval_open_comparison(struct comparison *j)
             die_error(&err);
         j->nets.lpips = &j->lpips;
     }
+    if (opt.musiq) {
+        if (musiq_init(&j->musiq, opt.musiq, &err))
+            die_error(&err);
+        j->nets.musiq = &j->musiq;
+    }
     if (opt.arcface) {
         bool found = option_model_open(&model, &err) == 0;
 
@@ -252,6 +239,8 @@ static void eval_close_comparison(struct comparison *j)
         die_error(&err);
     if (j->nets.lpips)
         lpips_release(&j->lpips);
+    if (j->nets.musiq)
+        musiq_release(&j->musiq);
     if (j->nets.likeness)
         likeness_release(&j->likeness);
     head_release(&j->head);
@@ -263,6 +252,7 @@ int main(int argc, char **argv)
     int first = cli_parse(&usage, argc, argv), code;
     int need = opt.pairs || opt.people ? 0 : 2;
     enum table_format format;
+    struct error err = {0};
     struct table t;
 
     if (table_format_parse(&format, opt.format))
@@ -276,15 +266,21 @@ int main(int argc, char **argv)
     eval_open_comparison(&j);
     table_init(&t);
     if (opt.people)
-        code = eval_model(&t, &j.head);
+        code = eval_model(&t, &j);
     else if (opt.pairs)
         code = eval_compare_pairs(&t, &j);
+    else if (opt.features)
+        code = distribution_compare(&t, table_row(&t, opt.name), argv[first],
+                                    argv[first + 1], &err)
+                   ? eval_print_error(&err) : 0;
     else
         code = eval_compare_pair(&t, opt.name, &(struct pair){
             .motion = opt.motion, .truth = argv[first],
             .result = argv[first + 1], .source = opt.source}, &j);
     if (!code || !opt.people)
-        eval_write_table(&t, format, &j);
+        eval_output_write(&t, &(struct eval_output){
+            .format = format, .summary = opt.people != NULL,
+            .protocols = j.protocols, .nets = opt.pairs ? &j.nets : NULL});
     table_release(&t);
     eval_close_comparison(&j);
     stats_write();

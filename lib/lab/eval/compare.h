@@ -11,6 +11,7 @@
 #include "lib/lab/eval/table.h"
 #include "lib/head/head.h"
 #include "lib/lab/eval/lpips.h"
+#include "lib/lab/eval/musiq.h"
 
 /* Receives a line per frame (may be NULL): name of the pair, frame, values in
  * the order of the columns the call used. */
@@ -23,6 +24,7 @@ struct compare_log {
 struct compare_nets {
     struct lpips *lpips;
     struct likeness *likeness;
+    struct musiq *musiq;
 };
 
 /* Rows that a comparison of frames fills. */
@@ -35,7 +37,8 @@ struct compare_rows {
 /* Compare the frames of a pair's truth and result (see framesource_open):
  * columns psnr ssim msssim l1 flicker and, their weights given, lpips and
  * arcface (likeness of result and truth), arcface_src (of result and the
- * pair's source; NULL: no such column).  With a null line also psnr_first
+ * pair's source; NULL: no such column) and musiq (of the result alone).  With a
+ * null line also psnr_first
  * (of frame 0), psnr_later (of the others), beats_0_pct (100 where a later
  * frame's psnr is above the null line's, else 0) and edge_ratio (metric_edges
  * of result over truth).  ms-ssim of pictures under 161 pixels counts as

@@ -12,12 +12,14 @@
 
 enum {
     PSNR, SSIM, MSSSIM, L1, FLICKER, LPIPS, ARCFACE, ARCFACE_SRC,
-    PSNR_FIRST, PSNR_LATER, BEATS_0, EDGES, COUNT
+    PSNR_FIRST, PSNR_LATER, BEATS_0, EDGES, MUSIQ, COUNT
 };
 static const char *const name[COUNT] = {
     "psnr", "ssim", "msssim", "l1", "flicker", "lpips", "arcface",
-    "arcface_src", "psnr_first", "psnr_later", "beats_0_pct", "edge_ratio"};
-static const int better[COUNT] = {1, 1, 1, -1, -1, -1, 1, 1, 1, 1, 1, 0};
+    "arcface_src", "psnr_first", "psnr_later", "beats_0_pct", "edge_ratio",
+    "musiq"};
+static const int better[COUNT] = {1, 1, 1, -1, -1, -1, 1, 1, 1, 1, 1, 0,
+                                  1};
 
 /* Two clips and the planar pictures of this frame and the last. */
 struct frames {
@@ -28,6 +30,7 @@ struct frames {
     size_t H, W, frames;
     struct lpips *lpips;            /* or NULL */
     struct likeness *likeness;      /* or NULL */
+    struct musiq *musiq;            /* or NULL */
     int faces;                      /* found in the frames of now: 2 is all */
 };
 
@@ -112,6 +115,8 @@ static int frames_measure_picture(double v[COUNT], const struct frames *p,
     if (p->lpips && p->H >= 64 && p->W >= 64 &&
         lpips_distance(&v[LPIPS], p->lpips, a, b, p->H, p->W, err))
         return -1;
+    if (p->musiq && musiq_quality(&v[MUSIQ], p->musiq, b, p->H, p->W, err))
+        return -1;
     return 0;
 }
 
@@ -145,6 +150,7 @@ static bool frames_wanted(const struct frames *p, int k)
     switch (k) {
     case FLICKER: return p->frames > 0;
     case LPIPS: return p->lpips != NULL;
+    case MUSIQ: return p->musiq != NULL;
     case ARCFACE: return p->likeness != NULL;
     case ARCFACE_SRC: return p->likeness && p->likeness->has_source;
     case PSNR_FIRST: return p->unchanged && p->frames == 0;
@@ -187,7 +193,7 @@ static void frames_record_still(struct table *t, size_t row,
                                 const double v[COUNT], const struct frames *p)
 {
     static const int kept[] = {PSNR, SSIM, MSSSIM, L1, LPIPS, PSNR_LATER,
-                               EDGES};
+                               EDGES, MUSIQ};
 
     for (size_t i = 0; i < sizeof kept / sizeof *kept; i++)
         if (frames_wanted(p, kept[i]))
@@ -202,6 +208,7 @@ int compare_frames(struct table *t, const struct compare_rows *rows,
 {
     const char *path[2] = {pair->truth, pair->result};
     struct frames p = {.lpips = nets->lpips, .likeness = nets->likeness,
+                       .musiq = nets->musiq,
                        .unchanged = rows->unchanged != TABLE_NO_ROW};
     double v[COUNT], still[COUNT];
     size_t bytes;

@@ -91,6 +91,7 @@ static int people_picture(struct people *e, const char *row, const float *rgb,
     size_t n = e->S * e->S;
     struct metric_ssim s;
     struct metric_msssim m;
+    double distance;
 
     people_planar(e->b, rgb, n);
     people_add(e, row, "psnr", 1, metric_psnr(metric_mse(e->a, e->b, 3 * n)));
@@ -98,6 +99,12 @@ static int people_picture(struct people *e, const char *row, const float *rgb,
     if (metric_ssim(&s, NULL, NULL, e->a, e->b, 3, e->S, e->S, err))
         return -1;
     people_add(e, row, "ssim", 1, s.mean);
+    if (e->opt->lpips) {
+        if (lpips_distance(&distance, e->opt->lpips, e->a, e->b, e->S, e->S,
+                           err))
+            return -1;
+        people_add(e, row, "lpips", -1, distance);
+    }
     if (!box_is_empty(mouth))
         people_add(e, row, "psnr_mouth", 1,
                    metric_psnr(people_box_mse(e, mouth)));

@@ -6,6 +6,7 @@
 #include <stddef.h>
 
 #include "lib/base/error.h"
+#include "lib/lab/eval/lpips.h"
 #include "lib/lab/eval/reenactor.h"
 #include "lib/lab/eval/table.h"
 #include "lib/lab/data/contact_sheet.h"
@@ -16,6 +17,7 @@ struct people_options {
     size_t stride;          /* ablations and cross look at every so many
                              * frames */
     bool ablations, cross;
+    struct lpips *lpips;    /* for that column; NULL: there is none */
     size_t sheet_rows;      /* 0: no contact sheet */
     /* Called after each person (may be NULL). */
     void (*progress)(size_t done, size_t total);

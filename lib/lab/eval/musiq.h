@@ -1,0 +1,66 @@
+/* MUSIQ (Ke et al. 2021), the quality of one picture by a transformer over its
+ * patches at three sizes, when its weights are given: a safetensors file of
+ * spid-import --as musiq, networks that end in one number (koniq10k's is from
+ * 0 to 100).
+ *
+ * The picture counts as 2 rgb - 1, at its longer side's 224 and 384 pixels
+ * (Keys' bicubic of a = -0.75, not widened where it shrinks; edges repeated)
+ * and as it is.  Each size is cut into patches of 32 x 32, zeros (mid grey)
+ * around it where the sides are no multiples, as many on both sides, an odd one
+ * behind.  A patch alone passes a convolution, a maximum and a bottleneck of
+ * ResNet with group norms, and one linear layer; its place, hashed to a grid of
+ * 10 x 10, and its size are added.  Padding tokens, which public code masks
+ * out, are not made. */
+#ifndef SPID_LAB_EVAL_MUSIQ_H
+#define SPID_LAB_EVAL_MUSIQ_H
+
+#include <stddef.h>
+
+#include "lib/base/error.h"
+#include "lib/nn/attention.h"
+#include "lib/nn/conv.h"
+#include "lib/nn/params.h"
+#include "lib/nn/rescale.h"
+
+#define MUSIQ_SCALES 3
+#define MUSIQ_BLOCKS 14
+
+struct musiq_norm {
+    size_t weight, bias;        /* tensors */
+};
+
+struct musiq_block {
+    struct musiq_norm norm1, norm2;
+    struct conv qkv, out, fc1, fc2;
+};
+
+struct musiq {
+    struct params ps;
+    struct nn_plan plan;
+    struct conv root, conv1, conv2, conv3, proj, embedding, head;
+    struct musiq_norm gn_root, gn1, gn2, gn3, gn_proj, norm;
+    size_t position, scale, cls;
+    struct musiq_block block[MUSIQ_BLOCKS];
+    struct attention attention;
+    size_t H, W;                /* as planned; 0: not yet */
+    size_t h[MUSIQ_SCALES], w[MUSIQ_SCALES];
+    size_t patches;             /* of all sizes; tokens are one more */
+    struct rescale resize[MUSIQ_SCALES];
+    float *picture, *size[MUSIQ_SCALES];        /* (H,W,3), (h,w,3) */
+    float *rgb;                                 /* (patches,32,32,3) */
+    float *root_out, *narrow[3], *wide[2];      /* of every patch */
+    float *x, *n, *heads, *att, *hidden, *quality; /* of every token */
+};
+
+/* Load the weights; EX_DATAERR names a tensor that is missing. */
+int musiq_init(struct musiq *m, const char *path, struct error *err);
+/* Declare the file's tensors in ps, frozen. */
+void musiq_declare(struct musiq *m, struct params *ps);
+/* Free what it holds; zeroed then. */
+void musiq_release(struct musiq *m);
+
+/* Quality of a planar picture (3,H,W) in [0,1], higher is better. */
+int musiq_quality(double *quality, struct musiq *m, const float *rgb,
+                  size_t H, size_t W, struct error *err);
+
+#endif
