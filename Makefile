@@ -300,9 +300,9 @@ tests: all $(UNIT) $(if $(GOLDEN_C),$(BUILD)/tests/golden)
 check: tests
 	BUILD=$(BUILD) tests/run $(T)
 
-# What takes minutes and gigabytes: the paper's run at its full size.
+# What takes minutes and gigabytes: the paper's run at its full size, its tables.
 check-long: tests
-	BUILD=$(BUILD) SPID_LONG=1 LIMIT=7200 tests/run train-paper export-live
+	BUILD=$(BUILD) SPID_LONG=1 LIMIT=7200 tests/run train-paper paper-tables export-live
 
 # Live driving for half an hour, every program of the pipe killed a hundred
 # times, two hundred clips of which ten are killed.

@@ -1,6 +1,6 @@
 #!/bin/sh
 # eval-model.sh DIR SEED PEOPLE FRAMES: the model on people it has never seen;
-# DIR/metrics.json and DIR/sheet.png.  `make eval-model`.
+# DIR/metrics.json (FORMAT=tsv: metrics.tsv) and DIR/sheet.png.  `make eval-model`.
 # The people are spid-synth's, of the scans in ASSETS or plain figures, with all
 # camera effects, one frame a second of their time; EFFECTS=0 leaves noise,
 # blur, JPEG and occluders out.
@@ -14,7 +14,7 @@ synth() {
 }
 synth
 spid-eval --people "$dir/people.spid" --count "$people" --frames "$frames" \
-    ${MODEL:+-m "$MODEL"} --format json -o "$dir/metrics.json" \
-    --sheet "$dir/sheet.png"
+    ${MODEL:+-m "$MODEL"} --format "${FORMAT:-json}" -o "$dir/metrics.${FORMAT:-json}" \
+    --sheet "$dir/sheet.png" ${LPIPS:+--lpips "$LPIPS"}
 rm -f "$dir/people.spid"
-cat "$dir/metrics.json"
+cat "$dir/metrics.${FORMAT:-json}"

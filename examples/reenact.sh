@@ -3,8 +3,9 @@
 # protocols, each clip an identity.  The source is the first frame of a clip.
 #   self    its driver is the same clip; the truth its frames and its motion
 #   cross   its driver is the next clip (the first after the last); -c: not run
-# -s makes SpiD* (no refiner).  -n takes only the first frames of each clip, all
-# of a shorter one; -e every N-th.  -t (--turned) starts each clip at its most
+# -s makes SpiD* (no refiner, over black or BACKGROUND); $SPID_MODEL may be of
+# another METHOD (the row's name); EVAL: options of spid-eval.
+# -n takes only the first frames of each clip, all of a shorter one; -e every N-th.  -t (--turned) starts each clip at its most
 # turned frame, as spid-motion finds it, and goes on to the farther end, be it
 # backwards.  --split NAME takes the clips of that split (model/splits.tsv, below
 # $SHARED, by default the folder shared beside the checkout).
@@ -52,7 +53,8 @@ if [ -n "$split" ]; then
         "$here/model/splits.tsv")
 fi
 [ -n "$out" ] && [ $# -gt 0 ] || { sed -n '2,3s/^# //p' "$0" >&2; exit 64; }
-method=SpiD${star:+*}${turned:+ turned}
+background=${BACKGROUND:-$([ -n "$star" ] && echo black || echo source)}
+method=${METHOD:-SpiD}${star:+*}${turned:+ turned}
 mkdir -p "$out"/{truth,self,cross,person}
 : >"$out/pairs.tsv"
 : >"$out/judge.tsv"
@@ -89,7 +91,7 @@ chosen() {
     fi
 }
 
-# truth CLIP NAME: its portrait window as pictures, its motion, its avatar.
+# truth CLIP NAME: its portrait window as pictures, its motion, its identity.
 truth() {
     local clip=$1 name=$2 x y side size width height take
     spid-motion -q "$clip" -o "$out/person/$name.whole.spid" || return
@@ -118,22 +120,16 @@ truth() {
     ffmpeg -nostdin -v error -y -i "$clip" -vf "$take" -frames:v 1 -pix_fmt rgb24 "$out/person/$name.png" &&
         spid-motion -q --window "$window" "$out/truth/$name" -o "$out/truth/$name.spid" &&
         { spid-shape -q --window "$((x + side / 2)),$((y + side / 2)),$side" "$out/person/$name.png" -o "$out/person/$name.me.spid" ||
-            { refused=$((refused + 1)); false; }; } &&
-        spid-branches -q --bake "$out/person/$name.me.spid" -o "$out/person/$name.spid"
+            { refused=$((refused + 1)); false; }; }
 }
 
 # drive PERSON DRIVER DIR: that person moved by that clip.
 drive() {
-    local person=$out/person/$1 made=$3/$1 channels
-    channels=$(spid-dump "$person.spid" | sed -n 's/^ *color .*\[[0-9]*,\([0-9]*\)\].*/\1/p' | head -n 1)
+    local made=$3/$1
+
     mkdir -p "$made"
-    spid-flame -i "$person.spid" "$out/truth/$2.spid" | spid-branches -i "$person.spid" |
-        if [ -n "$star" ]; then
-            spid-splat -q -s "$size" -o "$made/%05d.png"
-        else
-            spid-splat -q -s "$size" -c "$channels" | spid-refine -q -i "$person.me.spid" \
-                --background source -o "$made/%05d.png"
-        fi &&
+    spid-animate -q --absolute ${star:+--star} -b "$background" "$out/person/$1.me.spid" \
+        "$out/truth/$2.spid" -o "$made/%05d.png" &&
         spid-motion -q --window "$window" "$made" -o "$made.spid"
 }
 
@@ -191,7 +187,8 @@ for i in "${!names[@]}"; do
     done
 done
 echo "reenact.sh: $refused of $# sources refused" >&2
-spid-eval --pairs "$out/pairs.tsv" || bad=1
+# shellcheck disable=SC2086
+spid-eval ${EVAL:-} --pairs "$out/pairs.tsv" || bad=1
 if [ -f "$judge" ] && [ -d "${JUDGE_NODE:-$HOME/.cache/judge_node}" ]; then
     node "$judge" pairs "$out/judge.tsv" --json "$out/judge.json" |
         tee "$out/judge.txt" || bad=1

@@ -1,0 +1,36 @@
+# examples/paper.sh: a trial of it, minutes long, with SPID_LONG=1 (make
+# check-long).
+load helper
+
+@test "paper.sh makes every table, the latencies and the plot, and says what it lacks" {
+    [ -n "${SPID_LONG:-}" ] || skip "long (make check-long)"
+    command -v ffmpeg >/dev/null || skip "no ffmpeg (apt: ffmpeg)"
+    for i in 1 2; do
+        spid-synth -q -n 1 --frames 3 -s $i --effects 0 --size 256 -o clip$i.mp4
+    done
+    status 0 env CLIP_FRAMES=2 PEOPLE=1 FRAMES=6 BENCH=0.2 "$TOP/examples/paper.sh" out clip1.mp4 clip2.mp4
+    has "lpips: not run: needs weights (--lpips)"
+    has "GAGAvatar: not run: needs its checkpoint"
+    # the paper's columns in its order, SpiD* and SpiD, whence each row is
+    for n in 1 2; do
+        [ "$(cut -f 1 out/table$n.tsv | grep -c '^SpiD')" = 2 ]
+    done
+    [ "$(head -n 1 out/table1.tsv | cut -f 2-7 | tr '\t' ' ')" = "akd aed apd lpips psnr ssim" ]
+    [ "$(head -n 1 out/table2.tsv | cut -f 2-7 | tr '\t' ' ')" = "psnr ssim msssim lpips l1 musiq" ]
+    # truth is nearer to what is driven by itself than by another's motion
+    awk -F '\t' '$1 == "SpiD" { print FILENAME == "out/table1.tsv" ? $6 : $2 }' out/table1.tsv out/table2.tsv |
+        awk '{ p[NR] = $1 } END { exit !(NR == 2 && p[1] > 5 && p[2] > p[1] + 5) }'
+    awk -F '\t' '$1 == "full" { full = $2 } $1 == "w/o static" { without = $2 } END { exit !(full > without + 1) }' out/table3.tsv
+    for n in 1 2 3; do
+        awk -F '\t' '{ if ($NF == "" || NF != (n += NR == 1 ? NF : 0)) exit 1 }' out/table$n.tsv
+    done
+    grep -q '^sum of the first four' out/latency.txt
+    [ -s out/tradeoff.svg ] || [ -s out/tradeoff.gp ]
+    grep -q 'Table 3' out/paper.txt
+}
+
+@test "paper.sh says what it wants" {
+    status 64 "$TOP/examples/paper.sh"
+    has 'paper.sh OUT [CLIP ...]'
+    has 'table1.tsv'
+}
