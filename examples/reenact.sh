@@ -5,10 +5,11 @@
 #   cross   its driver is the next clip (the first after the last); -c: not run
 # -s makes SpiD* (no refiner, over black or BACKGROUND); $SPID_MODEL may be of
 # another METHOD (the row's name); EVAL: options of spid-eval.
-# -n takes only the first frames of each clip, all of a shorter one; -e every N-th.  -t (--turned) starts each clip at its most
-# turned frame, as spid-motion finds it, and goes on to the farther end, be it
-# backwards.  --split NAME takes the clips of that split (model/splits.tsv, below
-# $SHARED, by default the folder shared beside the checkout).
+# -n takes only the first frames of each clip, all of a shorter one; -e every
+# N-th.  -t (--turned) starts each clip at its most turned frame, as spid-motion
+# finds it, and goes on to the farther end, be it backwards.  --split NAME takes
+# the clips of that split (model/splits.tsv, below $SHARED, by default the folder
+# shared beside the checkout).
 #   DIR/truth/NAME    frames of the clip's portrait window, and NAME.spid
 #   DIR/self, DIR/cross   results, and the motion found in them
 #   DIR/pairs.tsv     what spid-eval --pairs reads; its table is printed

@@ -122,6 +122,16 @@ int params_load(struct params *ps, const struct safetensors *st,
     return params_load_from(ps, st, prefix, prefix, err);
 }
 
+int params_open(struct params *ps, const char *path, struct error *err)
+{
+    struct safetensors *st = st_open(path, err);
+    int rc = st && !params_allocate(ps, err) && !params_load(ps, st, "", err)
+                 ? 0 : -1;
+
+    st_close(st);
+    return rc;
+}
+
 /* The name in the file of a tensor, or false when it does not begin with
  * prefix. */
 static bool params_renamed(char name[256], const struct param *t,

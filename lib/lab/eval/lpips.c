@@ -46,19 +46,12 @@ static void lpips_declare(struct lpips *l)
 
 int lpips_init(struct lpips *l, const char *path, struct error *err)
 {
-    struct safetensors *st = st_open(path, err);
-    int rc = -1;
-
     memset(l, 0, sizeof *l);
-    if (!st)
-        return -1;
     lpips_declare(l);
-    if (!params_allocate(&l->ps, err) && !params_load(&l->ps, st, "", err))
-        rc = 0;
-    st_close(st);
-    if (rc)
-        lpips_release(l);
-    return rc;
+    if (params_open(&l->ps, path, err) == 0)
+        return 0;
+    lpips_release(l);
+    return -1;
 }
 
 /* Forget what was planned for another picture size. */

@@ -99,20 +99,13 @@ void musiq_declare(struct musiq *m, struct params *ps)
 
 int musiq_init(struct musiq *m, const char *path, struct error *err)
 {
-    struct safetensors *st = st_open(path, err);
-    int rc = -1;
-
     memset(m, 0, sizeof *m);
-    if (!st)
-        return -1;
     params_init(&m->ps);
     musiq_declare(m, &m->ps);
-    if (!params_allocate(&m->ps, err) && !params_load(&m->ps, st, "", err))
-        rc = 0;
-    st_close(st);
-    if (rc)
-        musiq_release(m);
-    return rc;
+    if (params_open(&m->ps, path, err) == 0)
+        return 0;
+    musiq_release(m);
+    return -1;
 }
 
 /* ---- a plan for one size of picture -------------------------------------- */
@@ -187,6 +180,9 @@ static void musiq_plan_stem(struct musiq *m, size_t H, size_t W)
     for (int i = 0; i < 2; i++)
         m->wide[i] = nn_plan_floats(p, pixels * TOKEN);
     conv_plan(&m->root, p, n, PATCH, PATCH);
+    /* the public definition pads the last windows with zeros: behind a relu
+     * that is the same as cutting them off */
+    max_pool_plan(&m->pool, p, n, 2 * MAP, 2 * MAP, STEM);
     conv_plan(&m->conv1, p, n, MAP, MAP);
     conv_plan(&m->conv2, p, n, MAP, MAP);
     conv_plan(&m->conv3, p, n, MAP, MAP);
@@ -323,30 +319,6 @@ static void musiq_group_norm(float *x, const struct musiq *m,
                   pixels, C, eps, relu);
 }
 
-/* out (patches,8,8,STEM) = maximum of 3x3, stride 2, of in (patches,16,16,STEM),
- * which is nowhere under 0; the row and column behind it are zeros. */
-static void musiq_pool(float *out, const float *in, size_t patches)
-{
-    const size_t side = 2 * MAP;
-
-    for (size_t i = 0; i < patches * MAP * MAP; i++) {
-        const float *p = in + i / (MAP * MAP) * side * side * STEM;
-        const size_t y0 = 2 * (i / MAP % MAP), x0 = 2 * (i % MAP);
-
-        for (size_t c = 0; c < STEM; c++) {
-            float best = 0;
-
-            for (size_t k = 0; k < 9; k++) {
-                const size_t y = y0 + k / 3, x = x0 + k % 3;
-
-                if (y < side && x < side)
-                    best = fmaxf(best, p[(y * side + x) * STEM + c]);
-            }
-            out[i * STEM + c] = best;
-        }
-    }
-}
-
 /* Tokens of the patches in m->rgb, behind the class token's place in m->x. */
 static void musiq_stem(struct musiq *m)
 {
@@ -356,7 +328,7 @@ static void musiq_stem(struct musiq *m)
     conv_forward(m->root_out, m->rgb, &m->root);
     musiq_group_norm(m->root_out, m, &m->gn_root, 4 * pixels, STEM, 1e-6, NULL,
                      true);
-    musiq_pool(a[0], m->root_out, m->patches);
+    max_pool_forward(a[0], m->root_out, &m->pool);
     conv_forward(m->wide[0], a[0], &m->proj);
     musiq_group_norm(m->wide[0], m, &m->gn_proj, pixels, TOKEN, 1e-4, NULL,
                      false);

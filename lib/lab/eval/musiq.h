@@ -20,6 +20,7 @@
 #include "lib/nn/attention.h"
 #include "lib/nn/conv.h"
 #include "lib/nn/params.h"
+#include "lib/nn/pool.h"
 #include "lib/nn/rescale.h"
 
 #define MUSIQ_SCALES 3
@@ -46,6 +47,7 @@ struct musiq {
     size_t h[MUSIQ_SCALES], w[MUSIQ_SCALES];
     size_t patches;             /* of all sizes; tokens are one more */
     struct rescale resize[MUSIQ_SCALES];
+    struct max_pool pool;
     float *picture, *size[MUSIQ_SCALES];        /* (H,W,3), (h,w,3) */
     float *rgb;                                 /* (patches,32,32,3) */
     float *root_out, *narrow[3], *wide[2];      /* of every patch */
