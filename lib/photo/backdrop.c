@@ -271,11 +271,12 @@ static void backdrop_pixel(uint8_t *out, const struct matting *m,
     }
 }
 
-PARALLEL(backdrop_fill_part, i, struct matting *, m, struct backdrop *, b,
-         size_t, n)
+/* One row. */
+PARALLEL(backdrop_fill_part, y, struct matting *, m, struct backdrop *, b)
 {
-    if (backdrop_hidden(m, i))
-        backdrop_pixel(m->back + 3 * i, m, b, i % n, i / n);
+    for (size_t x = 0, i = y * m->n; x < m->n; x++, i++)
+        if (backdrop_hidden(m, i))
+            backdrop_pixel(m->back + 3 * i, m, b, x, y);
 }
 
 int backdrop_fill(struct matting *m, struct error *err)
@@ -293,7 +294,7 @@ int backdrop_fill(struct matting *m, struct error *err)
     }
     backdrop_compare(b, (int)n);
 
-    parallel_each(backdrop_fill_part, n * n, 1, m, b, n);
+    parallel_each(backdrop_fill_part, n, 1, m, b);
     free(b);
     return 0;
 }

@@ -50,6 +50,15 @@ static void margin_value(float to[3], const struct matting *m,
     }
 }
 
+/* The first pixel beyond the picture from i on, or n x n. */
+static size_t margin_next(const struct matting *m, size_t i)
+{
+    const size_t all = m->n * m->n;
+    const uint8_t *at = memchr(m->inside + i, 0, all - i);
+
+    return at ? (size_t)(at - m->inside) : all;
+}
+
 /* Pixel i of the picture, and the one beyond it, j: how far that is off. */
 static void margin_meet(struct margin *g, enum layer layer, size_t i, size_t j)
 {
@@ -75,23 +84,19 @@ static void margin_spread(struct margin *g, enum layer layer)
     const size_t n = m->n;
 
     memset(g->cell, 0, g->side * g->side * OFF * sizeof *g->cell);
-    for (size_t y = 0; y < n; y++)
-        for (size_t x = 0; x < n; x++) {
-            const size_t i = y * n + x;
+    for (size_t j = margin_next(m, 0); j < n * n; j = margin_next(m, j + 1)) {
+        const size_t x = j % n, y = j / n;
 
-            if (!m->inside[i]) {
-                g->cell[OFF * margin_cell(g, x, y)] += REST / (REACH * REACH);
-                continue;
-            }
-            if (x > 0 && !m->inside[i - 1])
-                margin_meet(g, layer, i, i - 1);
-            if (x + 1 < n && !m->inside[i + 1])
-                margin_meet(g, layer, i, i + 1);
-            if (y > 0 && !m->inside[i - n])
-                margin_meet(g, layer, i, i - n);
-            if (y + 1 < n && !m->inside[i + n])
-                margin_meet(g, layer, i, i + n);
-        }
+        g->cell[OFF * margin_cell(g, x, y)] += REST / (REACH * REACH);
+        if (y > 0 && m->inside[j - n])
+            margin_meet(g, layer, j - n, j);
+        if (x > 0 && m->inside[j - 1])
+            margin_meet(g, layer, j - 1, j);
+        if (x + 1 < n && m->inside[j + 1])
+            margin_meet(g, layer, j + 1, j);
+        if (y + 1 < n && m->inside[j + n])
+            margin_meet(g, layer, j + n, j);
+    }
     pyramid_pool(g->cell, g->side, OFF, REST, none);
     for (size_t i = 0; i < g->side * g->side; i++)
         for (int c = 1; c < OFF; c++)
@@ -110,11 +115,12 @@ PARALLEL(margin_add_part, y, struct margin *, g, enum layer, layer)
     float tx, ty;
     const size_t v = pyramid_between(&ty, y, n, s);
 
-    for (size_t x = 0; x < n; x++) {
+    for (size_t x = margin_next(m, y * n) - y * n; x < n;
+         x = margin_next(m, y * n + x + 1) - y * n) {
         const size_t u = pyramid_between(&tx, x, n, s);
         const float *a = g->cell + OFF * (v * s + u) + 1, *b = a + OFF * s;
 
-        for (size_t c = 0; c < channels && !m->inside[y * n + x]; c++) {
+        for (size_t c = 0; c < channels; c++) {
             uint8_t *at = to + channels * (y * n + x) + c;
             const float up = a[c] + tx * (a[c + OFF] - a[c]);
             const float low = b[c] + tx * (b[c + OFF] - b[c]);
@@ -128,10 +134,11 @@ PARALLEL(margin_add_part, y, struct margin *, g, enum layer, layer)
 /* rgb beyond the picture: both layers. */
 static void margin_compose(struct matting *m)
 {
-    for (size_t i = 0; i < m->n * m->n; i++) {
+    for (size_t i = margin_next(m, 0); i < m->n * m->n;
+         i = margin_next(m, i + 1)) {
         const unsigned a = m->alpha[i];
 
-        for (size_t c = 3 * i; c < 3 * i + 3 && !m->inside[i]; c++)
+        for (size_t c = 3 * i; c < 3 * i + 3; c++)
             m->rgb[c] = (uint8_t)((a * m->rgb[c] + (255 - a) * m->back[c]) /
                                   255);
     }
@@ -141,7 +148,7 @@ int margin_fill(struct matting *m, struct error *err)
 {
     struct margin g = {.m = m, .side = 2};
 
-    if (!memchr(m->inside, 0, m->n * m->n))
+    if (margin_next(m, 0) == m->n * m->n)
         return 0;
     while (2 * g.side <= m->n && g.side < LARGEST)
         g.side *= 2;

@@ -1,0 +1,507 @@
+/* Alpha matting by local normal distributions (matting.h), up to the layers'
+ * guesses. */
+#include "lib/photo/matting_kernel.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "lib/base/crop.h"
+#include "lib/base/parallel.h"
+#include "lib/nn/math.h"
+#include "lib/photo/pyramid.h"
+
+/* tests/bench/matte.sh measures what these give on scans: halving or doubling
+ * one changes the mean error of the matte by less than a tenth. */
+#define CELLS 64                /* statistics are by cells, so many across */
+#define SMALL 512               /* pixels across, of the picture they are of */
+#define TRIMAP 0.1f             /* surer than this: counts as decided */
+#define NOISE (2.5f / 255)      /* of a pixel: camera, compression */
+#define STRANGE_BACK 0.02f      /* density of colours that a side has not */
+#define STRANGE_FORE 0.5f       /* shown; more: people have many */
+#define MIXED 0.3f              /* of a rim, where both are as likely */
+#define EVIDENCE 0.25f          /* of a cell: what coarser cells count for it */
+#define STATES 8                /* of alpha: 0, six intervals between, 1 */
+
+enum { SIDE_BACK, SIDE_FORE, SIDES };
+enum { MOMENTS = 10 };          /* 1, c, and the lower half of c c' */
+enum { FORM = 10, GAIN = 4 };   /* coefficients of a quadratic; of a plane */
+
+/* A normal distribution of colours, 0..1. */
+struct matting_colours {
+    float mean[3], cov[6];      /* xx, yx, yy, zx, zy, zz */
+};
+
+/* What a cell says of a pixel's colour c, for each state of alpha: the
+ * logarithm of its likelihood is a quadratic in c, and the mean of alpha within
+ * the state is linear in c.  All floats, so that cells can be mixed. */
+struct matting_cell {
+    float form[FORM][STATES], gain[GAIN][STATES], spread[STATES];
+    struct matting_colours side[SIDES];
+};
+
+/* small: the picture of which the statistics are; its back is NULL, and none is
+ * looked for. */
+struct matting_work {
+    struct matting small;
+    float *moment[SIDES];       /* pyramids of (side,side,MOMENTS) */
+    struct matting_cell *cell;  /* (CELLS,CELLS) */
+    const float *prior;         /* (w,w), or NULL */
+    size_t w;
+    bool known;                 /* alpha, in the picture */
+};
+
+static void matting_release(struct matting_work *k)
+{
+    free(k->small.rgb);
+    free(k->moment[0]);
+    free(k->cell);
+}
+
+static int matting_init(struct matting_work *k, size_t n, struct error *err)
+{
+    const size_t s = n < SMALL ? n : SMALL, p = s * s;
+    const size_t all = pyramid_floats(CELLS, MOMENTS);
+    uint8_t *bytes = malloc(6 * p);
+
+    k->small = (struct matting){s, bytes, bytes + 3 * p, bytes + 4 * p,
+                                bytes + 5 * p, NULL};
+    k->moment[0] = malloc(SIDES * all * sizeof(float));
+    k->moment[1] = k->moment[0] + all;
+    k->cell = malloc(CELLS * CELLS * sizeof *k->cell);
+    if (bytes && k->moment[0] && k->cell)
+        return 0;
+    matting_release(k);
+    return error_set(err, EX_OSERR, "no memory for the matte");
+}
+
+static inline float matting_clamp(float x)
+{
+    return x < 0 ? 0 : x > 1 ? 1 : x;
+}
+
+static inline uint8_t matting_byte(float x)
+{
+    return (uint8_t)(255 * matting_clamp(x) + 0.5f);
+}
+
+/* ---- what is decided, and its colours' statistics ----------------------- */
+
+/* Adds the pixels of the small picture that are decided to their cells. */
+static void matting_gather(struct matting_work *k)
+{
+    const struct matting *m = &k->small;
+    const size_t s = m->n;
+
+    memset(k->moment[0], 0, CELLS * CELLS * MOMENTS * sizeof(float));
+    memset(k->moment[1], 0, CELLS * CELLS * MOMENTS * sizeof(float));
+    for (size_t i = 0; i < s * s; i++) {
+        const float a = (float)m->alpha[i] / 255;
+        const size_t cell = i / s * CELLS / s * CELLS + i % s * CELLS / s;
+        float *to = k->moment[a > 0.5f] + cell * MOMENTS, c[3];
+
+        if (!m->inside[i] || (a > TRIMAP && a < 1 - TRIMAP))
+            continue;
+        to[0]++;
+        for (int j = 0, l = 4; j < 3; j++) {
+            c[j] = (float)m->rgb[3 * i + j] / 255;
+            to[1 + j] += c[j];
+            for (int h = 0; h <= j; h++)
+                to[l++] += c[j] * c[h];
+        }
+    }
+}
+
+/* Statistics of every cell from its own pixels, or where it has few from those
+ * of coarser and coarser cells about it; at last any colour is as likely. */
+static void matting_pool(struct matting_work *k)
+{
+    static const float any[MOMENTS] = {
+        1, .5f, .5f, .5f, 1 / 3.f, .25f, 1 / 3.f, .25f, .25f, 1 / 3.f
+    };
+    const float pixels = (float)(k->small.n * k->small.n);
+    const float weight = EVIDENCE * pixels / (CELLS * CELLS);
+
+    for (int side = 0; side < SIDES; side++)
+        pyramid_pool(k->moment[side], CELLS, MOMENTS, weight, any);
+}
+
+/* ---- the likelihood of a colour ------------------------------------------ */
+
+static void matting_normal(struct matting_colours *c, const float *m)
+{
+    for (int j = 0; j < 3; j++)
+        c->mean[j] = m[1 + j] / m[0];
+    for (int j = 0, l = 0; j < 3; j++)
+        for (int h = 0; h <= j; h++, l++)
+            c->cov[l] = m[4 + l] / m[0] - c->mean[j] * c->mean[h];
+    for (int l = 0; l < 6; l++)         /* the diagonal, after rounding */
+        if (l == 0 || l == 2 || l == 5)
+            c->cov[l] = fmaxf(c->cov[l], 0);
+}
+
+/* inverse = a^-1 of a symmetric matrix; returns its determinant. */
+static float matting_invert(float inverse[6], const float a[6])
+{
+    const float xx = a[0], yx = a[1], yy = a[2], zx = a[3], zy = a[4],
+                zz = a[5];
+    const float c0 = yy * zz - zy * zy, c1 = zx * zy - yx * zz;
+    const float c3 = yx * zy - zx * yy;
+    const float det = xx * c0 + yx * c1 + zx * c3, by = 1 / det;
+
+    inverse[0] = c0 * by;
+    inverse[1] = c1 * by;
+    inverse[2] = (xx * zz - zx * zx) * by;
+    inverse[3] = c3 * by;
+    inverse[4] = (zx * yx - xx * zy) * by;
+    inverse[5] = (xx * yy - yx * yx) * by;
+    return det;
+}
+
+/* y = a x. */
+static void matting_apply(float y[3], const float a[6], const float x[3])
+{
+    y[0] = a[0] * x[0] + a[1] * x[1] + a[3] * x[2];
+    y[1] = a[1] * x[0] + a[2] * x[1] + a[4] * x[2];
+    y[2] = a[3] * x[0] + a[4] * x[1] + a[5] * x[2];
+}
+
+static float matting_dot(const float a[3], const float b[3])
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+/* Alpha in the middle of a state, and its variance in there: of an interval, an
+ * even distribution's. */
+static float matting_state(float *variance, int state)
+{
+    const float width = 1.f / (STATES - 2);
+
+    *variance = state > 0 && state < STATES - 1 ? width * width / 12 : 0;
+    return state == 0 ? 0 : state == STATES - 1 ? 1
+           : ((float)state - 0.5f) * width;
+}
+
+/* Covariance of alpha F + (1 - alpha) B plus noise. */
+static void matting_mix(float cov[6], const struct matting_cell *c, float a)
+{
+    for (int l = 0; l < 6; l++)
+        cov[l] = a * a * c->side[SIDE_FORE].cov[l] +
+                 (1 - a) * (1 - a) * c->side[SIDE_BACK].cov[l];
+    cov[0] += NOISE * NOISE;
+    cov[2] += NOISE * NOISE;
+    cov[5] += NOISE * NOISE;
+}
+
+/* The quadratic and the plane of one state. */
+static void matting_prepare_state(struct matting_cell *c, int state)
+{
+    const float *F = c->side[SIDE_FORE].mean, *B = c->side[SIDE_BACK].mean;
+    float variance, a = matting_state(&variance, state), inverse[6], cov[6];
+    float mean[3], d[3], b[3], g[3];
+
+    matting_mix(cov, c, a);
+    for (int j = 0, l = 0; j < 3; j++) {
+        d[j] = F[j] - B[j];
+        mean[j] = B[j] + a * d[j];
+        for (int h = 0; h <= j; h++)
+            cov[l++] += variance * d[j] * d[h];
+    }
+    const float det = matting_invert(inverse, cov);
+    matting_apply(b, inverse, mean);
+    matting_apply(g, inverse, d);
+    for (int l = 0; l < 6; l++)         /* the others stand twice in c' A c */
+        c->form[l][state] = (l == 0 || l == 2 || l == 5 ? -0.5f : -1)
+                            * inverse[l];
+    for (int j = 0; j < 3; j++) {
+        c->form[6 + j][state] = b[j];
+        c->gain[j][state] = variance * g[j];
+    }
+    c->form[9][state] = -0.5f * (matting_dot(mean, b) + logf(det) +
+                                 3 * 1.8378771f);
+    c->gain[3][state] = a - variance * matting_dot(g, mean);
+    c->spread[state] = variance - variance * variance * matting_dot(g, d);
+}
+
+PARALLEL(matting_prepare_part, i, struct matting_work *, k)
+{
+    struct matting_cell *c = k->cell + i;
+
+    for (int side = 0; side < SIDES; side++)
+        matting_normal(&c->side[side], k->moment[side] + i * MOMENTS);
+    for (int state = 0; state < STATES; state++)
+        matting_prepare_state(c, state);
+}
+
+static void matting_prepare(struct matting_work *k)
+{
+    parallel_each(matting_prepare_part, CELLS * CELLS, 1, k);
+}
+
+/* ---- the posterior ------------------------------------------------------ */
+
+/* to = a + t (b - a), n floats. */
+static inline void matting_between(float *to, const float *a, const float *b,
+                                   float t, size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        to[i] = a[i] + t * (b[i] - a[i]);
+}
+
+/* Where a row of pixels is: the cells about it mixed, and the prior at its two
+ * columns about a pixel. */
+struct matting_row {
+    struct matting_cell cell[CELLS];
+    bool made[CELLS];
+    size_t column;              /* the prior's, plus 1 */
+    float left, step;
+};
+
+/* Cell u of the row of pixels y of n. */
+static const struct matting_cell *matting_row_cell(struct matting_row *row,
+                                                   const struct matting_work *k,
+                                                   size_t u, size_t y, size_t n)
+{
+    float t;
+
+    if (!row->made[u]) {
+        const size_t v = pyramid_between(&t, y, n, CELLS);
+        const struct matting_cell *a = k->cell + v * CELLS + u;
+
+        matting_between((float *)(row->cell + u), (const float *)a,
+                        (const float *)(a + CELLS), t,
+                        sizeof *a / sizeof(float));
+        row->made[u] = true;
+    }
+    return row->cell + u;
+}
+
+/* The prior, between its cells, at pixel (x,y) of n x n. */
+static inline float matting_prior(struct matting_row *row,
+                                  const struct matting_work *k, size_t x,
+                                  size_t y, size_t n)
+{
+    float tx, ty;
+    const size_t u = pyramid_between(&tx, x, n, k->w);
+
+    if (u + 1 != row->column) {
+        const size_t v = pyramid_between(&ty, y, n, k->w);
+        const float *a = k->prior + v * k->w + u, *b = a + k->w;
+
+        row->column = u + 1;
+        row->left = a[0] + ty * (b[0] - a[0]);
+        row->step = a[1] + ty * (b[1] - a[1]) - row->left;
+    }
+    return row->left + tx * row->step;
+}
+
+/* The polynomial of `terms` coefficients, those of a and b mixed, at `in`. */
+static inline float matting_sum(const float (*a)[STATES],
+                                const float (*b)[STATES], float t,
+                                const float *in, int terms, int state)
+{
+    float sum = 0;
+
+#pragma GCC unroll 16
+    for (int i = 0; i < terms; i++)
+        sum += in[i] * (a[i][state] + t * (b[i][state] - a[i][state]));
+    return sum;
+}
+
+/* Mean of alpha, and *doubt its standard deviation, of a pixel of colour c
+ * between cells a and b, whose prior probability is p. */
+static float matting_posterior(float *doubt, const struct matting_cell *a,
+                               const struct matting_cell *b, float t,
+                               const float c[3], float p)
+{
+    const float in[FORM] = {c[0] * c[0], c[1] * c[0], c[1] * c[1], c[2] * c[0],
+                            c[2] * c[1], c[2] * c[2], c[0], c[1], c[2], 1};
+    const float rim = MIXED * 2 * sqrtf(p * (1 - p)) / (STATES - 2);
+    float sum = 0, mean = 0, square = 0;
+
+#pragma omp simd reduction(+ : sum, mean, square)
+    for (int s = 0; s < STATES; s++) {
+        const float prior = s == 0 ? 1 - p : s == STATES - 1 ? p : rim;
+        const float strange = s == STATES - 1 ? STRANGE_BACK + STRANGE_FORE
+                                              : STRANGE_BACK;
+        const float likely = math_exp(matting_sum(a->form, b->form, t, in,
+                                                  FORM, s)) + strange;
+        const float alpha = matting_clamp(matting_sum(a->gain, b->gain, t,
+                                                      in + 6, GAIN, s));
+        const float spread = a->spread[s] + t * (b->spread[s] - a->spread[s]);
+        const float fit = prior * likely;
+
+        sum += fit;
+        mean += fit * alpha;
+        square += fit * (alpha * alpha + spread);
+    }
+    mean /= sum;
+    square = square / sum - mean * mean;
+    *doubt = square > 0 ? sqrtf(square) : 0;
+    return mean;
+}
+
+/* A colour's share in a sum that is c, as far as it can be one. */
+static inline float matting_rest(float c, float other, float share)
+{
+    return matting_clamp((c - (1 - share) * other) / share);
+}
+
+/* B, the background's mean, becomes that of a pixel of colour c and such an
+ * alpha, and one that some person before it explains. */
+static void matting_unmix(float B[3], const struct matting_cell *cell,
+                          const float c[3], float a)
+{
+    float cov[6], inverse[6], rest[3], pull[3], move[3];
+
+    matting_mix(cov, cell, a);
+    matting_invert(inverse, cov);
+    for (int j = 0; j < 3; j++)
+        rest[j] = c[j] - a * cell->side[SIDE_FORE].mean[j] - (1 - a) * B[j];
+    matting_apply(pull, inverse, rest);
+    matting_apply(move, cell->side[SIDE_BACK].cov, pull);
+    for (int j = 0; j < 3; j++) {
+        B[j] = matting_clamp(B[j] + (1 - a) * move[j]);
+        B[j] = matting_rest(c[j], matting_rest(c[j], B[j], a), 1 - a);
+    }
+}
+
+/* The background at pixel i, which is no person's alone; beyond the picture the
+ * person's colour, too. */
+static void matting_layer(struct matting *m, const struct matting_cell *a,
+                          const struct matting_cell *b, float t,
+                          const float c[3], size_t i)
+{
+    struct matting_cell mean;
+    float *B = mean.side[SIDE_BACK].mean;
+
+    matting_between((float *)mean.side, (const float *)a->side,
+                    (const float *)b->side, t,
+                    SIDES * sizeof *mean.side / sizeof(float));
+    if (m->inside[i])
+        matting_unmix(B, &mean, c, (float)m->alpha[i] / 255);
+    for (int j = 0; j < 3; j++) {
+        m->back[3 * i + j] = matting_byte(B[j]);
+        if (!m->inside[i])
+            m->rgb[3 * i + j] = matting_byte(mean.side[SIDE_FORE].mean[j]);
+    }
+}
+
+/* Pixel (x,y): alpha and certainty, unless that is known, and the layers, if
+ * they are wanted. */
+static void matting_pixel(struct matting *m, const struct matting_work *k,
+                          struct matting_row *row, size_t x, size_t y)
+{
+    const size_t n = m->n, i = y * n + x;
+    const bool given = k->known && m->inside[i];
+    const float p = given ? (float)m->alpha[i] / 255
+                          : matting_prior(row, k, x, y, n);
+    float t, doubt;
+
+    m->alpha[i] = matting_byte(p);
+    m->confidence[i] = m->inside[i];
+    /* a prior that shows in no byte decides */
+    const bool decided = m->alpha[i] == 0 || m->alpha[i] == 255;
+    if (m->inside[i] && decided) {
+        if (m->back && m->alpha[i] == 0)
+            memcpy(m->back + 3 * i, m->rgb + 3 * i, 3);
+        return;
+    }
+    const uint8_t *rgb = m->rgb + 3 * i;
+    const float c[3] = {rgb[0] / 255.f, rgb[1] / 255.f, rgb[2] / 255.f};
+    const size_t u = pyramid_between(&t, x, n, CELLS);
+    const struct matting_cell *a = matting_row_cell(row, k, u, y, n);
+    const struct matting_cell *b = matting_row_cell(row, k, u + 1, y, n);
+
+    if (!given && m->inside[i]) {
+        m->alpha[i] = matting_byte(matting_posterior(&doubt, a, b, t, c, p));
+        m->confidence[i] = matting_byte(1 - 2 * doubt);
+    }
+    if (!m->back)
+        return;
+    if (m->inside[i] && m->alpha[i] == 0)
+        memcpy(m->back + 3 * i, m->rgb + 3 * i, 3);
+    else if (!m->inside[i] || m->alpha[i] < 255)
+        matting_layer(m, a, b, t, c, i);
+}
+
+/* One row. */
+PARALLEL(matting_pixels_part, y, struct matting *, m,
+         const struct matting_work *, k)
+{
+    struct matting_row row;
+
+    row.column = 0;
+    memset(row.made, 0, sizeof row.made);
+    for (size_t x = 0; x < m->n; x++)
+        matting_pixel(m, k, &row, x, y);
+}
+
+static void matting_pixels(struct matting *m, const struct matting_work *k)
+{
+    parallel_each(matting_pixels_part, m->n, 1, m, k);
+}
+
+/* ---- together ----------------------------------------------------------- */
+
+/* The picture, small, and its alpha as it is known. */
+static int matting_shrink(struct matting_work *k, const struct matting *m,
+                          struct error *err)
+{
+    const size_t n = m->n, s = k->small.n;
+    const double half = 0.5 * (double)n;
+    const struct square all = {half, half, 2 * half};
+    uint8_t *inside = k->small.rgb + 3 * s * s;
+
+    for (size_t i = 0; i < s * s; i++)
+        inside[i] = m->inside[i / s * n / s * n + i % s * n / s];
+    if (crop_resize_u8(k->small.rgb, s, m->rgb, n, n, 3 * n, 3, all) ||
+        (k->known &&
+         crop_resize_u8(k->small.alpha, s, m->alpha, n, n, n, 1, all)))
+        return error_set(err, EX_OSERR, "no memory for the matte");
+    return 0;
+}
+
+/* The statistics of both sides as the small picture's alpha has them. */
+static void matting_learn(struct matting_work *k)
+{
+    matting_gather(k);
+    matting_pool(k);
+    matting_prepare(k);
+}
+
+/* The small picture's alpha: the prior, sharpened by statistics of what that
+ * alone decides. */
+static void matting_begin(struct matting_work *k)
+{
+    struct matting_row row = {.column = 0};
+    const size_t s = k->small.n;
+
+    for (size_t i = 0; i < s * s; i++) {
+        row.column = i % s ? row.column : 0;
+        k->small.alpha[i] = matting_byte(matting_prior(&row, k, i % s, i / s,
+                                                       s));
+    }
+    matting_learn(k);
+    matting_pixels(&k->small, k);
+}
+
+int ISA(matting_find)(struct matting *m, const float *prior, size_t w,
+                      bool known, struct error *err)
+{
+    struct matting_work k = {.prior = prior, .w = w, .known = known};
+    int rc = matting_init(&k, m->n, err);
+
+    if (rc)
+        return rc;
+    rc = matting_shrink(&k, m, err);
+    if (rc == 0) {
+        if (!known)
+            matting_begin(&k);
+        matting_learn(&k);
+        matting_pixels(m, &k);
+    }
+    matting_release(&k);
+    return rc;
+}
