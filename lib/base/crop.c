@@ -379,10 +379,10 @@ static void crop_filter_make(struct filter *f, double centre, double size,
 typedef float v4f __attribute__((vector_size(16)));
 
 /* A resizing: an n x n picture of C channels, and the filters, of `bytes`
- * each, that make it: n across and n down.  Those across take samples from to
- * end of a picture's row. */
+ * each, that make it: n across and n down, of at most max samples.  Those
+ * across take samples from to end of a picture's row. */
 struct resizing {
-    size_t n, C, bytes, from, end;
+    size_t n, C, max, bytes, from, end;
     const char *fx, *fy;
     void *filters;              /* all of them */
 };
@@ -394,7 +394,7 @@ static const struct filter *crop_filter_at(const struct resizing *r,
     return (const void *)(axis + i * r->bytes);
 }
 
-/* One row (floats of samples r->from to r->end, and one more) under an
+/* One row (floats of samples r->from to r->end, and 3 more) under an
  * antialiasing filter for each output pixel, of C channels; out has room for 3
  * floats more. */
 static inline void crop_filter_pixels(float *out, const float *row,
@@ -445,34 +445,29 @@ static void crop_filter_add(float *acc, const float *row, float w, size_t n)
         acc[k] += w * row[k];
 }
 
-/* Rows first to end of acc (n,n,C) from the picture, each of whose rows is
- * filtered once, into row (n,C and 3 more), and added to the rows that it
- * reaches. */
-static void crop_filter_rows(float *acc, float *row, float *wide,
-                             const uint8_t *rgb, size_t H, size_t stride,
-                             const struct resizing *r, size_t first,
-                             size_t end)
+/* Output rows first to end from the picture, each of whose rows is filtered
+ * once, into a ring of r->max rows (n,C and 3 more) as in `row`, after which come
+ * the sum of one output row and a picture's row in floats. */
+static void crop_filter_rows(uint8_t *out, float *row, const uint8_t *rgb,
+                             size_t stride, const struct resizing *r,
+                             size_t first, size_t end)
 {
-    const size_t line = r->n * r->C;        /* first: may still take */
+    const size_t line = r->n * r->C, each = line + 3;
+    float *sum = row + r->max * each, *wide = sum + line;
+    size_t next = 0;                    /* picture row to filter */
 
-    for (size_t y = crop_filter_at(r, r->fy, first)->lo; y < H && first < end;
-         y++) {
-        bool filtered = false;
+    for (size_t i = first; i < end; i++) {
+        const struct filter *f = crop_filter_at(r, r->fy, i);
 
-        for (size_t i = first; i < end; i++) {
-            const struct filter *f = crop_filter_at(r, r->fy, i);
-
-            if (f->lo > y)
-                break;
-            if (f->lo + f->count <= y) {
-                first = i == first ? i + 1 : first;
-                continue;
-            }
-            if (!filtered)
-                crop_filter_row(row, wide, rgb + y * stride, r);
-            filtered = true;
-            crop_filter_add(acc + i * line, row, f->w[y - f->lo], line);
-        }
+        memset(sum, 0, line * sizeof *sum);
+        next = next > f->lo ? next : f->lo;
+        for (; next < f->lo + f->count; next++)
+            crop_filter_row(row + next % r->max * each, wide,
+                            rgb + next * stride, r);
+        for (size_t k = 0; k < f->count; k++)
+            crop_filter_add(sum, row + (f->lo + k) % r->max * each, f->w[k],
+                            line);
+        crop_kernels()->round(out + i * line, sum, line);
     }
 }
 
@@ -495,6 +490,7 @@ static int crop_filters_make(struct resizing *r, size_t W, size_t H,
         crop_filter_make((void *)(f + (n + i) * bytes), q.y, q.size, i, n, H,
                          max);
     }
+    r->max = max;
     r->bytes = bytes;
     r->filters = f;
     r->fx = f;
@@ -510,19 +506,12 @@ static int crop_filters_make(struct resizing *r, size_t W, size_t H,
 }
 
 /* Share t of the rows. */
-PARALLEL(crop_resize_u8_part, t, float *, acc, const uint8_t *, rgb,
-         uint8_t *, out, size_t, n, size_t, threads, size_t, line, size_t, own,
-         size_t, H, size_t, stride, struct resizing, r)
+PARALLEL(crop_resize_u8_part, t, uint8_t *, out, float *, room, size_t, own,
+         size_t, threads, const uint8_t *, rgb, size_t, stride,
+         struct resizing, r)
 {
-    const size_t first = n * t / threads;
-    const size_t end = n * (t + 1) / threads;
-    float *row = acc + n * line + t * own;
-
-    if (first < end)
-        crop_filter_rows(acc, row, row + line + 4, rgb, H, stride, &r, first,
-                         end);
-    crop_kernels()->round(out + first * line, acc + first * line,
-                          (end - first) * line);
+    crop_filter_rows(out, room + t * own, rgb, stride, &r, r.n * t / threads,
+                     r.n * (t + 1) / threads);
 }
 
 int crop_resize_u8(uint8_t *out, size_t n, const uint8_t *rgb, size_t W,
@@ -534,16 +523,16 @@ int crop_resize_u8(uint8_t *out, size_t n, const uint8_t *rgb, size_t W,
     assert(r.C >= 1 && r.C <= 4);
     if (crop_filters_make(&r, W, H, q))
         return -1;
-    const size_t wide = (r.end - r.from) * r.C, own = line + wide + 8;
-    float *acc = calloc(n * line + threads * own, sizeof *acc);
+    const size_t own = r.max * (line + 3) + line + (r.end - r.from) * r.C + 3;
+    float *room = malloc(threads * own * sizeof *room);
 
-    if (!acc) {
+    if (!room) {
         free(r.filters);
         return -1;
     }
-    parallel_each(crop_resize_u8_part, threads, 1, acc, rgb, out, n, threads,
-                  line, own, H, stride, r);
+    parallel_each(crop_resize_u8_part, threads, 1, out, room, own, threads, rgb,
+                  stride, r);
     free(r.filters);
-    free(acc);
+    free(room);
     return 0;
 }

@@ -279,11 +279,12 @@ static int source_make_matte(struct source *s, const struct image *im,
 static int source_fit_outline(struct source *s, size_t n,
                               const struct head *head, struct error *err)
 {
-    struct person *p = &s->person, small;
+    struct person *p = &s->person, small, seen = *p;
     struct outline_report found;
     const double begun = cpu_seconds();
 
-    if (person_resize(&small, p, n, err))
+    seen.back = seen.confidence = NULL;
+    if (person_resize(&small, &seen, n, err))
         return -1;
     small.source = p->source;
     small.has_source = p->has_source;
