@@ -16,7 +16,7 @@
  * one changes the mean error of the matte by less than a tenth. */
 #define CELLS 64                /* statistics are by cells, so many across */
 #define SMALL 512               /* pixels across, of the picture they are of */
-#define TRIMAP 0.1f             /* surer than this: counts as decided */
+#define TRIMAP 0.1f             /* decided: this far from it, not at all */
 #define NOISE (2.5f / 255)      /* of a pixel: camera, compression */
 #define STRANGE_BACK 0.02f      /* density of colours that a side has not */
 #define STRANGE_FORE 0.5f       /* shown; more: people have many */
@@ -88,7 +88,9 @@ static inline uint8_t matting_byte(float x)
 
 /* ---- what is decided, and its colours' statistics ----------------------- */
 
-/* Adds the pixels of the small picture that are decided to their cells. */
+/* Adds the pixels of the small picture that are decided to their cells, as far
+ * as they are: a little of the other side in many of them would be a colour of
+ * this one. */
 static void matting_gather(struct matting_work *k)
 {
     const struct matting *m = &k->small;
@@ -103,12 +105,14 @@ static void matting_gather(struct matting_work *k)
 
         if (!m->inside[i] || (a > TRIMAP && a < 1 - TRIMAP))
             continue;
-        to[0]++;
+        const float w = 1 - fminf(a, 1 - a) / TRIMAP;
+
+        to[0] += w;
         for (int j = 0, l = 4; j < 3; j++) {
             c[j] = (float)m->rgb[3 * i + j] / 255;
-            to[1 + j] += c[j];
+            to[1 + j] += w * c[j];
             for (int h = 0; h <= j; h++)
-                to[l++] += c[j] * c[h];
+                to[l++] += w * c[j] * c[h];
         }
     }
 }
