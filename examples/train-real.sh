@@ -23,7 +23,7 @@ names() {
     shift
     for split; do
         awk -F '\t' -v s="$split" -v o="$option" \
-            '$1 == s && $2 != "scans" { print o, $3 }' \
+            '$1 == s && $2 ~ /photos|clip/ { print o, $3 }' \
             "$here/model/splits.tsv"
     done
 }
@@ -132,8 +132,12 @@ train motion-acts motion-acts held.spid \
 train refiner refiner-photo held-pairs.spid \
     --init "$dir/avatar/model.safetensors" $some
 fit real-256.spid --size 256    # pictures of one size
+scenery=$(awk -F '\t' -v a="${assets%/}" \
+    '$1 == "training" && $2 == "scenery" {
+        sub(/^assets/, a, $3); print "--scenery", $3 }' \
+    "$here/model/splits.tsv")
 # shellcheck disable=SC2086
-train sure sure held.spid \
+train sure sure held.spid $scenery \
     --init "$dir/motion-acts/model.safetensors:motion.encoder." \
     "$dir/faces-0.spid" "$dir/real-256.spid" $turned
 

@@ -10,6 +10,7 @@
 #include "formats/image.h"
 #include "lib/net/config.h"
 #include "lib/head/head.h"
+#include "lib/lab/data/scenery.h"
 #include "lib/lab/train/checkpoint.h"
 #include "lib/lab/train/loop.h"
 #include "lib/lab/train/predicted_shape.h"
@@ -18,6 +19,7 @@
 
 static struct {
     const char *config, *head, *validation, *join, *shapes, *records;
+    struct names scenery;
     struct checkpoint_source init[MAX_PARTS];
     size_t ninit;
     long steps, frames;
@@ -39,6 +41,12 @@ static int train_parse_init(const char *value, void *dest, struct error *err)
     return checkpoint_source_parse(&opt.init[opt.ninit++], value, err);
 }
 
+static int train_parse_scenery(const char *value, void *dest,
+                               struct error *err)
+{
+    return names_add(dest, value, err);
+}
+
 static const struct cli_option options[] = {
     OPTION_STRING("config", 'c', &opt.config, "FILE",
                   "JSON configuration of the run (required)"),
@@ -53,6 +61,8 @@ static const struct cli_option options[] = {
                   "people's shapes by FILE's E_beta, not the true ones"),
     OPTION_CALL("init", 0, NULL, "FILE[:PREFIX[=FROM]]", train_parse_init,
                 "start tensors PREFIX... from FILE's FROM...; repeatable"),
+    OPTION_CALL("scenery", 0, &opt.scenery, "FILE", train_parse_scenery,
+                "stage sure: a panorama that shows no face; repeatable"),
     OPTION_STRING("join", 0, &opt.join, "FILE",
                   "no training: join model files into FILE, half precision"),
     OPTION_INT("steps", 0, &opt.steps, 0, 1e9, "N",
@@ -195,6 +205,7 @@ static int train_run(const struct train_config *c,
     struct head head = {0};
     struct task task = {0};
     struct predicted_shape shape = {0};
+    struct scenery scenery = {0};
     struct loop loop = {
         .config = c,
         .task = &task,
@@ -213,6 +224,10 @@ static int train_run(const struct train_config *c,
     if (opt.shapes && predicted_shape_open(&shape, opt.shapes, &head, &err))
         die_error(&err);
     rc = task_init(&task, c, &head, &err);
+    if (!rc && opt.scenery.count) {
+        rc = scenery_read(&scenery, &opt.scenery, &err);
+        task.scenery = &scenery;
+    }
     if (!rc)
         rc = train_loop(&loop, &shape, files, count, &err);
     if (rc) {
@@ -225,6 +240,7 @@ static int train_run(const struct train_config *c,
     data_close(loop.reader);
     predicted_shape_close(&shape);
     task_release(&task);
+    scenery_release(&scenery);
     head_release(&head);
     return rc ? (err.code ? err.code : EX_SOFTWARE) : EX_OK;
 }
@@ -245,6 +261,9 @@ int main(int argc, char **argv)
         die_error(&err);
     if (opt.steps >= 0)
         config.steps = opt.steps;
+    if (opt.scenery.count && config.stage != STAGE_CONFIDENCE)
+        die(EX_USAGE, "--scenery: stage %s learns from faces alone (expected "
+            "stage sure)", train_stage_name(config.stage));
     if (opt.join) {
         rc = train_join_models(&config, argv + first, argc - first);
     } else {

@@ -10,11 +10,11 @@ bad() { echo "FAILED $*"; fail=1; }
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
-# Three splits, three kinds; nobody in two, neither by name nor by prefix or
+# Three splits, four kinds; nobody in two, neither by name nor by prefix or
 # range of seeds.
 awk -F '\t' '
     /^#/ { next }
-    NF != 3 || $1 !~ /^(training|validation|test)$/ || $2 !~ /^(photos|clip|scans)$/ {
+    NF != 3 || $1 !~ /^(training|validation|test)$/ || $2 !~ /^(photos|clip|scans|scenery)$/ {
         print "line " NR " is not split, kind, name"; next }
     $2 == "scans" {
         n = split($3, r, "-")
@@ -31,7 +31,7 @@ while read -r line; do bad "$splits: $line"; done <"$work/form"
 people=../shared/assets/photos/people.csv
 if [ -e "$people" ]; then
     for name in $(awk -F , 'NR > 1 { print "assets/photos/london/" $2 "_" }' "$people") \
-        $(cd ../shared && ls assets/photos/cc0/* assets/clips/*.mpg real/*.mp4); do
+        $(cd ../shared && ls assets/photos/cc0/* assets/clips/*.mpg real/*.mp4 assets/hdri/*.hdr); do
         n=$(awk -F '\t' -v name="$name" '!/^#/ && $2 != "scans" && index(name, $3) == 1' "$splits" | wc -l)
         [ "$n" -eq 1 ] || bad "$splits: $name has $n splits (expected 1)"
     done
@@ -53,8 +53,13 @@ CALLS=$work/calls PATH=$work/bin:$PATH examples/train-real.sh assets "$work/out"
     bad "examples/train-real.sh: $(head -n 1 "$work/err")"
 [ "$(grep -c '^spid-fit' "$work/calls")" -ge 3 ] || bad "examples/train-real.sh fits nothing"
 while read -r split kind name; do
+    if [ "$kind" = scenery ]; then
+        [ "$split" != training ] && want=0 || want=1
+        [ "$(grep -c -- "--scenery $name " "$work/calls")" -eq $want ] ||
+            bad "examples/train-real.sh: $name is of $split (expected $want runs that learn from it)"
+        continue
+    fi
     [ "$kind" != scans ] && [ "$split" != training ] || continue
-    [ "$kind" != scans ] || continue
     while read -r call; do
         [[ "$call " == *" --except $name "* ]] ||
             { [ "$split" = validation ] && [[ "$call " == *" --hold $name "* ]]; } ||

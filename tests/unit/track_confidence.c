@@ -1,9 +1,12 @@
 /* How sure the encoder is: the logistic unit's gradient against differences,
- * pictures turned, and negative samples. */
+ * pictures turned, negative samples and scenery. */
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "lib/lab/data/negative.h"
+#include "lib/lab/data/scenery.h"
 #include "lib/base/crop.h"
 #include "lib/net/confidence_head.h"
 #include "lib/track/rotated.h"
@@ -126,10 +129,67 @@ static void test_negative(void)
     check_range("missed: not there", middle[NEGATIVE_MISSED], 0, 0.1);
 }
 
+enum { WIDTH = 128, HEIGHT = 64 };
+
+/* A panorama, a third of it a lamp a thousand times as bright as the rest, as
+ * pictures and as crops. */
+static void test_scenery(void)
+{
+    static float a[CROP];
+    char path[] = "/tmp/spid-scenery-XXXXXX.pfm";
+    int fd = mkstemps(path, 4);
+    FILE *file = fd < 0 ? NULL : fdopen(fd, "wb");
+    struct data_augment none = {0};
+    struct scenery s = {0};
+    struct names names = {0};
+    struct error err = {0};
+    struct random r;
+    int lamps = 0, walls = 0;
+
+    REQUIRE(file, "no file in /tmp");
+    fprintf(file, "PF\n%d %d\n-1.0\n", WIDTH, HEIGHT);
+    for (int i = 0; i < WIDTH * HEIGHT; i++) {
+        const float light = i % WIDTH < WIDTH / 3 ? 500 : 0.5f;
+
+        for (int c = 0; c < 3; c++)
+            fwrite(&light, sizeof light, 1, file);
+    }
+    fclose(file);
+    REQUIRE(!names_add(&names, path, &err) &&
+            !scenery_read(&s, &names, &err), "%s", err.text);
+    unlink(path);
+    check_that("a panorama at three exposures", s.count == 3);
+    for (size_t k = 1; k < s.count; k++) {
+        const uint8_t *dark = s.frame[k - 1].rgba, *bright = s.frame[k].rgba;
+        const int wall = 4 * (WIDTH - 1);
+
+        check_that("the next is brighter, what lies in the shade and the lamp",
+                   dark[wall] > 50 && dark[wall] < bright[wall] - 20 &&
+                   bright[wall] < 200 && bright[0] > 250 && dark[0] > 240);
+    }
+    for (uint64_t n = 0; n < 40; n++) {
+        data_random(&r, 1, n, 0);
+        REQUIRE(!negative_sample(a, s.frame, NEGATIVE_SCENERY, &none, &r,
+                                 &err), "%s", err.text);
+        const float middle = a[3 * (CROP_NET / 2 * CROP_NET + CROP_NET / 2)];
+
+        lamps += middle > 0.9f;
+        walls += middle > 0.2f && middle < 0.5f;
+    }
+    check_range("crops anywhere: a third of the lamp", lamps, 7, 20);
+    check_range("... the rest not", walls, 20, 33);
+    scenery_release(&s);
+    REQUIRE(scenery_read(&s, &names, &err), "a file that is gone was read");
+    check_that("a file that is gone is named", strstr(err.text, path) != NULL);
+    scenery_release(&s);
+    names_release(&names);
+}
+
 int main(void)
 {
     test_head();
     test_turned();
     test_negative();
+    test_scenery();
     return check_failures != 0;
 }

@@ -23,6 +23,15 @@ static void negative_move(struct square *q, double far, struct random *r)
     q->y += far * sin(angle) * q->size;
 }
 
+/* Any square that a search looks at (lib/track/search.c). */
+static void negative_anywhere(struct square *q, const struct data_frame *f,
+                              struct random *r)
+{
+    q->size = (double)f->height * exp(random_range(r, log(0.08), log(1.25)));
+    q->x = (double)f->width * random_uniform(r);
+    q->y = (double)f->height * random_uniform(r);
+}
+
 /* Where the crop lies, and how far it is turned. */
 static double negative_place(struct square *q, const struct data_frame *f,
                              enum negative how, float jitter,
@@ -47,6 +56,9 @@ static double negative_place(struct square *q, const struct data_frame *f,
         q->size *= random_uniform(r) < 0.5 ? random_range(r, 0.25, 0.42)
                                            : random_range(r, 2.3, 4);
         return upright;
+    case NEGATIVE_SCENERY:
+        negative_anywhere(q, f, r);
+        return upright + 90 * DEGREE * (double)random_below(r, 4);
     default:
         return fmin(fmax(upright, -25 * DEGREE), 25 * DEGREE);
     }

@@ -1,5 +1,5 @@
 /* Negative samples: crops that a tracker should refuse, drawn from people
- * with known faces.  E_m learns from them to be unsure. */
+ * with known faces, or from scenery.  E_m learns from them to be unsure. */
 #ifndef SPID_LAB_DATA_NEGATIVE_H
 #define SPID_LAB_DATA_NEGATIVE_H
 
@@ -13,11 +13,14 @@ enum negative {
     NEGATIVE_ROTATED,      /* by 60 degrees and more, often by 90 or 180 */
     NEGATIVE_SIZE,        /* far too near or too far */
     NEGATIVE_PIECES,      /* parts of a face in wrong places */
-    NEGATIVE_COUNT
+    NEGATIVE_COUNT,       /* of those that people give */
+    NEGATIVE_SCENERY = NEGATIVE_COUNT   /* any square of a scenery, any side
+                                         * up */
 };
 
-/* rgb (224,224,3) in [0,1]: a crop of f (its whole picture) that is wrong in
- * the way `how`, changed by augment as data_sample does. */
+/* rgb (224,224,3) in [0,1]: a crop of f (its whole picture, of
+ * NEGATIVE_SCENERY a scenery's) that is wrong in the way `how`, changed by
+ * augment as data_sample does. */
 int negative_sample(float *rgb, const struct data_frame *f, enum negative how,
                     const struct data_augment *augment, struct random *r,
                     struct error *err);

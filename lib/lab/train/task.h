@@ -39,6 +39,8 @@ struct task {
     struct data_pool *pool;     /* people to train on */
     struct data_person *validation; /* people never trained on */
     size_t nvalidation;
+    const struct scenery *scenery;  /* without faces, for task_confidence;
+                                     * NULL: none */
     struct params ps;
     struct params *opponent;    /* of a network that learns against ps, with an
                                  * Adam of its own, from opponent_from on, and

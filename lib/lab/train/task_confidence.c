@@ -7,6 +7,7 @@
 
 #include "lib/lab/data/negative.h"
 #include "lib/lab/data/contact_sheet.h"
+#include "lib/lab/data/scenery.h"
 #include "lib/base/crop.h"
 #include "lib/net/mobilenet.h"
 #include "lib/net/confidence_head.h"
@@ -26,6 +27,7 @@ struct impl {
     bool folded;                /* net has seen its weights */
     size_t batch;
     float *rgb, *pooled;        /* (B,224,224,3), (B,features) */
+    float *place;               /* (B,224,224,3) of a scenery */
     enum negative *how;         /* (B) */
 };
 
@@ -37,26 +39,54 @@ static void confidence_task_release(struct task *t)
         return;
     mobilenet_release(&m->net);
     free(m->rgb);
+    free(m->place);
     free(m->how);
     free(m);
     t->impl = NULL;
 }
 
 /* Half of the crops are in place. */
-static enum negative confidence_task_kind(struct random *r)
+static enum negative confidence_task_kind(const struct task *t,
+                                          struct random *r)
 {
     return random_uniform(r) < 0.5
         ? NEGATIVE_NONE
-        : (enum negative)(1 + random_below(r, NEGATIVE_COUNT - 1));
+        : (enum negative)(1 + random_below(r, NEGATIVE_COUNT - 1 +
+                                              (t->scenery != NULL)));
 }
 
-/* The features of the crops in m->rgb. */
-static void confidence_task_forward(struct impl *m)
+/* The features of the crops in rgb. */
+static void confidence_task_forward(struct impl *m, const float *rgb)
 {
     if (!m->folded)
         mobilenet_update(&m->net);
     m->folded = true;
-    mobilenet_forward(m->pooled, m->rgb, &m->net);
+    mobilenet_forward(m->pooled, rgb, &m->net);
+}
+
+/* rgb (224,224,3): of as many places of a scenery as a batch has that which
+ * looks most like a face, for it is the surest one that a search takes. */
+static int confidence_task_scenery(float *rgb, struct task *t,
+                                   struct random *r, struct error *err)
+{
+    struct impl *m = t->impl;
+    const struct data_frame *f = scenery_draw(t->scenery, r);
+    float surest = -1;
+
+    for (size_t i = 0; i < m->batch; i++)
+        if (negative_sample(m->place + i * CROP, f, NEGATIVE_SCENERY,
+                            &t->config->augment, r, err))
+            return -1;
+    confidence_task_forward(m, m->place);
+    for (size_t i = 0; i < m->batch; i++) {
+        float how = confidence_head_forward(&m->head, m->pooled +
+                                                      i * m->net.features);
+
+        if (how > surest)
+            memcpy(rgb, m->place + i * CROP, CROP * sizeof *rgb);
+        surest = how > surest ? how : surest;
+    }
+    return 0;
 }
 
 /* Faces in place and negative samples, with the truth of each. */
@@ -73,12 +103,14 @@ static int confidence_task_pass(struct task *t, double *parts, uint64_t step,
 
         data_random(&r, (uint64_t)c->seed, step, micro * m->batch + i);
         f = data_pool_draw(t->pool, &who, &r);
-        m->how[i] = confidence_task_kind(&r);
-        if (negative_sample(m->rgb + i * CROP, f, m->how[i], &c->augment, &r,
-                            err))
+        m->how[i] = confidence_task_kind(t, &r);
+        if (m->how[i] == NEGATIVE_SCENERY
+                ? confidence_task_scenery(m->rgb + i * CROP, t, &r, err)
+                : negative_sample(m->rgb + i * CROP, f, m->how[i],
+                                  &c->augment, &r, err))
             return -1;
     }
-    confidence_task_forward(m);
+    confidence_task_forward(m, m->rgb);
     for (size_t i = 0; i < m->batch; i++)
         parts[0] += confidence_head_loss(&m->head, m->pooled + i * m->net.features,
                                    m->how[i] == NEGATIVE_NONE,
@@ -121,7 +153,7 @@ static int confidence_task_validate(struct task *t, double *figures,
         for (size_t i = 0; i < m->batch; i++)
             if (confidence_task_take(t, i, k + i, err))
                 return -1;
-        confidence_task_forward(m);
+        confidence_task_forward(m, m->rgb);
         for (size_t i = 0; i < m->batch; i++) {
             float confidence = confidence_head_forward(&m->head, m->pooled +
                                            i * m->net.features);
@@ -210,7 +242,8 @@ int task_confidence_init(struct task *t, struct error *err)
         return -1;
     m->how = calloc(m->batch, sizeof *m->how);
     m->rgb = malloc(m->batch * (CROP + m->net.features) * sizeof *m->rgb);
-    if (!m->how || !m->rgb)
+    m->place = malloc(m->batch * CROP * sizeof *m->place);
+    if (!m->how || !m->rgb || !m->place)
         return error_set(err, EX_OSERR, "out of memory (batch of %zu)",
                          m->batch);
     m->pooled = m->rgb + m->batch * CROP;
