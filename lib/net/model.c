@@ -54,12 +54,6 @@ int model_open(struct model *m, const char *path, struct error *err)
     return 0;
 }
 
-void model_untrained(struct model *m)
-{
-    memset(m, 0, sizeof *m);
-    avatar_config_shipped(&m->config);
-}
-
 void model_close(struct model *m)
 {
     st_close(m->st);

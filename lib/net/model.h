@@ -11,7 +11,8 @@
 #include "lib/nn/params.h"
 
 struct model {
-    struct safetensors *st;     /* the open file; NULL: untrained */
+    struct safetensors *st;     /* the open file; NULL: none, and weights are
+                                 * drawn from a fixed seed */
     struct avatar_config config;
     char hash[17];              /* of names, shapes and bytes of all tensors,
                                  * hex: CONF's "model_hash" */
@@ -20,9 +21,6 @@ struct model {
 /* Open a model file and read its configuration.  EX_CONFIG naming the file
  * when it is no SpiD model.  On failure nothing is left open. */
 int model_open(struct model *m, const char *path, struct error *err);
-/* The configuration that ships, with weights drawn from a fixed seed: for
- * benches without a model file. */
-void model_untrained(struct model *m);
 /* Closes the file; a struct model of zeros is allowed. */
 void model_close(struct model *m);
 

@@ -1,6 +1,6 @@
 /* Time against error: what spid-bench's stages share.  A stage is
  *     int bench_STAGE(struct bench *b, struct error *err)
- * in lib/bench/bench_STAGE.c: it times calls with bench_time, adds rows with
+ * in lib/lab/bench/bench_STAGE.c: it times calls with bench_time, adds rows with
  * bench_add, and marks the Pareto front with bench_pareto.  To add one,
  * declare it at the end of this file and list it in cmd/lab/spid-bench.c. */
 #ifndef SPID_LAB_BENCH_BENCH_H
@@ -105,20 +105,20 @@ char *bench_plot(const struct bench *b, const char *file, struct error *err);
 int bench_splat(struct bench *b, struct error *err);
 /* The crop, E_m in its precisions, and its heads. */
 int bench_motion(struct bench *b, struct error *err);
-/* E_beta in its precisions, and the rest of Phase A. */
+/* E_beta in its precisions. */
 int bench_shape(struct bench *b, struct error *err);
-int bench_phase_a(struct bench *b, struct error *err);   /* shape's part */
 int bench_refine(struct bench *b, struct error *err);
 /* Head meshes: posing one, with every direction active. */
 int bench_flame(struct bench *b, struct error *err);
-/* Baking a person, and what a frame of Phase B moves. */
+/* Baking a person, with the paper's networks, too, and what a frame of Phase B
+ * moves. */
 int bench_branches(struct bench *b, struct error *err);
 /* The whole of Phase B as spid animate runs it, SpiD and SpiD*. */
 int bench_pipeline(struct bench *b, struct error *err);
 /* Whole programs beside busy ones, on more threads than there are processors,
  * and at nice 19. */
 int bench_shared(struct bench *b, struct error *err);
-/* Training steps of encoder, refiner and the whole system, in parts. */
+/* Training steps of the encoder and the whole system. */
 int bench_train(struct bench *b, struct error *err);
 
 #endif

@@ -99,6 +99,16 @@ int bench_folder(char *dir, struct error *err)
     return -1;
 }
 
+void bench_programs(char *folder, size_t size)
+{
+    const ssize_t n = readlink("/proc/self/exe", folder, size - 1);
+
+    folder[n > 0 ? n : 0] = 0;
+    char *name = strrchr(folder, '/');
+    if (name)
+        name[1] = 0;
+}
+
 int bench_person_write(const struct bench_person *p, const char *path,
                        size_t frames, struct error *err)
 {
@@ -201,13 +211,14 @@ int bench_flame(struct bench *b, struct error *err)
 
 #define PAPER_MOUTH 32
 
-/* What the rows are of. */
+/* What the rows are of; a model without a file has the paper's networks. */
 static void bench_branches_config(char *config, size_t size,
                                   const struct bench_person *p)
 {
     const size_t K = p->model.config.mouth;
 
-    snprintf(config, size, "N=%zu, plane 296, mouth %zu", p->baked.N,
+    snprintf(config, size, "%sN=%zu, plane 296, mouth %zu",
+             p->model.st ? "" : "ViT-B/14 at 518, untrained, ", p->baked.N,
              K < PAPER_MOUTH ? PAPER_MOUTH : K);
 }
 
@@ -329,6 +340,23 @@ static int bench_driving(struct bench_person *p, struct error *err)
     return 0;
 }
 
+/* Phase A in the paper's configuration, in every precision. */
+static int bench_baking_paper(struct bench_person *p, struct error *err)
+{
+    double *truth = NULL;
+    int rc;
+
+    model_close(&p->model);
+    avatar_config_paper(&p->model.config);
+    rc = bench_baking(p, NN_F32, &truth, err) ||
+                 bench_baking(p, NN_FAST, &truth, err) ||
+                 bench_baking(p, NN_BF16, &truth, err)
+             ? -1
+             : 0;
+    free(truth);
+    return rc;
+}
+
 int bench_branches(struct bench *b, struct error *err)
 {
     struct bench_person *p = calloc(1, sizeof *p);
@@ -339,7 +367,7 @@ int bench_branches(struct bench *b, struct error *err)
     if (rc == 0)
         rc = bench_baking(p, NN_F32, &truth, err) ||
              bench_baking(p, NN_FAST, &truth, err) ||
-             bench_driving(p, err) ? -1 : 0;
+             bench_driving(p, err) || bench_baking_paper(p, err) ? -1 : 0;
     if (rc == 0)
         bench_note(b, "branches: the error of a bake is of its colours "
                    "against f32, of an update of its centres against double "

@@ -75,7 +75,7 @@ out:
 /* ---- the encoders ----------------------------------------------------- */
 
 struct net_case {
-    struct model model;          /* the one given, or an untrained one */
+    struct model model;
     struct encoders e;
     bool shape;                  /* E_beta, not E_m */
     float *in, *out;
@@ -119,9 +119,8 @@ static int bench_net(struct bench *b, struct net_case *c, double *truth,
     } else {
         bench_compare(&max, &psnr, c->out, truth, c->count);
     }
-    snprintf(config, sizeof config, "%s 224x224 %s",
-             c->shape ? c->model.config.shape_net : c->model.config.motion_net,
-             b->model ? "model" : "untrained");
+    snprintf(config, sizeof config, "%s 224x224 model",
+             c->shape ? c->model.config.shape_net : c->model.config.motion_net);
     if (rc == 0 && !bench_add(b, stage, config, nn_type_name(type), threads,
                               &t, max, psnr))
         rc = -1;
@@ -131,9 +130,10 @@ static int bench_net(struct bench *b, struct net_case *c, double *truth,
     return rc;
 }
 
-/* One encoder in float and bf16, on one thread and all. */
+/* One encoder in every precision, on one thread and all. */
 static int bench_nets(struct bench *b, bool shape, struct error *err)
 {
+    static const enum nn_type types[] = {NN_F32, NN_FAST, NN_BF16};
     const size_t m = 3 * CROP_NET * CROP_NET;
     struct net_case c = {.shape = shape, .count = shape ? SHAPE_ENCODER_OUT
                                                         : MOTION_OUT};
@@ -143,8 +143,9 @@ static int bench_nets(struct bench *b, bool shape, struct error *err)
     int rc = -1;
 
     if (!b->model)
-        model_untrained(&c.model);
-    else if (model_open(&c.model, b->model, err))
+        return error_set(err, EX_NOINPUT, "no model.safetensors (expected -m "
+                         "MODEL)");
+    if (model_open(&c.model, b->model, err))
         return -1;
     c.in = malloc(m * sizeof *c.in);
     c.out = malloc(SHAPE_ENCODER_OUT * sizeof *c.out);
@@ -156,12 +157,10 @@ static int bench_nets(struct bench *b, bool shape, struct error *err)
     for (size_t i = 0; i < m; i++)
         c.in[i] = (float)random_uniform(&r);
     rc = 0;
-    for (int k = 0; k < 4 && rc == 0; k++) {
-        const int threads = k % 2 ? b->threads : 1;
-        if (k % 2 && b->threads == 1)
-            continue;
-        rc = bench_net(b, &c, truth, k / 2 ? NN_BF16 : NN_F32, threads, err);
-    }
+    for (int k = 0; k < 6 && rc == 0; k++)
+        if (k % 2 == 0 || b->threads > 1)
+            rc = bench_net(b, &c, truth, types[k / 2], k % 2 ? b->threads : 1,
+                           err);
     bench_note(b, "%s: errors are against f32 on one thread (golden 01 holds "
                "that to double); 0 between threads means the same bits",
                shape ? "shape" : "motion");
@@ -216,7 +215,7 @@ int bench_shape(struct bench *b, struct error *err)
 {
     const size_t first = b->rows;
 
-    if (bench_nets(b, true, err) || bench_phase_a(b, err))
+    if (bench_nets(b, true, err))
         return -1;
     bench_pareto(b, first);
     return 0;

@@ -178,13 +178,8 @@ static int shared_run(struct shared *s, struct error *err)
 static int shared_open(struct shared *s, struct error *err)
 {
     struct bench_person *p = calloc(1, sizeof *p);
-    const ssize_t n =
-        readlink("/proc/self/exe", s->programs, sizeof s->programs - 1);
 
-    s->programs[n > 0 ? n : 0] = 0;
-    char *name = strrchr(s->programs, '/');
-    if (name)
-        name[1] = 0;
+    bench_programs(s->programs, sizeof s->programs);
     int rc = !p ? error_set(err, EX_OSERR, "no memory")
              : bench_person_open(p, s->b, err) || bench_folder(s->dir, err)
                  ? -1 : 0;

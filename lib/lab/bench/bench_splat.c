@@ -1,9 +1,6 @@
 /* The renderer's stage of spid-bench: every knob's time and its error against
- * two pictures in double, without cut-offs and with the same rules. */
-#include "lib/base/half.h"
+ * two pictures in double, without cut-offs and with the same rules; gradients. */
 #include "lib/lab/bench/bench.h"
-#include "lib/splat/splat.h"
-#include "lib/splat/types.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -11,10 +8,13 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "lib/lab/bench/bench_splat.h"
+#include "lib/base/half.h"
+#include "lib/base/random.h"
 #include "lib/lab/bench/scalar.h"
 #include "lib/lab/bench/testscene.h"
 #include "lib/splat/reference.h"
+#include "lib/splat/splat.h"
+#include "lib/splat/types.h"
 
 #define SIZE 512
 
@@ -87,7 +87,6 @@ static int bench_frame_draw_next(void *context, struct error *err)
     struct bench_frame *f = context;
     struct splat_camera cam = *f->cam;
 
-    /* a camera that moves by less than anybody can see, as in a clip */
     f->turn = f->turn > 0 ? 0 : 1e-6f;
     cam.rt[3] += f->turn;
     if (f->half)
@@ -200,6 +199,27 @@ static double bench_rules_psnr(const struct stage *st, int channels)
     return 10 * log10((double)SIZE * SIZE * channels / fmax(sum, 1e-30));
 }
 
+/* Say how long each step of a frame takes at least. */
+static int bench_phase_note(struct bench *b, struct bench_frame *f,
+                            struct error *err)
+{
+    const int threads = f->s.opt.threads;
+    double min[SPLAT_PHASES] = {1e9, 1e9, 1e9, 1e9};
+
+    for (int run = 0; run < 40; run++) {
+        if (bench_frame_draw_next(f, err))
+            return -1;
+        for (int k = 0; k < SPLAT_PHASES; k++)
+            min[k] = fmin(min[k], f->s.ms[k]);
+    }
+    bench_note(b, "splat C=%d, %d thread%s: project %.2f, sort %.2f, tile "
+               "lists %.2f, draw %.2f ms (least of 40 frames)",
+               f->s.opt.channels, threads, threads > 1 ? "s" : "",
+               min[SPLAT_PROJECT], min[SPLAT_SORT], min[SPLAT_BIN],
+               min[SPLAT_DRAW]);
+    return 0;
+}
+
 /* Time one knob, and hold its picture against both references. */
 static int bench_knob_row(struct stage *st, const struct knob *k, int threads,
                           struct error *err)
@@ -230,7 +250,7 @@ static int bench_knob_row(struct stage *st, const struct knob *k, int threads,
                    k->channels, threads, threads > 1 ? "s" : "", psnr_ruled,
                    psnr, bench_rules_psnr(st, k->channels), f.s.drawn,
                    f.s.pairs, t.runs);
-    rc = 0;
+    rc = strcmp(k->name, "default") ? 0 : bench_phase_note(st->b, &f, err);
 out:
     bench_frame_close(&f);
     return rc;
@@ -311,6 +331,65 @@ out:
     return rc;
 }
 
+/* ---- backward ------------------------------------------------------------ */
+
+struct back {
+    struct bench_frame f;
+    float *d_image;
+    struct splat_gradients g;
+};
+
+/* For bench_time: a frame and its gradients. */
+static int bench_draw_and_back(void *context, struct error *err)
+{
+    struct back *k = context;
+
+    return bench_frame_draw_next(&k->f, err) ||
+           splat_backward(&k->f.s, &k->g, k->d_image, NULL, err);
+}
+
+/* Forward and backward of n Gaussians; tests/unit/splat_gradients.c holds the
+ * gradients to double. */
+static int bench_backward_row(struct stage *st, size_t n, int size,
+                              int channels, struct error *err)
+{
+    const size_t C = (size_t)channels, values = (size_t)size * (size_t)size * C;
+    struct stage own = {.b = st->b};
+    struct splat_options opt = splat_defaults(size, size, channels);
+    float *g = calloc(n * (11 + C) + 12, sizeof *g);
+    struct back k = {.d_image = malloc(values * sizeof(float)),
+                     .g = {g, g + 3 * n, g + 6 * n, g + 10 * n, g + 11 * n,
+                           g + (11 + C) * n, NULL}};
+    struct bench_times t;
+    struct random r;
+    char config[96];
+    int rc = -1;
+
+    opt.gradients = true;
+    opt.fixed16 = false;
+    opt.threads = st->b->threads;
+    random_init(&r, 1, "bench gradient");
+    for (size_t i = 0; k.d_image && i < values; i++)
+        k.d_image[i] = (float)random_range(&r, -1, 1);
+    snprintf(config, sizeof config, "%dx%d N=%zu C=%d f32", size, size, n,
+             channels);
+    if (!g || !k.d_image)
+        error_set(err, EX_OSERR, "out of memory");
+    else if (!testscene_make(&own.scene, n, 2026, err)) {
+        own.cam = splat_camera_square(own.scene.cam, size, 12);
+        rc = bench_frame_open(&k.f, &opt, &own, &knobs[0], err) ||
+             bench_time(&t, st->part, 10, bench_draw_and_back, &k, err);
+    }
+    if (rc == 0)
+        bench_add(st->b, "splat", config, "forward + backward", opt.threads,
+                  &t, NAN, NAN);
+    bench_frame_close(&k.f);
+    testscene_release(&own.scene);
+    free(k.d_image);
+    free(g);
+    return rc;
+}
+
 /* ---- the stage ----------------------------------------------------------- */
 
 /* Every knob on one thread, then on all. */
@@ -344,8 +423,9 @@ int bench_splat(struct bench *b, struct error *err)
     if (bench_stage_truth(&st.exact, &st, SPLAT_EXACT, err) ||
         bench_stage_truth(&st.ruled, &st, SPLAT_GSPLAT, err) ||
         bench_all_knobs(&st, err) ||
-        bench_splat_moving(b, st.part, err) ||
-        bench_splat_backward(b, st.part, err))
+        bench_backward_row(&st, 30000, 128, 3, err) ||
+        bench_backward_row(&st, 30000, 256, 3, err) ||
+        bench_backward_row(&st, TESTSCENE_N, 512, 32, err))
         goto out;
     rc = 0;
 out:
