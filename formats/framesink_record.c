@@ -95,7 +95,8 @@ int framesink_write_feat(struct framesink *s, const struct framesink_frame *f,
         .packed = packed, .pixels = packed ? c->pixels : 0,
         .alpha = f->alpha, .depth = f->depth,
         .photo = f->photo && packed ? framesink_packed_photo(s, f) : f->photo,
-        .place = f->place, .map = f->map, .turn = f->rotated ? f->turn : NULL
+        .place = f->place, .map = f->place ? f->map : NULL,
+        .turn = f->rotated ? f->turn : NULL
     };
     if (!record.photo != !f->photo)
         return error_set(err, EX_OSERR, "out of memory");

@@ -86,15 +86,15 @@ void mover_release(struct mover *m)
 }
 
 /* The first mesh brings the faces: edges, and whether it fits the avatar. */
-static int mover_first_mesh(struct mover *m, const struct record *rec,
-                            size_t V, struct error *err)
+static int mover_first_mesh(struct mover *m, const struct mesh *mesh,
+                            struct error *err)
 {
-    const int32_t *f;
-    size_t F;
+    const size_t V = mesh->V;
 
-    if (mesh_read_faces(&f, &F, rec, err))
-        return -1;
-    if (densify_init(&m->dense, f, F, V, err) ||
+    if (!mesh->faces)
+        return error_set(err, EX_DATAERR, "MESH has no array 'faces' (expected "
+                         "i32[F,3] in the first one)");
+    if (densify_init(&m->dense, mesh->faces, mesh->F, V, err) ||
         mover_drop_branches(&m->baked, m->opt.without, V, err))
         return -1;
     for (size_t i = 0; i < m->baked.dynamic; i++)
@@ -115,8 +115,10 @@ static int mover_write(struct stream_writer *out, struct mover *m,
                        const struct record *rec, const float *cam,
                        struct error *err)
 {
+    static const int32_t first = 0;
     const struct gmov moved = {
-        .cam = cam, .mean = m->move.mean, .count = m->baked.dynamic,
+        .cam = cam, .first = m->move.mean ? &first : NULL,
+        .mean = m->move.mean, .count = m->baked.dynamic,
         .shift = m->move.frame.to,
         .chin = m->baked.has_jaw ? m->move.frame.chin : NULL,
         .body = m->baked.blended ? m->move.frame.plane : NULL
@@ -149,7 +151,7 @@ static int mover_frame(struct stream_writer *out, struct mover *m,
     struct mesh mesh;
 
     if (mesh_read(&mesh, rec, err) ||
-        (!m->means && mover_first_mesh(m, rec, mesh.V, err)))
+        (!m->means && mover_first_mesh(m, &mesh, err)))
         return -1;
     if (mesh.V != m->dense.V)
         return error_set(err, EX_DATAERR, "MESH has %zu vertices (expected "

@@ -8,8 +8,9 @@
 #include <sysexits.h>
 
 #include "lib/base/crop.h"
-#include "lib/stream/shape.h"
 #include "lib/stream/conf_text.h"
+#include "lib/stream/schema.h"
+#include "lib/stream/shape.h"
 
 /* out = the string under key, when there is one. */
 static void person_read_hash(char out[17], const cJSON *conf, const char *key)
@@ -53,49 +54,43 @@ static int person_read_shape(struct person *p, const struct record *rec,
     return 1;
 }
 
-/* SRCI: a square picture, its matte and where it was cut from. */
+/* The arrays of a SRCI record: a square picture, its matte and where it was cut
+ * from. */
+struct picture {
+    const uint8_t *rgb, *matte, *back, *confidence;
+    const float *crop;
+};
+static const struct schema_field fields[] = {
+    {"rgb", offsetof(struct picture, rgb), DTYPE_U8},
+    {"matte", offsetof(struct picture, matte), DTYPE_U8},
+    {"crop", offsetof(struct picture, crop), DTYPE_F32},
+    {"back", offsetof(struct picture, back), DTYPE_U8},
+    {"sure", offsetof(struct picture, confidence), DTYPE_U8}
+};
+enum { FIELDS = sizeof fields / sizeof *fields };
+
 static int person_read_picture(struct person *p, const struct record *rec,
                                struct error *err)
 {
-    size_t any[3] = {0, 0, 3}, three[1] = {3};
-    const float *crop = NULL;
-    const uint8_t *rgb = record_get(rec, "rgb", DTYPE_U8, 3, any, err);
+    struct picture in = {0};
 
-    if (!rgb)
+    if (schema_read(&in, rec, fields, FIELDS, err))
         return -1;
-    size_t S = record_find(rec, "rgb")->dim[0];
-    size_t square[3] = {S, S, 3};
-    const uint8_t *matte = record_get(rec, "matte", DTYPE_U8, 2, square, err);
-    const uint8_t *back = NULL, *confidence = NULL;
-    if (!matte || !record_get(rec, "rgb", DTYPE_U8, 3, square, err) ||
-        (record_find(rec, "crop") &&
-         (record_check_finite(rec, err) ||
-          !(crop = record_get(rec, "crop", DTYPE_F32, 1, three, err)))) ||
-        (record_find(rec, "back") &&
-         !(back = record_get(rec, "back", DTYPE_U8, 3, square, err))) ||
-        (record_find(rec, "sure") &&
-         !(confidence = record_get(rec, "sure", DTYPE_U8, 2, square, err))))
-        return -1;
-    if (crop)
-        memcpy(p->crop, crop, sizeof p->crop);
-    free(p->rgb);
-    free(p->matte);
-    free(p->back);
-    free(p->confidence);
-    p->size = S;
-    p->rgb = malloc(3 * S * S + 1);
-    p->matte = malloc(S * S + 1);
-    p->back = back ? malloc(3 * S * S + 1) : NULL;
-    p->confidence = confidence ? malloc(S * S + 1) : NULL;
-    if (!p->rgb || !p->matte || (back && !p->back) ||
-        (confidence && !p->confidence))
-        return error_set(err, EX_OSERR, "no memory for the source picture");
-    if (back)
-        memcpy(p->back, back, 3 * S * S);
-    if (confidence)
-        memcpy(p->confidence, confidence, S * S);
-    memcpy(p->rgb, rgb, 3 * S * S);
-    memcpy(p->matte, matte, S * S);
+    const uint8_t *from[4] = {in.rgb, in.back, in.matte, in.confidence};
+    uint8_t **to[4] = {&p->rgb, &p->back, &p->matte, &p->confidence};
+
+    p->size = schema_rows(rec, "rgb");
+    memcpy(p->crop, in.crop, sizeof p->crop);
+    for (int k = 0; k < 4; k++) {
+        const size_t n = (k < 2 ? 3 : 1) * p->size * p->size;
+
+        free(*to[k]);
+        *to[k] = from[k] ? malloc(n + 1) : NULL;
+        if (from[k] && !*to[k])
+            return error_set(err, EX_OSERR, "no memory for the source picture");
+        if (from[k])
+            memcpy(*to[k], from[k], n);
+    }
     return 1;
 }
 
@@ -220,28 +215,21 @@ int person_resize(struct person *q, const struct person *p, size_t size,
     return error_set(err, EX_OSERR, "no memory for the source picture");
 }
 
-/* The arrays of a picture, PICTURE_ARRAYS at most; returns how many. */
-#define PICTURE_ARRAYS 5
-static size_t person_picture_arrays(struct array *a, const struct person *p)
+/* The arrays of a picture into a (FIELDS); returns how many. */
+static int person_picture_arrays(struct array *a, const struct person *p)
 {
-    const size_t S = p->size;
-    size_t n = 3;
+    const struct picture out = {p->rgb, p->matte, p->back, p->confidence,
+                                p->crop};
+    const size_t size[] = {['H'] = p->size};
 
-    a[0] = array_make("rgb", DTYPE_U8, p->rgb, 3, S, S, 3, 0);
-    a[1] = array_make("matte", DTYPE_U8, p->matte, 2, S, S, 0, 0);
-    a[2] = array_make("crop", DTYPE_F32, p->crop, 1, 3, 0, 0, 0);
-    if (p->back)
-        a[n++] = array_make("back", DTYPE_U8, p->back, 3, S, S, 3, 0);
-    if (p->confidence)
-        a[n++] = array_make("sure", DTYPE_U8, p->confidence, 2, S, S, 0, 0);
-    return n;
+    return schema_arrays(a, RECORD_SRCI, &out, fields, FIELDS, size);
 }
 
 int person_write_picture(struct stream_writer *w, const struct person *p,
                          struct error *err)
 {
-    struct array a[PICTURE_ARRAYS];
-    const size_t n = person_picture_arrays(a, p);
+    struct array a[FIELDS];
+    const int n = person_picture_arrays(a, p);
 
     return stream_write(w, RECORD_SRCI, 0, 0, a, n, err);
 }
@@ -251,8 +239,8 @@ static int person_write_further(struct stream_writer *w, const struct person *p,
                                 size_t nexp, struct error *err)
 {
     for (size_t k = 0; k < p->nmore; k++) {
-        struct array a[PICTURE_ARRAYS + MOTION_ARRAYS];
-        const size_t n = person_picture_arrays(a, p->more + k);
+        struct array a[FIELDS + MOTION_ARRAYS];
+        const int n = person_picture_arrays(a, p->more + k);
 
         motion_arrays(a + n, &p->more[k].source, nexp);
         if (stream_write(w, RECORD_SRCI, k + 1, 0, a, n + MOTION_ARRAYS - 1,

@@ -186,13 +186,13 @@ static int scene_move_means(struct scene *s, const struct gmov *m,
     s->first = s->count = 0;
     if (!m->mean)
         return 0;
-    if (m->first < 0 || (size_t)m->first > s->g.n ||
-        m->count > s->g.n - (size_t)m->first)
+    if (*m->first < 0 || (size_t)*m->first > s->g.n ||
+        m->count > s->g.n - (size_t)*m->first)
         return error_set(err, EX_DATAERR,
                          "GMOV moves Gaussians %d to %zu (expected within "
-                         "%zu)", m->first, (size_t)m->first + m->count,
+                         "%zu)", *m->first, (size_t)*m->first + m->count,
                          s->g.n);
-    s->first = (size_t)m->first;
+    s->first = (size_t)*m->first;
     s->count = m->count;
     memcpy(s->mean + 3 * s->first, m->mean, 3 * s->count * sizeof *m->mean);
     return 0;

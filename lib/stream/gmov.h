@@ -12,8 +12,8 @@
  * they lie in the record and live as long. */
 struct gmov {
     const float *cam;       /* (3,4) [R|t] */
-    const float *mean;      /* (count,3) new centres of Gaussians first on */
-    int32_t first;
+    const int32_t *first;   /* (1) number of the first of mean: both or none */
+    const float *mean;      /* (count,3) new centres */
     size_t count;
     const float *shift;     /* (3) of the mouth as a whole */
     const float *chin;      /* (3) of the chin, with which the mouth goes */

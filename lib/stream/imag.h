@@ -19,9 +19,8 @@ struct imag {
     const uint8_t *alone;   /* (height,width,3) the person alone */
 };
 
-/* A training picture: square, with a mask and perhaps label and alone; alpha
- * is not read.  -1 and *err naming the array when the picture or its mask is
- * missing, or one is of another type or not square. */
+/* A training picture: square, with a mask.  -1 and *err naming the array when
+ * one is missing, of another type or shape, or the picture is not square. */
 int imag_read(struct imag *im, const struct record *rec, struct error *err);
 /* Its pixels a side, by its height; 0: it has no picture. */
 size_t imag_size(const struct record *rec);

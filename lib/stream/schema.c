@@ -1,5 +1,5 @@
-/* The table of known records of spid-stream(5), and the check of a record
- * against it. */
+/* The table of known records of spid-stream(5), the check of a record against
+ * it, and its arrays as pointers of a struct. */
 #include "lib/stream/schema.h"
 
 #include <stdio.h>
@@ -202,4 +202,74 @@ int schema_check(const struct record *rec, struct error *err)
             schema_check_array(s, rec, &l, err))
             return -1;
     return 0;
+}
+
+/* ---- records as structs ------------------------------------------------ */
+
+int schema_read(void *out, const struct record *rec,
+                const struct schema_field *field, size_t n, struct error *err)
+{
+    if (schema_check(rec, err) || record_check_finite(rec, err))
+        return -1;
+    for (size_t i = 0; i < n; i++) {
+        const struct array *a = record_find(rec, field[i].name);
+
+        if (a && a->dtype == field[i].dtype)
+            memcpy((char *)out + field[i].at, &a->data, sizeof a->data);
+    }
+    return 0;
+}
+
+/* a's dimensions by the shape up to the next "|"; false where it has a letter
+ * that stands for nothing. */
+static bool schema_set_shape(struct array *a, const char *shape,
+                             const size_t *size)
+{
+    for (a->ndim = 0; *shape && *shape != '|'; shape += *shape == ',') {
+        const bool number = *shape >= '0' && *shape <= '9';
+        char *end = (char *)(uintptr_t)shape + 1;
+        const size_t n = number ? strtoul(shape, &end, 10)
+                                : size[(unsigned char)*shape];
+
+        if (n == SCHEMA_NOT)
+            return false;
+        a->dim[a->ndim++] = n;
+        shape = end;
+    }
+    return true;
+}
+
+int schema_arrays(struct array *a, const char *type, const void *in,
+                  const struct schema_field *field, size_t n,
+                  const size_t *size)
+{
+    int count = 0;
+
+    for (size_t i = 0; i < n; i++) {
+        const void *data;
+
+        memcpy(&data, (const char *)in + field[i].at, sizeof data);
+        if (!data)
+            continue;
+        const char *shape = schema_find(type, field[i].name)->shape;
+        struct array made = array_make(field[i].name, field[i].dtype, data, 0,
+                                       0, 0, 0, 0);
+
+        for (; shape; shape = strchr(shape, '|')) {
+            struct array other = made;
+
+            shape += *shape == '|';
+            if (schema_set_shape(&other, shape, size))
+                made = other;
+        }
+        a[count++] = made;
+    }
+    return count;
+}
+
+size_t schema_rows(const struct record *rec, const char *name)
+{
+    const struct array *a = record_find(rec, name);
+
+    return a ? a->dim[0] : 0;
 }

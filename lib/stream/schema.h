@@ -1,4 +1,5 @@
-/* What spid-stream(5) says about each known record, as a table. */
+/* What spid-stream(5) says about each known record, as a table, and how
+ * records become structs by it. */
 #ifndef SPID_STREAM_SCHEMA_H
 #define SPID_STREAM_SCHEMA_H
 
@@ -24,5 +25,31 @@ const struct schema *schema_find(const char *type, const char *name);
  * another dtype or shape than the table says.  Unknown records and arrays are
  * none of its business. */
 int schema_check(const struct record *rec, struct error *err);
+
+/* ---- records as structs ------------------------------------------------ */
+
+/* Where in a struct the pointer to an array's data of that type is. */
+struct schema_field {
+    const char *name;
+    size_t at;                 /* offsetof */
+    enum dtype dtype;
+};
+
+/* Point the n fields of out, zeroed before, into the record; arrays it may
+ * leave out stay NULL.  -1 and *err naming the array as schema_check and
+ * record_check_finite do. */
+int schema_read(void *out, const struct record *rec,
+                const struct schema_field *field, size_t n, struct error *err);
+/* The arrays of a record of that type from the fields that are not NULL, in
+ * their order, into a; returns how many.  size: what the letters of the
+ * table's shapes (and '*') stand for, by letter; of shapes to choose from the
+ * last one without a letter of SCHEMA_NOT. */
+int schema_arrays(struct array *a, const char *type, const void *in,
+                  const struct schema_field *field, size_t n,
+                  const size_t *size);
+#define SCHEMA_NOT ((size_t)-1)
+
+/* Rows of an array of the record, 0 without it. */
+size_t schema_rows(const struct record *rec, const char *name);
 
 #endif

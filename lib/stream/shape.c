@@ -1,30 +1,28 @@
-/* Reading and writing SHAP. */
+/* SHAP by the table of records. */
 #include "lib/stream/shape.h"
 
 #include <string.h>
 
+#include "lib/stream/schema.h"
+
+static const struct schema_field fields[] = {
+    {"shape", offsetof(struct shape, beta), DTYPE_F32},
+    {"person", offsetof(struct shape, person), DTYPE_I32}
+};
+
 int shape_read(struct shape *s, const struct record *rec, struct error *err)
 {
-    static const size_t any[1] = {0};
-    const struct array *person = record_find(rec, "person");
-
     memset(s, 0, sizeof *s);
-    s->beta = record_get(rec, "shape", DTYPE_F32, 1, any, err);
-    if (!s->beta || record_check_finite(rec, err))
-        return -1;
-    s->n = record_find(rec, "shape")->dim[0];
-    if (person && person->dtype == DTYPE_I32 && array_count(person) == 1)
-        s->person = person->data;
-    return 0;
+    s->n = schema_rows(rec, "shape");
+    return schema_read(s, rec, fields, 2, err);
 }
 
 int shape_write(struct stream_writer *w, uint64_t frame, double time,
                 const struct shape *s, struct error *err)
 {
-    struct array a[2] = {
-        array_make("shape", DTYPE_F32, s->beta, 1, s->n, 0, 0, 0),
-        array_make("person", DTYPE_I32, s->person, 1, 1, 0, 0, 0)
-    };
+    const size_t size[] = {['*'] = s->n};
+    struct array a[2];
 
-    return stream_write(w, RECORD_SHAP, frame, time, a, s->person ? 2 : 1, err);
+    return stream_write(w, RECORD_SHAP, frame, time, a,
+                        schema_arrays(a, RECORD_SHAP, s, fields, 2, size), err);
 }

@@ -15,7 +15,7 @@ struct shape {
     const int32_t *person;      /* (1) number in a data set; NULL: not said */
 };
 
-/* -1 and *err when beta is missing, of another type or not finite. */
+/* -1 and *err when beta is missing, one is of another type or not finite. */
 int shape_read(struct shape *s, const struct record *rec, struct error *err);
 /* Write SHAP; -1 when the stream cannot be written. */
 int shape_write(struct stream_writer *w, uint64_t frame, double time,
