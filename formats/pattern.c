@@ -9,6 +9,7 @@
 #include <sysexits.h>
 
 #include "lib/base/list.h"
+#include "lib/base/sort.h"
 
 int pattern_count(const char *path)
 {
@@ -54,14 +55,6 @@ char *pattern_name(const char *path, uint64_t n)
 }
 
 /* ---- what is there ------------------------------------------------------- */
-
-/* Ascending, for qsort. */
-static int pattern_compare(const void *a, const void *b)
-{
-    const uint64_t x = *(const uint64_t *)a, y = *(const uint64_t *)b;
-
-    return (x > y) - (x < y);
-}
 
 /* Whether `file` is the name of some frame, and of which. */
 static int pattern_match(const char *pattern, const char *file, uint64_t *n)
@@ -115,7 +108,7 @@ static uint64_t *pattern_list(const char *folder, const char *pattern,
     }
     closedir(dir);
     if (list)
-        qsort(list, *count, sizeof *list, pattern_compare);
+        sort_keys(list, *count);
     else
         error_set(err, EX_NOINPUT, "%s/%s: there is no such file", folder,
                   pattern);

@@ -8,6 +8,7 @@
 #include <sysexits.h>
 
 #include "formats/obj.h"
+#include "formats/pattern.h"
 #include "formats/ply.h"
 #include "formats/png.h"
 #include "formats/splatfile.h"
@@ -16,26 +17,11 @@
 
 /* ---- names -------------------------------------------------------------- */
 
-/* How many %d-like conversions (%d, %06d) the name has; -1: another % in it. */
-static int export_name_conversions(const char *name)
-{
-    int n = 0;
-
-    for (const char *p = name; (p = strchr(p, '%')); p++) {
-        const char *q = p + 1 + strspn(p + 1, "0123456789");
-
-        if (*q != 'd' || q - p > 4)
-            return -1;
-        n++;
-    }
-    return n;
-}
-
 /* The name is plain, or (pattern) has one place for the frame's number. */
 static int export_check_name(const char *option, const char *name, bool pattern,
                              struct error *err)
 {
-    int n = name ? export_name_conversions(name) : 0;
+    int n = name ? pattern_count(name) : 0;
 
     if (n < 0 || n > (pattern ? 1 : 0))
         return error_set(err, EX_USAGE,
@@ -51,14 +37,12 @@ static bool export_wanted(char *path, size_t size, const struct export *x,
 {
     if (!name)
         return false;
-    if (export_name_conversions(name) == 1) {
-#pragma GCC diagnostic push
-#pragma GCC diagnostic ignored "-Wformat-nonliteral"
-        snprintf(path, size, name, (int)rec->frame);
-#pragma GCC diagnostic pop
+    char *numbered = pattern_name(name, rec->frame);
+
+    snprintf(path, size, "%s", numbered ? numbered : name);
+    free(numbered);
+    if (pattern_count(name) == 1)
         return true;
-    }
-    snprintf(path, size, "%s", name);
     return !*done &&
            (x->opt.frame < 0 || (size_t)x->opt.frame == rec->frame);
 }
