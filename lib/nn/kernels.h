@@ -20,7 +20,6 @@
 
 struct depthwise;
 struct fused_stem_rows;
-struct max_pool;
 struct rescale;
 struct wgrad;
 struct winograd;
@@ -132,11 +131,6 @@ struct winograd;
                          size_t rows))                                       \
     X(void, softmax, (float *p, size_t rows, size_t n, size_t ld,            \
                       float scale))                                          \
-    X(void, max_pool_row, (float *out, float *which, const float *in,        \
-                           const struct max_pool *m, size_t y))              \
-    X(void, max_pool_row_backward, (float *din, const float *dout,           \
-                                    const float *which,                      \
-                                    const struct max_pool *m, size_t y))     \
     X(void, winograd_input, (float *v, const float *in,                      \
                              const struct winograd *g, size_t slot,          \
                              ptrdiff_t y0, ptrdiff_t x0))                    \

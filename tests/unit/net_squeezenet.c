@@ -62,7 +62,8 @@ static void plain_conv(struct map *out, size_t at, const struct map *in,
 
 static struct map plain_pool(const struct map *in)
 {
-    struct map out = map_of(max_pool_size(in->h), max_pool_size(in->w), in->C);
+    struct map out = map_of(max_pool_size(in->h, true), max_pool_size(in->w, true),
+                            in->C);
 
     for (size_t i = 0; i < out.h * out.w * out.C; i++) {
         size_t c = i % out.C, x = i / out.C % out.w, y = i / out.C / out.w;

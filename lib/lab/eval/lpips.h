@@ -8,6 +8,7 @@
 #include <stddef.h>
 
 #include "lib/base/error.h"
+#include "lib/lab/eval/max_pool.h"
 #include "lib/nn/conv.h"
 #include "lib/nn/params.h"
 
@@ -16,14 +17,16 @@
 struct lpips {
     struct params ps;
     struct nn_plan plan;
-    struct conv conv[LPIPS_STAGES];     /* as linear layers over patches */
+    struct conv conv[LPIPS_STAGES];
+    struct max_pool pool[LPIPS_STAGES]; /* before some of them */
     size_t lin[LPIPS_STAGES];           /* tensors: (1,C,1,1) */
     size_t H, W;                        /* as planned; 0: not yet */
-    size_t h[LPIPS_STAGES], w[LPIPS_STAGES];
-    float *patches, *in, *out[2][LPIPS_STAGES];
+    float *in;                          /* a picture with a border */
+    float *pooled[LPIPS_STAGES], *out[2][LPIPS_STAGES];
     bool learns;                        /* planned for a gradient: set before
                                          * the first distance */
-    float *dpatches, *din, *dout;       /* when learns; of one stage */
+    float *d[2];                        /* when learns: gradients by a stage's
+                                         * output and input, in turn */
 };
 
 /* Load the weights; EX_DATAERR names a tensor that is missing. */

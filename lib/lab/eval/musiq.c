@@ -182,7 +182,7 @@ static void musiq_plan_stem(struct musiq *m, size_t H, size_t W)
     conv_plan(&m->root, p, n, PATCH, PATCH);
     /* the public definition pads the last windows with zeros: behind a relu
      * that is the same as cutting them off */
-    max_pool_plan(&m->pool, p, n, 2 * MAP, 2 * MAP, STEM);
+    max_pool_plan(&m->pool, p, n, 2 * MAP, 2 * MAP, STEM, true);
     conv_plan(&m->conv1, p, n, MAP, MAP);
     conv_plan(&m->conv2, p, n, MAP, MAP);
     conv_plan(&m->conv3, p, n, MAP, MAP);

@@ -17,10 +17,10 @@
 #include <stddef.h>
 
 #include "lib/base/error.h"
+#include "lib/lab/eval/max_pool.h"
 #include "lib/nn/attention.h"
 #include "lib/nn/conv.h"
 #include "lib/nn/params.h"
-#include "lib/nn/pool.h"
 #include "lib/nn/rescale.h"
 
 #define MUSIQ_SCALES 3

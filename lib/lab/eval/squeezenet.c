@@ -68,7 +68,7 @@ static void squeezenet_fire_plan(struct squeezenet_fire *f, struct nn_plan *p,
     size_t in = f->squeeze.in, half = f->expand1.out;
 
     if (f->pooled) {
-        max_pool_plan(&f->pool, p, batch, *h, *w, in);
+        max_pool_plan(&f->pool, p, batch, *h, *w, in, true);
         *h = f->pool.oh;
         *w = f->pool.ow;
         f->x = nn_plan_floats(p, batch * *h * *w * in);

@@ -6,8 +6,8 @@
 #ifndef SPID_LAB_EVAL_SQUEEZENET_H
 #define SPID_LAB_EVAL_SQUEEZENET_H
 
+#include "lib/lab/eval/max_pool.h"
 #include "lib/nn/conv.h"
-#include "lib/nn/pool.h"
 
 #define SQUEEZENET_FIRES 8
 #define SQUEEZENET_MIN 15     /* pixels of a side, for the last pool */

@@ -1,22 +1,25 @@
-/* Max pooling in windows of 3x3 pixels with stride 2, no padding, and the last
- * window cut off at the border ("ceil mode"), NHWC. */
-#ifndef SPID_NN_POOL_H
-#define SPID_NN_POOL_H
+/* Max pooling in windows of 3x3 pixels with stride 2, no padding, NHWC; the
+ * last window may be cut off at the border ("ceil mode"). */
+#ifndef SPID_LAB_EVAL_MAX_POOL_H
+#define SPID_LAB_EVAL_MAX_POOL_H
+
+#include <stdbool.h>
+#include <stddef.h>
 
 #include "lib/nn/plan.h"
 
 struct max_pool {
     size_t batch, h, w, oh, ow;
-    size_t channels;              /* a multiple of 16 */
+    size_t channels;
     float *which;                 /* (B,oh,ow,C): place of the greatest value
                                    * in its window, 0..8; NULL in NN_INFER */
 };
 
-/* Pixels that come of n, which is 2 or more. */
-size_t max_pool_size(size_t n);
-/* Maps (batch,h,w,channels) of 2x2 pixels or more. */
+/* Pixels that come of n, which is 3 or more, or 2 where windows may be cut. */
+size_t max_pool_size(size_t n, bool cut);
+/* For maps (batch,h,w,channels). */
 void max_pool_plan(struct max_pool *m, struct nn_plan *p, size_t batch,
-                   size_t h, size_t w, size_t channels);
+                   size_t h, size_t w, size_t channels, bool cut);
 /* out (B,oh,ow,C) from in (B,h,w,C); of equal values the first counts. */
 void max_pool_forward(float *out, const float *in, struct max_pool *m);
 /* din (B,h,w,C) is written, from dout (B,oh,ow,C). */
