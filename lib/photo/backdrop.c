@@ -20,6 +20,8 @@
 #define ROUNDS 12               /* of searching and voting */
 #define DOUBT 0.02f             /* how much colours count that nobody has seen:
                                  * the means of what is about them */
+#define ALIKE 16.0f             /* square of levels that patches of one thing
+                                 * in another light differ by */
 #define SEEN 0.9f               /* share of a cell that makes it seen */
 
 struct backdrop {
@@ -196,18 +198,50 @@ static void backdrop_vote(struct backdrop *b)
     }
 }
 
+/* How far a patch like cell i's is from being the same but for its brightness:
+ * what backdrop_distance is without that of the means. */
+static float backdrop_unlike(const struct backdrop *b, int i)
+{
+    const int x = i % SIDE, y = i / SIDE;
+    float mean[3] = {0}, square = 0, all = 0;
+
+    for (int v = -REACH; v <= REACH; v++)
+        for (int u = -REACH; u <= REACH; u++) {
+            if (x + u < 0 || x + u >= SIDE || y + v < 0 || y + v >= SIDE)
+                continue;
+            const int at = v * SIDE + u;
+
+            all += b->known[i + at];
+            for (int c = 0; c < 3; c++) {
+                const float d = b->colour[i + at][c] -
+                                b->colour[b->from[i] + at][c];
+
+                mean[c] += b->known[i + at] * d;
+                square += b->known[i + at] * d * d;
+            }
+        }
+    for (int c = 0; c < 3; c++)
+        square -= mean[c] * mean[c] / all;
+    return square / all;
+}
+
 /* How far each cell's copy is from it in a picture of n by n pixels, and what
  * it has to be brighter by: as the cells beside the hole, which are seen, differ
- * from what would be copied there; in the hole, as about it. */
+ * from what would be copied there, each as far as the light may be all that
+ * differs; in the hole, as about it. */
 static void backdrop_compare(struct backdrop *b, int n)
 {
     static const float none[4] = {1, 0, 0, 0};
 
     memset(b->sum, 0, sizeof b->sum);
     for (int i = 0; i < CELLS; i++) {
-        b->sum[i][0] = b->from[i] >= 0 && b->known[i] >= SEEN;
-        for (int c = 0; c < 3 && b->sum[i][0] > 0; c++)
-            b->sum[i][1 + c] = b->colour[i][c] - b->colour[b->from[i]][c];
+        const bool beside = b->from[i] >= 0 && b->known[i] >= SEEN;
+        const float w = beside ? 1 / (1 + backdrop_unlike(b, i) / ALIKE) : 0;
+
+        b->sum[i][0] = w;
+        for (int c = 0; c < 3 && beside; c++)
+            b->sum[i][1 + c] =
+                w * (b->colour[i][c] - b->colour[b->from[i]][c]);
     }
     pyramid_pool(b->sum[0], SIDE, 4, 0.01f, none);
     for (int i = 0; i < CELLS; i++) {
