@@ -140,6 +140,9 @@ scenery=$(awk -F '\t' -v a="${assets%/}" \
 train sure sure held.spid $scenery \
     --init "$dir/motion-acts/model.safetensors:motion.encoder." \
     "$dir/faces-0.spid" "$dir/real-256.spid" $turned
+# what light falls on a face, of which the photographs say nothing
+# shellcheck disable=SC2086
+train light light held.spid "$dir"/faces-[0-9].spid $turned
 
 # who is in the picture: people of scans, and photographs before plain walls
 # shellcheck disable=SC2046
@@ -149,7 +152,7 @@ make_once plain.spid spid-fit --assets "$assets" --plain \
 # shellcheck disable=SC2086
 train matte matte held.spid \
     $(echo "$mixed" | sed "s:$dir/real.spid:$dir/plain.spid:g")
-join faces.safetensors refiner motion-acts shape sure matte
+join faces.safetensors refiner motion-acts shape light sure matte
 
 # what that encoder says of calm faces
 rest=''
@@ -162,4 +165,4 @@ done
 mkdir -p "$dir/rest"
 # shellcheck disable=SC2086
 python3 "$here/rest.py" "$dir/rest/model.safetensors" $rest
-join model.safetensors refiner motion-acts shape sure matte rest
+join model.safetensors refiner motion-acts shape light sure matte rest

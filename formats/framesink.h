@@ -87,6 +87,7 @@ struct framesink_frame {
     const float *place;     /* [height, width, 3] or NULL, FEAT only: blended
                              * places, and their view: A and b */
     float map[FEAT_MAP];
+    const float *gain;      /* FEAT only: how the light changed, or NULL */
     bool rotated;           /* FEAT only: it says how the head has turned */
     float turn[RELATIVE_POSE_SIZE];
     uint64_t frame;

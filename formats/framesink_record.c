@@ -7,6 +7,7 @@
 #include "formats/compose.h"
 #include "formats/framesink_impl.h"
 #include "lib/stream/feat.h"
+#include "lib/splat/relight.h"
 #include "lib/stream/imag.h"
 
 _Static_assert(FEAT_TURN == RELATIVE_POSE_SIZE, "a turn is a relative pose");
@@ -96,7 +97,9 @@ int framesink_write_feat(struct framesink *s, const struct framesink_frame *f,
         .alpha = f->alpha, .depth = f->depth,
         .photo = f->photo && packed ? framesink_packed_photo(s, f) : f->photo,
         .place = f->place, .map = f->place ? f->map : NULL,
-        .turn = f->rotated ? f->turn : NULL
+        .turn = f->rotated ? f->turn : NULL, .gain = f->gain,
+        .gain_height = relight_side(f->height),
+        .gain_width = relight_side(f->width)
     };
     if (!record.photo != !f->photo)
         return error_set(err, EX_OSERR, "out of memory");

@@ -132,6 +132,8 @@ static int synth_write_frame(struct stream_writer *w, const struct head *head,
     memcpy(m.pose.lid, t->lid, sizeof m.pose.lid);
     memcpy(m.pose.eye, t->eye, sizeof m.pose.eye);
     memcpy(m.crop, f->crop, sizeof m.crop);
+    memcpy(m.light, f->light, sizeof m.light);
+    m.lit = true;
     if (motion_write(w, number, time, &m, head->nexp, marks,
                      f->points ? 2 : 1, err))
         return -1;

@@ -6,6 +6,7 @@
 #include <sysexits.h>
 
 #include "lib/photo/place.h"
+#include "lib/splat/relight.h"
 #include "lib/splat/splat.h"
 
 static int canvas_too_large(const struct canvas *c, struct error *err)
@@ -38,6 +39,7 @@ void canvas_release(struct canvas *c)
     free(c->depth);
     free(c->place);
     free(c->photo);
+    free(c->gain);
     memset(c, 0, sizeof *c);
 }
 
@@ -51,7 +53,11 @@ static int canvas_reserve(struct canvas *c, bool photo, struct error *err)
         c->place = malloc(PLACE_CHANNELS * pixels * sizeof *c->place);
     if (photo && !c->photo)
         c->photo = malloc(TEXTURE_PHOTO * pixels * sizeof *c->photo);
-    return (!c->places || c->place) && (!photo || c->photo)
+    if (c->lit && !c->gain)
+        c->gain = malloc(relight_side(c->size) * relight_side(c->size) *
+                         sizeof *c->gain);
+    return (!c->places || c->place) && (!photo || c->photo) &&
+                   (!c->lit || c->gain)
                ? 0 : canvas_too_large(c, err);
 }
 
@@ -71,5 +77,12 @@ int canvas_draw(struct canvas *c, struct splat *s,
         to.shade = texture_shade;
         to.ctx = &c->shader;
     }
-    return splat_draw(s, &to, cam, &c->view, NULL, err);
+    if (splat_draw(s, &to, cam, &c->view, NULL, err))
+        return -1;
+    if (t && c->lit)
+        splat_relight(c->gain, s, c->light);
+    if (t && c->lit && !beside)
+        relight_apply(c->image, c->channels, c->alpha, c->gain, c->size,
+                      c->size, c->size);
+    return 0;
 }

@@ -23,6 +23,11 @@ struct canvas {
     bool places;                /* these are asked for, too: */
     float *place;               /* (N,N,3) */
     struct texture_shader shader;
+    bool lit;                   /* the head's light is known: set before a
+                                 * frame is drawn, with */
+    float light[3];             /* l in it, head frame */
+    float *gain;                /* how it changed (lib/splat/relight.h), once
+                                 * lit */
 };
 
 /* EX_OSERR without memory; c is then to be released all the same. */
@@ -32,7 +37,8 @@ void canvas_release(struct canvas *c);  /* of a zeroed *c: nothing */
 
 /* Eq. C: what s has loaded, seen by cam.  t (NULL: none) is the photograph
  * that places are places of by c->view: over the colours, or beside features
- * (beside), as c->photo, for the refiner.  EX_OSERR. */
+ * (beside), as c->photo, for the refiner; c->gain changes colours, or is
+ * beside features, likewise.  EX_OSERR. */
 int canvas_draw(struct canvas *c, struct splat *s,
                 const struct splat_camera *cam, const struct texture *t,
                 bool beside, struct error *err);

@@ -7,6 +7,7 @@
 
 #include "lib/base/camera.h"
 #include "lib/base/cpu.h"
+#include "lib/base/relative_pose.h"
 #include "lib/photo/place.h"
 #include "lib/splat/splat.h"
 
@@ -75,7 +76,7 @@ static struct refine_input pipeline_features(const struct pipeline *p)
         .height = c->size, .width = c->size, .channels = c->channels,
         .f32 = c->image, .f16 = c->half, .alpha = c->alpha,
         .turn = p->move.relative_pose, .photo = c->photo, .place = c->place,
-        .view = c->view
+        .view = c->view, .gain = c->lit ? c->gain : NULL
     };
 }
 
@@ -137,6 +138,8 @@ int pipeline_splat(struct pipeline *p, struct pipeline_times *t,
 
     place_view_make(&c->view, a->baked->view, p->cam,
                     a->baked->blended ? &shoulders : NULL);
+    c->lit = baked_is_lit(a->baked);
+    relative_light(c->light, a->baked->source, a->baked->light, p->cam);
     if (baked_move_scene(&p->splat, &p->move, a->baked, err) ||
         canvas_draw(c, &p->splat, &cam, a->texture, !p->opt.star, err))
         return -1;                                      /* C */

@@ -6,6 +6,8 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/splat/relight.h"
+
 /* Room for a picture as large as the features. */
 static int refine_picture_make_room(struct refine_picture *p,
                                     const struct refine_input *in,
@@ -60,6 +62,8 @@ static int refine_picture_enlarge(struct refine_picture *p,
     texture_clamp_to_alpha(p->rgb, 3, in->alpha, in->height * in->width);
     zoom_picture(z, p->rgb, in->alpha, photo ? in->place : NULL, &in->view,
                  p->texture, &p->field);
+    if (in->gain)
+        relight_apply(z->color, 3, z->alpha, in->gain, in->width, z->to, z->to);
     p->height = p->width = z->to;
     p->color = z->color;
     p->coverage = z->alpha;
@@ -80,6 +84,9 @@ int refine_picture_finish(struct refine_picture *p,
                         in->width);
     else if (in->alpha)
         texture_clamp_to_alpha(p->rgb, 3, p->alpha, n);
+    if (in->gain && in->height == in->width)
+        relight_apply(p->rgb, 3, in->alpha ? p->alpha : NULL, in->gain,
+                    in->width, in->height, in->width);
     p->height = in->height;
     p->width = in->width;
     p->color = p->rgb;

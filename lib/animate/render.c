@@ -110,6 +110,10 @@ static int render_fast(struct render *r, const struct splat_camera *cam,
                        struct error *err)
 {
     render_set_view(r, cam);
+    r->canvas.lit = r->scene.normal && render_camera(r);
+    if (r->canvas.lit)
+        relative_light(r->canvas.light, r->scene.source, r->scene.light,
+                       render_camera(r));
     return canvas_draw(&r->canvas, &r->splat, cam,
                        render_shows_photo(r) ? &r->texture : NULL,
                        r->opt.features, err);
@@ -130,6 +134,7 @@ static struct framesink_frame render_frame(const struct render *r,
         f.place = c->place;
         memcpy(f.map, &c->view, sizeof f.map);
     }
+    f.gain = f.photo && c->lit ? c->gain : NULL;
     /* of the stream's camera: another one goes round head and light */
     f.rotated = r->scene.has_source && render_camera(r);
     if (f.rotated)

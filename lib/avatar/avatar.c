@@ -3,6 +3,7 @@
  * through both for training. */
 #include "lib/avatar/avatar.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
@@ -78,7 +79,7 @@ static int avatar_allocate(struct avatar *a, struct error *err)
         {&s->quat, 4 * N, false}, {&s->opacity, N, false},
         {&s->color, C * N, false}, {&s->neck, N, false},
         {&s->seen, N, false}, {&a->uv, 2 * N, false}, {&a->reach, N, false},
-        {&a->tilt, 2 * N, false},
+        {&a->tilt, 2 * N, false}, {&a->normal, 3 * N, false},
         {&d->mean, 3 * N, true}, {&d->scale, 3 * N, true},
         {&d->quat, 4 * N, true}, {&d->opacity, N, true},
         {&d->color, C * N, true}, {&a->frame_dmean, 3 * N, true},
@@ -177,7 +178,8 @@ static void avatar_views(struct avatar *a)
         .n = s->n, .channels = (int)s->channels, .mean = s->mean,
         .scale = s->scale, .quat = s->quat, .opacity = s->opacity,
         .color = s->color, .branch = a->branch, .uv = a->uv, .seen = s->seen,
-        .reach = a->reach, .tilt = a->tilt
+        .reach = a->reach, .tilt = a->tilt, .normal = a->normal,
+        .light = {a->light[0], a->light[1], a->light[2]}
     };
     a->drive = (struct drive){
         .dynamic = a->first[BRANCH_STATIC], .mouth = a->first[BRANCH_MOUTH],
@@ -214,6 +216,36 @@ static void avatar_look_further(struct avatar *a,
     }
 }
 
+/* l in the head's frame. */
+static void avatar_light(struct avatar *a, const struct avatar_source *src)
+{
+    for (int k = 0; k < 3; k++) {
+        a->light[k] = 0;
+        for (int i = 0; src->light && a->config.rgb_skip && i < 3; i++)
+            a->light[k] += src->cam[4 * i + k] * src->light[i];
+    }
+    memcpy(a->dynamic.light, a->light, sizeof a->light);
+}
+
+/* Of the mesh where Gaussians lie on it; elsewhere of what the source's camera
+ * saw, whose depth rises by tilt; none of the shoulders. */
+static void avatar_normals(struct avatar *a)
+{
+    const size_t D = a->first[BRANCH_STATIC];
+    const float *cam = a->source.cam;
+
+    memcpy(a->normal, a->dynamic.normals, 3 * D * sizeof *a->normal);
+    for (size_t i = D; i < a->all.n; i++) {
+        const float *t = a->tilt + 2 * i;
+        const float by = (1 - a->all.neck[i]) /
+                         sqrtf(t[0] * t[0] + t[1] * t[1] + 1);
+
+        for (int k = 0; k < 3; k++)
+            a->normal[3 * i + (size_t)k] =
+                by * (t[0] * cam[k] + t[1] * cam[4 + k] - cam[8 + k]);
+    }
+}
+
 /* Phase A: features once, then every branch writes its part of the set. */
 void avatar_bake(struct avatar *a, const struct avatar_source *src)
 {
@@ -223,6 +255,7 @@ void avatar_bake(struct avatar *a, const struct avatar_source *src)
     struct branch_set mouth = avatar_part(a, &a->all, BRANCH_MOUTH);
     float white[3];
 
+    avatar_light(a, src);
     avatar_look_further(a, src);
     avatar_look(a, src);
     tilt_find(&a->tilted, &a->picture, &a->source);
@@ -233,9 +266,6 @@ void avatar_bake(struct avatar *a, const struct avatar_source *src)
                            &a->dynamic);
     static_branch_forward(&plane, a->features, &a->picture, &a->source,
                           &a->plane);
-    memset(a->light, 0, sizeof a->light);
-    if (a->config.rgb_skip && dynamic.n)
-        memcpy(a->light, a->dynamic.light, sizeof a->light);
     for (int c = 0; c < 3; c++)
         white[c] = lip_lining_share(a->light) *
                    (dynamic.n ? a->dynamic.white[c] : GREY);
@@ -250,6 +280,7 @@ void avatar_bake(struct avatar *a, const struct avatar_source *src)
     place_of_source(a->uv, a->all.seen, a->all.mean, a->all.scale, src->cam,
                     a->all.n);
     tilt_sample(a->tilt, &a->tilted, a->uv, a->all.neck, a->all.n);
+    avatar_normals(a);
     avatar_views(a);
     if (!a->train)
         return;

@@ -57,6 +57,7 @@ struct avatar_source {
     const uint8_t *matte;   /* (S,S) */
     const float *verts;     /* (V,3) V_s */
     const float *cam;       /* (3,4) T_s */
+    const float *light;     /* (3) l on it, camera frame, or NULL: unknown */
     const float *rest;      /* (V,3) the same face at rest (identity_rest), or
                              * NULL: verts */
     const struct avatar_source *more;   /* (nmore) further pictures of the
@@ -86,7 +87,7 @@ struct avatar {
     size_t first[BRANCH_COUNT + 1];     /* branch b: first[b]..first[b+1] */
     struct gaussians set;               /* all of them, at the source pose */
     struct drive drive;                 /* how they move */
-    float light[3];                     /* l of the source (light.h); 0
+    float light[3];                     /* l of the source, head frame; 0
                                          * without rgb_skip */
     float *features, *dfeatures;        /* (n,n,Cf) F */
     struct branch_set all, dall;        /* the set's arrays; gradients */
@@ -95,6 +96,8 @@ struct avatar {
                                          * (lib/photo/place.h) */
     float *reach;                       /* (N) gaussian_seen */
     float *tilt;                        /* (N,2) gaussian_visible */
+    float *normal;                      /* (N,3) of the surface, head frame; as
+                                         * far as it turns with the head */
 
     /* Set by avatar_drive. */
     float *densified, *ddensified;      /* (D,3) before the neck blend */

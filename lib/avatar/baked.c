@@ -11,7 +11,7 @@
 #include "lib/stream/gaus.h"
 #include "lib/splat/splat.h"
 
-#define FLOATS 21       /* of a Gaussian beside its colours: mean to jaw */
+#define FLOATS 24       /* of a Gaussian beside its colours: mean to jaw */
 
 /* N Gaussians of C colours, the first `dynamic` on the mesh; no neck blend. */
 static int baked_allocate(struct baked *b, size_t N, size_t C,
@@ -37,9 +37,10 @@ static int baked_allocate(struct baked *b, size_t N, size_t C,
     b->seen = b->uv + 2 * N;
     b->reach = b->seen + N;
     b->tilt = b->reach + N;
-    b->jaw = b->tilt + 2 * N;
+    b->normal = b->tilt + 2 * N;
+    b->jaw = b->normal + 3 * N;
     b->color = b->jaw + 3 * N;
-    memset(b->uv, 0, 9 * N * sizeof *b->uv);
+    memset(b->uv, 0, 12 * N * sizeof *b->uv);
     memset(b->neck, 0, N * sizeof *b->neck);
     memcpy(b->source, neck_blend_upright, sizeof b->source);
     return 0;
@@ -135,6 +136,7 @@ static void baked_copy_motion(struct baked *b, const struct avatar *a,
         baked_keep_rows(b->seen, a->all.seen, 1, keep, N);
         baked_keep_rows(b->reach, a->reach, 1, keep, N);
         baked_keep_rows(b->tilt, a->tilt, 2, keep, N);
+        baked_keep_rows(b->normal, a->normal, 3, keep, N);
         memcpy(b->view, a->source.cam, sizeof b->view);
     }
     baked_find_blended(b);
@@ -163,6 +165,11 @@ void baked_release(struct baked *b)
     memset(b, 0, sizeof *b);
 }
 
+bool baked_is_lit(const struct baked *b)
+{
+    return b->light[0] != 0 || b->light[1] != 0 || b->light[2] != 0;
+}
+
 bool baked_has_places(const struct baked *b)
 {
     return b->view[11] > 0;
@@ -174,7 +181,9 @@ struct gaussians baked_set(const struct baked *b)
         .n = b->N, .channels = (int)b->C, .mean = b->mean, .scale = b->scale,
         .quat = b->quat, .opacity = b->opacity, .color = b->color,
         .branch = b->branch, .uv = b->uv, .seen = b->seen,
-        .reach = b->reach, .tilt = b->tilt
+        .reach = b->reach, .tilt = b->tilt,
+        .normal = baked_is_lit(b) ? b->normal : NULL,
+        .light = {b->light[0], b->light[1], b->light[2]}
     };
 }
 
@@ -237,8 +246,10 @@ static int baked_read_motion(struct baked *b, const struct gaus *g,
                3 * b->mouth * sizeof *b->jaw);
         memcpy(b->chin, g->chin, sizeof b->chin);
     }
-    if (g->light)
+    if (g->light && g->normal) {
         memcpy(b->light, g->light, sizeof b->light);
+        memcpy(b->normal, g->normal, 3 * b->N * sizeof *g->normal);
+    }
     if (!g->bend)
         return 0;
     if (!g->pivot || !g->source)
@@ -317,7 +328,7 @@ int baked_write(struct stream_writer *w, uint64_t frame, double time,
         .vertices = b->dynamic, .lip = b->lip, .bend = b->neck,
         .pivot = b->pivot, .source = b->source, .light = b->light, .cam = cam,
         .uv = b->uv, .seen = b->seen, .view = b->view, .reach = b->reach,
-        .tilt = b->tilt
+        .tilt = b->tilt, .normal = b->normal
     };
     float *left = NULL;
 
@@ -334,6 +345,8 @@ int baked_write(struct stream_writer *w, uint64_t frame, double time,
     }
     if (!baked_has_places(b))
         g.uv = g.seen = g.view = g.reach = g.tilt = NULL;
+    if (!baked_is_lit(b))
+        g.normal = NULL;
     int rc = gaus_write(w, frame, time, &g, err);
     free(left);
     return rc;
@@ -354,6 +367,7 @@ void baked_keep(struct baked *b, const uint8_t *keep)
     baked_keep_rows(b->seen, b->seen, 1, keep, b->N);
     baked_keep_rows(b->reach, b->reach, 1, keep, b->N);
     baked_keep_rows(b->tilt, b->tilt, 2, keep, b->N);
+    baked_keep_rows(b->normal, b->normal, 3, keep, b->N);
     baked_keep_rows(b->jaw, b->jaw, 3, keep, b->N);
     baked_keep_rows(b->color, b->color, b->C, keep, b->N);
     for (size_t i = 0; i < b->N; i++) {

@@ -34,12 +34,13 @@ struct baked {
     float *neck;            /* (N) neck blend weights (lib/base/neck_blend.h) */
     float pivot[3];         /* of the neck blend */
     float source[9];        /* R_s, where the static branch's shoulders were */
-    float light[3];         /* l, on the source (lib/avatar/light.h) */
+    float light[3];         /* l, on the source, head frame */
     float *uv, *seen;       /* (N,2), (N) places in the source picture
                              * (lib/photo/place.h), seen by the */
     float view[12];         /* source's camera; all zero: no places */
     float *reach;           /* (N) gaussian_seen, from mean on */
     float *tilt;            /* (N,2) gaussian_visible */
+    float *normal;          /* (N,3) of the surface, head frame */
     size_t first, blended;  /* static Gaussians with a neck weight lie in
                              * this range: first index, count */
     float *block;           /* what the float arrays are part of */
@@ -67,6 +68,8 @@ int baked_write(struct stream_writer *w, uint64_t frame, double time,
 void baked_release(struct baked *b);
 
 /* Whether the Gaussians know their places in the source picture. */
+/* Whether it is known how light fell on the source. */
+bool baked_is_lit(const struct baked *b);
 bool baked_has_places(const struct baked *b);
 
 /* The Gaussians as a renderer takes them. */

@@ -154,7 +154,7 @@ static int baker_view_init(struct baker_view *v, struct avatar_source *out,
         memcpy(v->own, at->rgb, 3 * n);
     *out = (struct avatar_source){
         .rgb = v->own, .matte = at->matte, .verts = v->verts, .cam = v->cam,
-        .rest = v->rest
+        .light = p->source.lit ? p->source.light : NULL, .rest = v->rest
     };
     return 0;
 }

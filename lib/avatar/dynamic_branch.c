@@ -11,9 +11,9 @@
 #include "lib/avatar/coverage.h"
 #include "lib/avatar/eyes.h"
 #include "lib/avatar/further.h"
-#include "lib/avatar/light.h"
 #include "lib/avatar/lip_lining.h"
 #include "lib/avatar/white_point.h"
+#include "lib/base/gaussians.h"
 #include "lib/base/parallel.h"
 #include "lib/base/slices.h"
 #include "lib/base/camera.h"
@@ -331,6 +331,19 @@ void dynamic_branch_add(const struct source_picture *picture,
     further_add(b->more, &p, gain, b->count);
 }
 
+/* rgb (D,3) without the light on it, up to GAUSSIAN_SHADOW; back: in it. */
+static void dynamic_branch_unlight(float *rgb, bool back,
+                                   const struct dynamic_branch *b)
+{
+    for (size_t k = 0; k < b->count; k++) {
+        const float light = gaussian_light(b->normals + 3 * k, b->light);
+        const float by = sqrtf(GAUSSIAN_SHADOW / light);
+
+        for (size_t c = 3 * k; c < 3 * k + 3; c++)
+            rgb[c] = back ? fminf(rgb[c] / by, 1) : rgb[c] * by;
+    }
+}
+
 /* The prior: what the picture shows, and the colours that go on from it. */
 static void dynamic_branch_start(const struct source_picture *picture,
                                  const struct source_mesh *mesh,
@@ -341,11 +354,12 @@ static void dynamic_branch_start(const struct source_picture *picture,
 
     dynamic_branch_look(picture, mesh, b);
     dynamic_branch_hull(picture, mesh, b);
-    light_fit(b->light, b->pixel, mesh->normals, b->trust, b->dense->V, b->tmp);
     if (b->has_more)
         further_take(b->pixel, b->trust, rgb, b->facing, b->more, b->count);
     dynamic_branch_set_skin(mesh, b);
+    dynamic_branch_unlight(rgb, false, b);
     completion_solve(rgb, b->skin, mesh->weights->mirror, b->dense, b->tmp);
+    dynamic_branch_unlight(rgb, true, b);
     for (size_t i = 0; i < 3 * b->count; i++)
         rgb[i] += (b->trust[i / 3] - b->skin[i / 3]) *
                   (b->pixel[i / 3 * 4 + i % 3] - rgb[i]);

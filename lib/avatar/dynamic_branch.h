@@ -53,6 +53,8 @@ struct dynamic_branch {
     float *seam;                        /* (D) where lips meet, and */
     float *on_teeth;                    /* (D) where they lie on what are teeth
                                          * in the picture */
+    float light[3];                     /* l on the picture, head frame: set
+                                         * before _forward */
     float *trust;                       /* (D) in the sampled colour, */
     float *skin;                        /* (D) and in its being skin */
     float *first;                       /* (D,4) colour and trust of the first
@@ -60,7 +62,6 @@ struct dynamic_branch {
     float *more;                        /* (D,FURTHER_SUMS) of further ones
                                          * (further.h) */
     bool has_more;
-    float light[3];                     /* l of the first picture (light.h) */
     float shut[2];                      /* how far the source has its eyes
                                          * shut (eyes.h) */
     float white[3];                     /* what is white in the picture; with

@@ -30,6 +30,11 @@ struct gaussians {
                                    * for all: seen stays as it is */
     const float *source_mean;     /* (N,3) centres in the photograph's pose;
                                    * NULL: mean */
+    const float *normal;          /* (N,3) out of the surface in the
+                                   * photograph's pose, head frame; 0 where no
+                                   * light is known; NULL: nowhere */
+    float light[3];               /* l on the photograph, head frame; with
+                                   * normal */
     const float *tilt;            /* (N,2) how the depth that the source's
                                    * camera saw there rises to the picture's
                                    * right and down; NULL: nowhere */
@@ -115,6 +120,15 @@ static inline float gaussians_seen(const struct gaussians *g, size_t i)
         return g->seen ? g->seen[i] : 0;
     return gaussian_seen(g->seen[i], g->reach[i], g->source_mean + 3 * i,
                          g->mean + 3 * i);
+}
+
+/* Light on a surface of normal n (3), 1 the mean, by l (3) at most 1 long; never
+ * less than the shadows that a face throws on itself leave. */
+#define GAUSSIAN_SHADOW 0.2f
+static inline float gaussian_light(const float n[3], const float l[3])
+{
+    return fmaxf(1 + n[0] * l[0] + n[1] * l[1] + n[2] * l[2],
+                 GAUSSIAN_SHADOW);
 }
 
 #endif

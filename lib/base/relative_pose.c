@@ -18,19 +18,29 @@ static float relative_pose_light(const float R[9], const float l[3], int i)
     return R[3 * i] * l[0] + R[3 * i + 1] * l[1] + R[3 * i + 2] * l[2];
 }
 
+void relative_light(float now[3], const float R[9], const float l[3],
+                    const float cam[12])
+{
+    for (int a = 0; a < 3; a++) {
+        now[a] = 0;
+        for (int i = 0; i < 3; i++)
+            now[a] += cam[4 * i + a] * relative_pose_light(R, l, i);
+    }
+}
+
 /* The antisymmetric part of Q = C R^T, and C^T R l - l. */
 void relative_pose(float pose[RELATIVE_POSE_SIZE], const float R[9],
                    const float l[3], const float cam[12])
 {
+    float now[3];
+
+    relative_light(now, R, l, cam);
     for (int a = 0; a < 3; a++) {
         int b = (a + 1) % 3, c = (a + 2) % 3;
-        float now = 0;
 
         pose[a] = 0.5f / UNIT * (relative_pose_entry(R, cam, c, b) -
                                  relative_pose_entry(R, cam, b, c));
-        for (int i = 0; i < 3; i++)
-            now += cam[4 * i + a] * relative_pose_light(R, l, i);
-        pose[3 + a] = (now - l[a]) / UNIT;
+        pose[3 + a] = (now[a] - l[a]) / UNIT;
     }
 }
 

@@ -6,8 +6,13 @@
 
 #define RELATIVE_POSE_SIZE 6
 
+/* Light l (3) on a head that R (3,3) saw, as it falls on it when cam (3,4) sees
+ * it, both in the head's frame: it stays where it is before the camera. */
+void relative_light(float now[3], const float R[9], const float l[3],
+                    const float cam[12]);
+
 /* Of a head that was seen by R (3,3) under light l (3, head frame;
- * lib/avatar/light.h), when cam (3,4) sees it; R and cam lead from the head to
+ * GAUS of spid-stream(5)), when cam (3,4) sees it; R and cam lead from the head to
  * the camera.
  *   pose[0..2]  sine of the angle times the axis, in the camera's frame
  *   pose[3..5]  what this adds to l, in the head's frame

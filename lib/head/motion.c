@@ -44,6 +44,9 @@ int motion_read(struct motion *m, const struct record *rec, size_t nexp,
     if (record_find(rec, "crop") &&
         motion_copy(m->crop, rec, "crop", 3, 0, err))
         return -1;
+    m->lit = record_find(rec, "light") != NULL;
+    if (m->lit && motion_copy(m->light, rec, "light", 3, 0, err))
+        return -1;
     m->pose.exp = m->exp;
     return 0;
 }
@@ -83,6 +86,8 @@ int motion_write(struct stream_writer *w, uint64_t frame, double time,
     int n = MOTION_ARRAYS;
 
     motion_arrays(a, m, nexp);
+    if (m->lit)
+        a[n++] = array_make("light", DTYPE_F32, m->light, 1, 3, 0, 0, 0);
     for (int i = 0; i < nothers && n < STREAM_MAX_ARRAYS; i++)
         a[n++] = others[i];
     return stream_write(w, RECORD_MOTN, frame, time, a, n, err);

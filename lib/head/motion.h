@@ -2,6 +2,7 @@
 #ifndef SPID_HEAD_MOTION_H
 #define SPID_HEAD_MOTION_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -15,6 +16,8 @@ struct motion {
     float exp[HEAD_MAX_EXP];        /* psi */
     float R[9], t[3];               /* Eq. T_d: the camera */
     float crop[3];                  /* face crop, portrait-window pixels */
+    float light[3];                 /* l, camera frame, as GAUS's of the head's */
+    bool lit;                       /* the light is known */
 };
 
 /* Fill m from a MOTN record of a head with nexp expression directions (0: they

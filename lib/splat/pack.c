@@ -45,6 +45,11 @@ PARALLEL(pack_one, i, struct splat *, s, const struct gaussians *, g)
     if (st->place) {
         st->cloud.seen[i] = gaussians_seen(g, i);
         st->cloud.thin[i] = gaussians_thin(g, i);
+        st->cloud.lit[i] =
+            g->normal ? 1 / gaussian_light(g->normal + 3 * i, g->light) : 1;
+        for (int k = 0; k < 3; k++)
+            st->cloud.normal[k][i] =
+                g->normal ? g->normal[3 * i + (size_t)k] : 0;
         for (int k = 0; k < 2; k++) {
             const size_t at = 2 * i + (size_t)k;
 

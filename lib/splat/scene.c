@@ -31,6 +31,7 @@ void scene_release(struct scene *s)
     free(s->seen);
     free(s->reach);
     free(s->tilt);
+    free(s->normal);
     memset(s, 0, sizeof *s);
 }
 
@@ -149,11 +150,17 @@ static int scene_copy_arrays(struct scene *s, const struct gaus *g,
     }
     if (g->view && g->tilt)
         s->g.tilt = s->tilt = scene_copy(g->tilt, 2 * n * sizeof *g->tilt);
+    if (s->has_source && g->normal) {
+        s->g.normal = s->normal = scene_copy(g->normal,
+                                             3 * n * sizeof *g->normal);
+        memcpy(s->g.light, s->light, sizeof s->light);
+    }
     if (!s->mean || !s->loaded || !s->scale || !s->quat || !s->opacity ||
         (g->bend && !s->neck) || (g->jaw && !s->jaw) ||
         (g->branch && !s->branch) ||
         (g->view && (!s->uv || !s->seen || (g->reach && !s->reach) ||
-                      (g->tilt && !s->tilt))))
+                      (g->tilt && !s->tilt))) ||
+        (s->has_source && g->normal && !s->normal))
         return error_set(err, EX_OSERR, "out of memory for %zu Gaussians", n);
     return scene_take_color(s, g, err);
 }

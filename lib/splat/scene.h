@@ -35,7 +35,7 @@ struct scene {
 
     /* owned */
     float *mean, *loaded, *scale, *quat, *opacity, *color, *uv, *seen,
-          *reach, *tilt;
+          *reach, *tilt, *normal;
     float *jaw;         /* (mouth_count,3) how the mouth goes with the chin, or
                          * NULL */
     float *neck;        /* (N) neck blend weights, 0 but in the static

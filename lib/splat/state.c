@@ -6,6 +6,7 @@
 #include <stdlib.h>
 
 #include "lib/base/isa.h"
+#include "lib/splat/relight.h"
 
 #define ALIGN 64
 
@@ -46,6 +47,8 @@ size_t state_screen_layout(struct splat_state *st, char *base)
     size_t tiles = (size_t)st->view.tx * (size_t)st->view.ty, used = 0;
     size_t cells = (size_t)(st->view.tx + 1) * (size_t)(st->view.ty + 1);
     size_t T = (size_t)st->threads;
+    size_t h = relight_side((size_t)st->view.height);
+    size_t w = relight_side((size_t)st->view.width);
 
     st->start = state_reserve(base, &used, tiles * sizeof *st->start);
     st->end = state_reserve(base, &used, tiles * sizeof *st->end);
@@ -55,6 +58,8 @@ size_t state_screen_layout(struct splat_state *st, char *base)
     st->histogram = state_reserve(base, &used,
                                   T * 2048 * sizeof *st->histogram);
     st->work = state_reserve(base, &used, (size_t)st->slots * st->work_size);
+    st->gain_room = state_reserve(base, &used,
+                              (2 * h * w + h + w) * sizeof *st->gain_room);
     return used;
 }
 
@@ -80,6 +85,9 @@ size_t state_cloud_layout(struct splat *s, char *base, size_t n)
     if (s->opt.place) {
         st->cloud.seen = state_reserve(base, &used, row);
         st->cloud.thin = state_reserve(base, &used, row);
+        for (int k = 0; k < 3; k++)
+            st->cloud.normal[k] = state_reserve(base, &used, row);
+        st->cloud.lit = state_reserve(base, &used, row);
         st->place = state_reserve(base, &used, n * sizeof *st->place);
     }
     st->key = state_reserve(base, &used, n * sizeof *st->key);

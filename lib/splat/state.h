@@ -54,6 +54,8 @@ struct cloud {
                                 * picture, and how much; else NULL */
     float *tilt[2];            /* likewise */
     float *thin;               /* likewise: gaussians_thin */
+    float *normal[3], *lit;    /* likewise: of the surface, and one over
+                                * the photograph's light on it */
 };
 
 /* A Gaussian that the photograph shows only near source_mean (gaussian_seen). */
@@ -117,6 +119,7 @@ struct splat_state {
     struct target drawn_to;    /* ... to here */
     int32_t *count;            /* (threads, tiles + border), of each tile */
     uint32_t *histogram;       /* (threads, 2048) */
+    float *gain_room;          /* of splat_relight */
     void *work;                /* (slots) struct work, of the kernels */
 
     uint32_t *list;            /* (tile, Gaussian) pairs */

@@ -10,7 +10,8 @@
 static const struct schema_field fields[] = {
     {"feat", offsetof(struct feat, f32), DTYPE_F32},
     {"feat", offsetof(struct feat, f16), DTYPE_F16},
-    {F(alpha)}, {F(depth)}, {F(photo)}, {F(place)}, {F(map)}, {F(turn)}
+    {F(alpha)}, {F(depth)}, {F(photo)}, {F(place)}, {F(map)}, {F(gain)},
+    {F(turn)}
 };
 enum { FIELDS = sizeof fields / sizeof *fields };
 
@@ -31,6 +32,18 @@ static int feat_check_size(const struct array *feat, const struct array *alpha,
         return error_set(err, EX_DATAERR, "FEAT feat of %zu x %zu pixels is "
                          "larger than --max-bytes", alpha->dim[1],
                          alpha->dim[0]);
+    return 0;
+}
+
+/* The gains are of every FEAT_GAIN pixels. */
+static int feat_check_gain(const struct feat *f, struct error *err)
+{
+    const size_t h = (f->height + FEAT_GAIN - 1) / FEAT_GAIN;
+    const size_t w = (f->width + FEAT_GAIN - 1) / FEAT_GAIN;
+
+    if (f->gain && (f->gain_height != h || f->gain_width != w))
+        return error_set(err, EX_DATAERR, "FEAT gain is %zu x %zu (expected "
+                         "%zu x %zu)", f->gain_height, f->gain_width, h, w);
     return 0;
 }
 
@@ -59,7 +72,9 @@ int feat_read(struct feat *f, const struct record *rec, struct error *err)
     f->width = f->packed ? alpha->dim[1] : a->dim[1];
     f->channels = a->dim[a->ndim - 1];
     f->pixels = f->packed ? a->dim[0] : 0;
-    return 0;
+    f->gain_height = schema_rows(rec, "gain");
+    f->gain_width = f->gain ? record_find(rec, "gain")->dim[1] : 0;
+    return feat_check_gain(f, err);
 }
 
 int feat_write(struct stream_writer *w, uint64_t frame, double time,
@@ -68,6 +83,7 @@ int feat_write(struct stream_writer *w, uint64_t frame, double time,
 {
     const size_t size[] = {['H'] = f->height, ['W'] = f->width,
                            ['C'] = f->channels,
+                           ['G'] = f->gain_height, ['K'] = f->gain_width,
                            ['P'] = f->packed ? f->pixels : SCHEMA_NOT};
     struct array a[FIELDS];
 

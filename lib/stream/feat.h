@@ -14,6 +14,7 @@
 #define FEAT_PHOTO 5    /* numbers of a pixel of photo, */
 #define FEAT_PLACE 3    /* of place, */
 #define FEAT_MAP 15     /* of the places' view */
+#define FEAT_GAIN 4    /* pixels from one number of gain to the next, */
 #define FEAT_TURN 6     /* and of the head's turn */
 
 /* The arrays of a FEAT record; NULL: not there.  After feat_read they lie in
@@ -31,6 +32,10 @@ struct feat {
                              * photograph shows (lib/photo) */
     const float *place;     /* (height,width,3) blended places, */
     const float *map;       /* (15) and their view (lib/splat/types.h) */
+    const float *gain;      /* (gain_height,gain_width) gains of the
+                             * colours, a quarter of the picture's size
+                             * (lib/splat/relight.h) */
+    size_t gain_height, gain_width;
     const float *turn;      /* (6) the head's since the source
                              * (lib/base/relative_pose.h) */
 };

@@ -32,6 +32,7 @@ struct gaus {
     const float *seen;                  /* (n) how far it shows them, and */
     const float *view;                  /* (3,4) its camera: all or none */
     const float *reach;                 /* (n) up to where it does, and */
+    const float *normal;                /* (n,3) of the surface, head frame */
     const float *tilt;                  /* (n,2) how depth rises there */
     const float *cam;                   /* (3,4) [R|t] */
 };

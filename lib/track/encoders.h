@@ -6,6 +6,7 @@
 #include <stdbool.h>
 
 #include "lib/base/error.h"
+#include "lib/net/light_net.h"
 #include "lib/net/model.h"
 #include "lib/net/matte_net.h"
 #include "lib/net/motion_encoder.h"
@@ -17,6 +18,8 @@ struct encoders {
     struct motion_encoder motion;
     struct shape_encoder shape;         /* when with_shape */
     struct matte_net matte;             /* when has_matte */
+    struct light_net light;             /* when with_shape; of a model without,
+                                         * 0 */
     bool has_matte;
 };
 

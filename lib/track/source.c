@@ -114,7 +114,7 @@ static int source_crop(void *ctx, float *rgb, struct square q,
                       err);
 }
 
-/* beta of the crop the motion encoder last saw. */
+/* beta and light of the crop the motion encoder last saw. */
 static int source_find_shape(struct source *s, struct track *t,
                              const struct image *im, const struct head *head,
                              struct encoders *nets, struct error *err)
@@ -128,7 +128,9 @@ static int source_find_shape(struct source *s, struct track *t,
 
     if (shape_tta_init(&l, &nets->shape, head, err) ||
         shape_tta_forward(beta, &l, (struct square){c[0], c[1], c[2]},
-                          source_crop, &v, err))
+                          source_crop, &v, err) ||
+        light_of_crop(&s->person.source, &nets->light,
+                      (struct square){c[0], c[1], c[2]}, source_crop, &v, err))
         goto out;
     s->person.nshape = head->nshape < SHAPE_ENCODER_OUT ? head->nshape
                                                         : SHAPE_ENCODER_OUT;

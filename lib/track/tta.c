@@ -90,6 +90,22 @@ int shape_tta_forward(float *beta, struct shape_tta *t, struct square q,
     return 0;
 }
 
+int light_of_crop(struct motion *m, const struct light_net *net,
+                  struct square q, tta_crop_fn *crop, void *ctx,
+                  struct error *err)
+{
+    const size_t n = LIGHT_NET_SIDE;
+    float *rgb = malloc(3 * n * n * sizeof *rgb);
+    int rc = rgb ? crop(ctx, rgb, q, err)
+                 : error_set(err, EX_OSERR, "no memory for a crop");
+
+    if (rc == 0)
+        light_net_forward(m->light, rgb, net);
+    m->lit = rc == 0 && net->ps;
+    free(rgb);
+    return rc;
+}
+
 /* Rotations and axis-angles of the mirrored person: M R M with
  * M = diag(-1,1,1); translations are mirrored by M, eyes and lids change
  * sides. */

@@ -10,6 +10,8 @@
 #include "lib/base/error.h"
 #include "lib/base/crop.h"
 #include "lib/head/mirror.h"
+#include "lib/head/motion.h"
+#include "lib/net/light_net.h"
 #include "lib/net/motion_encoder.h"
 #include "lib/net/shape_encoder.h"
 
@@ -39,6 +41,12 @@ void shape_tta_release(struct shape_tta *t);
 /* beta (300) of the face in crop q; -1 only when crop fails. */
 int shape_tta_forward(float *beta, struct shape_tta *t, struct square q,
                       tta_crop_fn *crop, void *ctx, struct error *err);
+
+/* m's light, of the face in crop q; unknown to a net without tensors.  -1 only
+ * when memory is short or crop fails. */
+int light_of_crop(struct motion *m, const struct light_net *net,
+                  struct square q, tta_crop_fn *crop, void *ctx,
+                  struct error *err);
 
 /* ---- E_m ---------------------------------------------------------------- */
 

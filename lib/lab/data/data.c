@@ -156,6 +156,8 @@ static int data_take_motion(struct data_reader *r, const struct record *rec,
     memcpy(to->jaw, m.pose.jaw, sizeof to->jaw);
     memcpy(to->lid, m.pose.lid, sizeof to->lid);
     memcpy(to->eye, m.pose.eye, sizeof to->eye);
+    memcpy(to->light, m.light, sizeof to->light);
+    to->lit = m.lit;
     r->next.crop = crop_from_landmarks(&r->next.lmk[0][0], 68);
     r->have_motion = true;
     return 0;

@@ -21,6 +21,8 @@
 /* The true motion of a frame, as in a MOTN record. */
 struct data_motion {
     float rot[9], trans[3], exp[DATA_EXP], jaw[3], lid[2], eye[6];
+    float light[3];         /* camera frame; with lit */
+    bool lit;
 };
 
 /* A frame: its picture (or the part of it around the face) and its truth.

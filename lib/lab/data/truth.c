@@ -34,6 +34,8 @@ void data_turn(struct data_frame *out, const struct data_frame *f,
         out->motion.rot[3 + i] = s * f->motion.rot[i] +
                                  c * f->motion.rot[3 + i];
     }
+    out->motion.light[0] = c * f->motion.light[0] - s * f->motion.light[1];
+    out->motion.light[1] = s * f->motion.light[0] + c * f->motion.light[1];
     out->motion.trans[0] = c * f->motion.trans[0] - s * f->motion.trans[1];
     out->motion.trans[1] = s * f->motion.trans[0] + c * f->motion.trans[1];
     for (int i = 0; i < 68; i++) {

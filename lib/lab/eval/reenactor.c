@@ -144,7 +144,9 @@ int reenactor_source(struct reenactor *r, const struct data_frame *f,
     p->source = st.motion;
     p->source.pose.exp = p->source.exp;
     p->has_source = true;
-    return baker_bake(&r->baker, r->verts, p, err) ||
+    return light_of_crop(&p->source, &r->nets.light, f->crop, data_crop,
+                         (void *)f, err) ||
+           baker_bake(&r->baker, r->verts, p, err) ||
            baker_copy(&r->baked, &r->baker, true, err) ||
            texture_init(&r->texture, p->rgb, p->matte, p->back, p->size,
                         err) ||

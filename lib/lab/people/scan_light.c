@@ -332,6 +332,49 @@ void light_init(struct light *l, const struct light_map *m, float turn,
     }
 }
 
+/* Luminance of a surface with unit normal n. */
+static float light_on(const struct light *l, const float n[3])
+{
+    float c[3];
+
+    for (int k = 0; k < 3; k++)
+        c[k] = maxf(harmonic2_diffuse(&l->sky[k], n), 0);
+    for (int i = 0; i < l->nlamp; i++)
+        mad3(c, c, l->lamp[i].rgb,
+             maxf(dot3(n, l->lamp[i].dir), 0) / PI_F);
+    return light_luminance(c);
+}
+
+/* By least squares over the half of the sphere towards the camera; z weighs
+ * against its mean of -1/2 there. */
+void light_slope(float slope[3], const struct light *l)
+{
+    float mean = 0, n[3], s[3] = {0}, length;
+    int rows = 24, columns = 48, count = rows * columns;
+
+    for (int i = 0; i < count; i++) {
+        float z = -((float)(i / columns) + 0.5f) / (float)rows;
+        float r = sqrtf(1 - z * z);
+        float a = 2 * PI_F * (float)(i % columns) / (float)columns;
+
+        n[0] = r * cosf(a);
+        n[1] = r * sinf(a);
+        n[2] = z;
+        float e = light_on(l, n) / (float)count;
+        mean += e;
+        s[0] += 3 * n[0] * e;
+        s[1] += 3 * n[1] * e;
+        s[2] += 12 * (n[2] + 0.5f) * e;
+    }
+    /* the fit is mean + s.(n - (0, 0, -1/2)) */
+    mean = maxf(mean + 0.5f * s[2], 1e-6f);
+    for (int k = 0; k < 3; k++)
+        slope[k] = s[k] / mean;
+    length = sqrtf(dot3(slope, slope));
+    for (int k = 0; k < 3 && length > 1; k++)
+        slope[k] /= length;
+}
+
 /* Bilinear in a level at texture place (u, v) in 0..1. */
 static void light_sample_level(float o[3], const float *p, int w, int h,
                                float u, float v)

@@ -63,6 +63,9 @@ void light_mirror(float rgb[3], const struct light *l, const float d[3],
 
 /* Irradiance over pi of a surface with unit normal n that sees all of it. */
 float harmonic2_diffuse(const struct harmonic2 *h, const float n[3]);
+/* l (3), camera frame, at most 1 long: what faces the camera and has normal n
+ * has nearest to 1 + l.n times its mean luminance, shadows left out. */
+void light_slope(float slope[3], const struct light *l);
 /* h turned: o(d) = h(r^T d), r row-major. */
 void harmonic2_turn(struct harmonic2 *o, const struct harmonic2 *h,
                     const float r[9]);

@@ -228,5 +228,6 @@ int synth_next(struct synth *s, struct synth_frame *frame, struct error *err)
         .rgb = t->rgb, .mask = t->mask, .label = t->label
     };
     memcpy(frame->crop, t->crop, sizeof t->crop);
+    light_slope(frame->light, &t->scene->scan.figure.light);
     return 1;
 }

@@ -39,6 +39,7 @@ struct synth_frame {
     const float *beta;          /* (nbeta) */
     size_t nbeta;
     const struct synth_motion *motion;
+    float light[3];             /* l, camera frame, see light_slope */
     float crop[3];              /* face crop: x, y, size, pixels */
     const float *lmk;           /* (68,2) pixels of the picture */
     const float *points;        /* (SYNTH_POINTS,2) where the labels'

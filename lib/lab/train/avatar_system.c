@@ -141,7 +141,8 @@ void avatar_system_release(struct avatar_system *s)
 
 /* Phase A on a source photograph, and the texture of all frames to come. */
 static int avatar_system_read(struct avatar_system *s, const struct person *p,
-                              const float *cam, struct error *err)
+                              const float *cam, const float *light,
+                              struct error *err)
 {
     const size_t n = p->size * p->size;
     uint8_t *own = malloc(3 * n);
@@ -151,7 +152,7 @@ static int avatar_system_read(struct avatar_system *s, const struct person *p,
     texture_straight(own, p->rgb, p->matte, p->back, n);
     avatar_bake(&s->avatar, &(struct avatar_source){
         .rgb = own, .matte = p->matte, .verts = s->source, .cam = cam,
-        .rest = s->rest
+        .light = light, .rest = s->rest
     });
     free(own);
     texture_release(&s->texture);
@@ -175,7 +176,8 @@ int avatar_system_bake(struct avatar_system *s, const struct data_frame *f,
     memcpy(s->source_cam, m ? cam : truth_cam, sizeof s->source_cam);
     head_pose(s->source, id, m ? m : &truth);
     identity_rest(s->rest, id);
-    rc = avatar_system_read(s, &person, s->source_cam, err);
+    rc = avatar_system_read(s, &person, s->source_cam,
+                            f->motion.lit ? f->motion.light : NULL, err);
     person_release(&person);
     return rc ? -1 : splat_load(&s->splat, &s->avatar.set, err);
 }

@@ -83,7 +83,7 @@ static const struct key keys[] = {
 };
 
 static const char *const stages[STAGE_COUNT] = {
-    "shape", "motion", "sure", "matte", "avatar", "all"
+    "shape", "motion", "light", "sure", "matte", "avatar", "all"
 };
 
 const char *train_stage_name(enum train_stage stage)

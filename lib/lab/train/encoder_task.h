@@ -41,6 +41,12 @@ void encoder_task_release(struct encoder_task *e);
 int encoder_task_draw(struct encoder_task *e, const struct task *t,
                       uint64_t step, size_t micro, struct error *err);
 
+/* A sheet of the validation people's crops as the encoder receives them; the
+ * caller frees *rgb (H,W,3). */
+int encoder_task_sheet(const struct encoder_task *e, const struct task *t,
+                       uint8_t **rgb, size_t *H, size_t *W,
+                       struct error *err);
+
 /* After the task's tensors were declared: gradients and random weights. */
 int encoder_task_fill(struct task *t, struct error *err);
 /* After the validation network was declared in copy: room for its weights. */

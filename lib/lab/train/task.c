@@ -13,6 +13,8 @@ static int task_make(struct task *t, struct error *err)
         return task_shape_init(t, err);
     case STAGE_MOTION:
         return task_motion_init(t, err);
+    case STAGE_LIGHT:
+        return task_light_init(t, err);
     case STAGE_MATTE:
         return task_matte_init(t, err);
     case STAGE_CONFIDENCE:

@@ -69,6 +69,8 @@ int task_read_validation(struct task *t, struct data_reader *r,
 int task_motion_init(struct task *t, struct error *err);
 /* E_beta, ... */
 int task_shape_init(struct task *t, struct error *err);
+/* ... the light network, ... */
+int task_light_init(struct task *t, struct error *err);
 /* ... how sure E_m is, ... */
 int task_confidence_init(struct task *t, struct error *err);
 /* ... the matte network, ... */

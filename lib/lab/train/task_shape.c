@@ -5,7 +5,6 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "lib/lab/data/contact_sheet.h"
 #include "lib/net/shape_encoder.h"
 #include "lib/track/tta.h"
 #include "lib/lab/train/encoder_task.h"
@@ -14,8 +13,6 @@
 
 #define N SHAPE_ENCODER_SIZE
 #define OUT SHAPE_ENCODER_OUT
-#define SHEET_ROWS 2
-#define SHEET_COLS 6
 
 struct impl {
     struct encoder_task e;
@@ -156,28 +153,13 @@ static int shape_task_validate(struct task *t, double *figures,
     return 0;
 }
 
-/* The crops E_beta receives; there is nothing to draw on them. */
+/* There is nothing to draw on them. */
 static int shape_task_sheet(struct task *t, uint8_t **rgb, size_t *H,
                             size_t *W, struct error *err)
 {
-    struct impl *m = t->impl;
-    struct contact_sheet sh;
+    const struct impl *m = t->impl;
 
-    if (contact_sheet_init(&sh, SHEET_ROWS, SHEET_COLS, N, err))
-        return -1;
-    for (size_t i = 0; i < SHEET_ROWS * SHEET_COLS && i < t->nvalidation;
-         i++) {
-        const struct data_frame *f = &t->validation[i].frame[0];
-
-        if (data_sample(m->e.rgb, N, f, f->crop, NULL, NULL, err)) {
-            contact_sheet_release(&sh);
-            return -1;
-        }
-        contact_sheet_picture(&sh, i / SHEET_COLS, i % SHEET_COLS, m->e.rgb,
-                              NULL);
-    }
-    contact_sheet_detach(&sh, rgb, H, W);
-    return 0;
+    return encoder_task_sheet(&m->e, t, rgb, H, W, err);
 }
 
 /* ---- making it ---------------------------------------------------------- */
