@@ -8,7 +8,12 @@ PLAYER=$SHARE/player.html
 setup_file() {
     cd "$BATS_FILE_TMPDIR"
     spid-synth -q --seed 32 --first 0 --people 1 --frames 1 --effects 0 -o me.png
-    spid-shape -q me.png -o me.spid
+    # the light that falls on me: from the left, above and before, whatever was found
+    spid-shape -q me.png | spid-dump --json --values | sed '/"MOTN"/ {
+        s/{"name":"light"[^}]*},//
+        s/"arrays":\[/&{"name":"light","dtype":"f32","shape":[3],"data":[-0.3,-0.2,-0.2]},/
+    }' >me.json
+    spid-pack me.json -o me.spid
     spid-branches -q --bake me.spid -o avatar.spid
     # at rest; a smile with the jaw open, turned by 17 degrees; a wink, nodding
     # by 11 degrees, eyes aside

@@ -36,7 +36,10 @@ export function drawnArrays(a, count) {
                                       tilt: a.planes("tilt"),
                                       view: a.array("view"),
                                       pivot: a.array("pivot"),
-                                      shoulders: a.array("shoulders") });
+                                      shoulders: a.array("shoulders"),
+                                      light: [0, 0, 0] });
+  if (a.has("normal")) Object.assign(g, { normal: a.planes("normal"),
+                                          light: a.array("light") });
   return g;
 }
 

@@ -1,5 +1,5 @@
-// The three programs of the graphics card: Gaussians to blended colours and
-// places, those and the photograph to the picture, the mesh as lines.
+// The three programs of the graphics card: Gaussians to blended colours, places
+// and gains, those and the photograph to the picture, the mesh as lines.
 
 // Where the view takes a place of the picture (splat_place_at of
 // lib/splat/types.h).
@@ -19,19 +19,22 @@ vec2 viewed(vec2 n) {
 export const gaussianVertex = `
 precision highp float;
 precision highp int;
-uniform highp sampler2D means, table;
+uniform highp sampler2D means, table, normals;
 uniform highp usampler2D order;
 uniform vec4 cam[3];
 uniform vec2 size;
 uniform float focal;
 uniform ivec3 branches;
 uniform vec2 toward;
+uniform vec3 light, photoLight;
 ${viewed}
 out vec2 spread;
 flat out vec4 paint;
 flat out vec3 place;
+flat out float gain;
 
-/* gaussian_more, gaussian_visible and gaussian_halved of lib/base/gaussians.h. */
+/* gaussian_more, gaussian_visible, gaussian_halved and gaussian_light of
+ * lib/base/gaussians.h. */
 float more(vec2 tilt) { return 1.0 + dot(tilt, toward); }
 float visible(float more) {
   return clamp(min((1.0 / max(more, 1.0) - 0.4) / (0.75 - 0.4),
@@ -40,6 +43,7 @@ float visible(float more) {
 float halved(float more) {
   return 8.0 / (1.0 / 0.4 - 1.0 / 0.75) * max(more - 1.0 / 0.75, 0.0);
 }
+float lit(vec3 normal, vec3 l) { return max(1.0 + dot(normal, l), 0.2); }
 
 void main() {
   int nth = gl_VertexID >> 2;
@@ -85,6 +89,8 @@ void main() {
   vec2 n = 12.0 * p.xy / p.z;
   float sure = t1.w * mean.w * visible(surface);
   place = vec3(sure * (2.0 * t3.xy - 1.0 - viewed(n)), sure);
+  vec3 normal = texelFetch(normals, ivec2(i % WIDTH, i / WIDTH), 0).xyz;
+  gain = sqrt(lit(normal, light) / lit(normal, photoLight));
 #endif
 }`;
 
@@ -93,9 +99,11 @@ precision highp float;
 in vec2 spread;
 flat in vec4 paint;
 flat in vec3 place;
+flat in float gain;
 layout(location = 0) out vec4 color;
 #ifdef PLACES
 layout(location = 1) out vec4 where;
+layout(location = 2) out vec4 gained;
 #endif
 
 void main() {
@@ -105,6 +113,7 @@ void main() {
   color = vec4(alpha * paint.rgb, alpha);
 #ifdef PLACES
   where = vec4(alpha * place, alpha);
+  gained = vec4(alpha * gain, alpha, 0.0, alpha);
 #endif
 }`;
 
@@ -113,10 +122,11 @@ in vec3 position;
 void main() { gl_Position = vec4(position.xy, 0.0, 1.0); }`;
 
 // Colours over the background, the photograph where places are sure
-// (lib/photo/texture.c).  span: pixels of the portrait window.
+// (lib/photo/texture.c), in its light now (lib/splat/relight.c).  span: pixels of
+// the portrait window.
 export const pictureFragment = `
 precision highp float;
-uniform highp sampler2D colors, wheres, person, backdrop;
+uniform highp sampler2D colors, wheres, gains, person, backdrop;
 uniform vec2 size;
 uniform float span;
 uniform vec3 background, beyond;
@@ -167,12 +177,14 @@ void main() {
   vec4 own = texelFetch(colors, at, 0);
   if (photo) {
     vec3 p = texelFetch(wheres, at, 0).xyz;
+    vec2 gain = textureLod(gains, gl_FragCoord.xy / size, 3.0).xy + LEAST;
     if (p.z > LEAST) {
       float sure = clamp(1.6 * p.z / max(own.a, LEAST) - 0.2, 0.0, 1.0);
       vec2 uv = viewed(n) + p.xy / p.z + 1.0;
       vec4 seen = bicubic(person, 0.5 * uv * vec2(textureSize(person, 0)));
       own = mix(own, seen, sure);
     }
+    own.rgb = min(gain.x / gain.y * own.rgb, own.a);
   }
   vec3 back = scenery ? behind(n) : background;
   color = vec4(clamp(own.rgb, 0.0, 1.0) + (1.0 - own.a) * back, 1.0);

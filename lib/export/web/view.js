@@ -1,6 +1,6 @@
-// What is drawn: the Gaussians into blended colours and places, the picture of
-// those over the background, the mesh as lines.  Orbit, zoom and pan are
-// three.js's.
+// What is drawn: the Gaussians into blended colours, places and gains, the
+// picture of those over the background, the mesh as lines.  Orbit, zoom and pan
+// are three.js's.
 import * as THREE from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { body } from "./drive.js";
@@ -58,6 +58,12 @@ function tableTexture(g) {
   return floatTexture(out, WIDTH, rows);
 }
 
+function normalTexture({ count: n, normal }) {
+  const rows = texelsFor(n) / WIDTH, out = new Float32Array(4 * WIDTH * rows);
+  normal.forEach((v, at) => { out[4 * (at % n) + Math.floor(at / n)] = v; });
+  return floatTexture(out, WIDTH, rows);
+}
+
 function rawMaterial(vertexShader, fragmentShader, uniforms, more = {}) {
   return new THREE.RawShaderMaterial({
     glslVersion: THREE.GLSL3, vertexShader, fragmentShader, uniforms,
@@ -94,8 +100,8 @@ function dispose(scene) {
 }
 
 export class View {
-  // g: count, counts, scale, quat, opacity, color, uv, seen; view, rgb,
-  // matte, back of the photograph; faces and vertices of the mesh.
+  // g: count, counts, scale, quat, opacity, color, uv, seen, normal; view,
+  // rgb, matte, back of the photograph, light on it; faces and vertices of the mesh.
   constructor(canvas, g, distance) {
     this.canvas = canvas;
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: false,
@@ -120,6 +126,7 @@ export class View {
     this.source = g.view;
     this.pivot = g.pivot;
     this.upright = g.shoulders;
+    this.light = g.light;
     this.home = distance;
     this.reset();
     this.mouth = true;
@@ -175,6 +182,9 @@ export class View {
     this.uniforms = {
       means: uniform(this.means), order: uniform(this.order),
       table: uniform(tableTexture(g)),
+      normals: uniform(g.normal ? normalTexture(g) : this.empty),
+      light: uniform(new THREE.Vector3()),
+      photoLight: uniform(new THREE.Vector3(...g.light ?? [])),
       cam: uniform([0, 1, 2].map(() => new THREE.Vector4())),
       size: uniform(new THREE.Vector2()), focal: uniform(1),
       branches: uniform([1, 1, 1]), toward: uniform(new THREE.Vector2()),
@@ -193,15 +203,19 @@ export class View {
     mesh.frustumCulled = false;
     this.cloud = new THREE.Scene().add(mesh);
     this.target = new THREE.WebGLRenderTarget(1, 1, {
-      count: this.levels ? 2 : 1, depthBuffer: false, generateMipmaps: false,
+      count: this.levels ? 3 : 1, depthBuffer: false, generateMipmaps: false,
       type: this.deep ? THREE.HalfFloatType : THREE.UnsignedByteType,
       minFilter: THREE.NearestFilter, magFilter: THREE.NearestFilter });
+    if (this.levels) Object.assign(this.target.textures[2], {
+      format: THREE.RGFormat, generateMipmaps: true,
+      minFilter: THREE.LinearMipmapNearestFilter });
   }
 
   addPicture() {
-    const u = this.uniforms, [colors, wheres] = this.target.textures;
+    const u = this.uniforms, [colors, wheres, gains] = this.target.textures;
     this.picture = {
       colors: uniform(colors), wheres: uniform(wheres ?? this.empty),
+      gains: uniform(gains ?? this.empty),
       person: uniform(this.empty), backdrop: uniform(this.empty),
       size: u.size, span: uniform(1), background: uniform(this.show.background),
       beyond: uniform(this.beyond),
@@ -282,7 +296,9 @@ export class View {
     return spare;
   }
 
-  // shoulders (3,4): where a frame has them, in the head's frame.
+  // shoulders (3,4): where a frame has them, in the head's frame; the light
+  // stays before the camera as they do (relative_light in
+  // lib/base/relative_pose.c).
   aim(cam, shoulders) {
     const u = this.uniforms, p = this.picture, show = this.show;
     u.cam.value.forEach((row, i) => row.fromArray(cam, 4 * i));
@@ -297,6 +313,8 @@ export class View {
     const { A, b, ...rest } = placeView(this.source, cam, shoulders, this.pivot);
     u.placeA.value.fromArray(A);
     u.placeB.value.fromArray(b);
+    u.light.value.fromArray([0, 4, 8].map((r) => this.light.reduce(
+      (sum, l, k) => sum + shoulders[r + k] * l, 0)));
     for (const name in rest) u[name].value.fromArray(rest[name]);
     p.person.value = pickLevel(this.levels, A, this.span);
   }
