@@ -16,8 +16,9 @@ struct motion {
     float exp[HEAD_MAX_EXP];        /* psi */
     float R[9], t[3];               /* Eq. T_d: the camera */
     float crop[3];                  /* face crop, portrait-window pixels */
-    float light[3];                 /* l, camera frame, as GAUS's of the head's */
-    bool lit;                       /* the light is known */
+    float light[3];                 /* l on the face, camera frame (GAUS has it
+                                     * in the head's), */
+    bool lit;                       /* if it is known */
 };
 
 /* Fill m from a MOTN record of a head with nexp expression directions (0: they

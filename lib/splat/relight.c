@@ -15,7 +15,7 @@
 
 /* The place of Gaussian i, and its depth; false: it is no surface here. */
 static bool relight_place(size_t *at, float *z, const struct splat_state *st,
-                        size_t i)
+                          size_t i)
 {
     const struct projected_gaussian *p = &st->projection[i];
 
@@ -37,48 +37,47 @@ static float relight_gain(const struct cloud *c, size_t i, const float light[3])
     return sqrtf(gaussian_light(n, light) * c->lit[i]);
 }
 
-/* What a line becomes, n numbers `step` apart; to: n, close. */
-typedef void relight_line_fn(float *to, const float *x, size_t n, size_t step);
+/* to (n) of the n numbers at x and at four more places after it, each `step` on
+ * from the last: along a line, or of a line and its neighbours. */
+typedef void relight_five_fn(float *to, const float *x, size_t step, size_t n);
 
-/* [1 4 6 4 1]/16, zeros beyond. */
-static void relight_blur(float *to, const float *x, size_t n, size_t step)
+/* [1 4 6 4 1]/16 */
+static void relight_blur(float *to, const float *x, size_t step, size_t n)
 {
-    for (size_t i = 0; i < n; i++) {
-        float sum = 6 * x[i * step];
-
-        sum += 4 * ((i > 0 ? x[(i - 1) * step] : 0) +
-                    (i + 1 < n ? x[(i + 1) * step] : 0));
-        sum += (i > 1 ? x[(i - 2) * step] : 0) +
-               (i + 2 < n ? x[(i + 2) * step] : 0);
-        to[i] = sum / 16;
-    }
+    for (size_t i = 0; i < n; i++, x++)
+        to[i] = (x[0] + x[4 * step] + 4 * (x[step] + x[3 * step]) +
+                 6 * x[2 * step]) / 16;
 }
 
-/* The smallest of five. */
-static void relight_min(float *to, const float *x, size_t n, size_t step)
+static inline float relight_less(float a, float b)
 {
-    for (size_t i = 0; i < n; i++) {
-        const size_t last = i + 2 < n ? i + 2 : n - 1;
-
-        to[i] = x[i * step];
-        for (size_t k = i > 2 ? i - 2 : 0; k <= last; k++)
-            to[i] = x[k * step] < to[i] ? x[k * step] : to[i];
-    }
+    return a < b ? a : b;
 }
 
-/* x (h,w) by rows, then by columns; tmp: the longer side. */
-static void relight_filter(float *x, relight_line_fn *line, size_t h, size_t w,
-                         float *tmp)
+static void relight_min(float *to, const float *x, size_t step, size_t n)
 {
+    for (size_t i = 0; i < n; i++, x++)
+        to[i] = relight_less(relight_less(relight_less(x[0], x[step]),
+                                          relight_less(x[2 * step],
+                                                       x[3 * step])),
+                             x[4 * step]);
+}
+
+/* x (h,w) along its lines, then across them; beyond its edges lies `beyond`.
+ * room: (h + 5) (w + 4). */
+static void relight_filter(float *x, relight_five_fn *five, float beyond,
+                           size_t h, size_t w, float *room)
+{
+    float *line = room + (h + 4) * w;
+
+    for (size_t i = 0; i < (h + 5) * (w + 4); i++)
+        room[i] = beyond;
     for (size_t y = 0; y < h; y++) {
-        line(tmp, x + y * w, w, 1);
-        memcpy(x + y * w, tmp, w * sizeof *x);
+        memcpy(line + 2, x + y * w, w * sizeof *x);
+        five(room + (y + 2) * w, line, 1, w);
     }
-    for (size_t k = 0; k < w; k++) {
-        line(tmp, x + k, h, w);
-        for (size_t y = 0; y < h; y++)
-            x[y * w + k] = tmp[y];
-    }
+    for (size_t y = 0; y < h; y++)
+        five(x + y * w, room + y * w, w, w);
 }
 
 void splat_relight(float *gain, struct splat *s, const float light[3])
@@ -86,7 +85,8 @@ void splat_relight(float *gain, struct splat *s, const float light[3])
     struct splat_state *st = s->state;
     const size_t h = relight_side((size_t)s->opt.height);
     const size_t w = relight_side((size_t)s->opt.width), places = h * w;
-    float *near = st->gain_room, *weight = near + places, *tmp = weight + places;
+    float *near = st->gain_room, *weight = near + places;
+    float *room = weight + places;
     size_t at;
     float z;
 
@@ -96,58 +96,63 @@ void splat_relight(float *gain, struct splat *s, const float light[3])
     }
     for (size_t i = 0; i < s->n; i++)
         if (relight_place(&at, &z, st, i))
-            near[at] = fminf(near[at], z);
-    relight_filter(near, relight_min, h, w, tmp);
+            near[at] = relight_less(z, near[at]);
+    relight_filter(near, relight_min, INFINITY, h, w, room);
     for (size_t i = 0; i < s->n; i++)
         if (relight_place(&at, &z, st, i) && z <= near[at] + CLOSE) {
             gain[at] += relight_gain(&st->cloud, i, light);
             weight[at] += 1;
         }
-    relight_filter(gain, relight_blur, h, w, tmp);
-    relight_filter(weight, relight_blur, h, w, tmp);
+    relight_filter(gain, relight_blur, 0, h, w, room);
+    relight_filter(weight, relight_blur, 0, h, w, room);
     for (size_t k = 0; k < places; k++)
         gain[k] = weight[k] > 0 ? gain[k] / weight[k] : 1;
 }
 
-/* Pixel x of `of` between two of n places. */
-static inline float relight_tap(size_t *a, size_t *b, size_t x, float by,
-                              size_t n)
+/* n pixels times gain, which rises by `rise` from each to the next, at most alpha
+ * (NULL: 1): fminf is a call. */
+static void relight_run(float *color, size_t channels, const float *alpha,
+                        float gain, float rise, size_t n)
 {
-    const float at = ((float)x + 0.5f) * by - 0.5f, low = floorf(at);
+    for (size_t x = 0; x < n; x++, color += channels, gain += rise) {
+        const float max = alpha ? alpha[x] : 1;
 
-    *a = low > 0 ? (size_t)low : 0;
-    *b = *a + 1 < n ? (size_t)(low + 1) : n - 1;
-    return at - low;
+        for (int c = 0; max > 0 && c < 3; c++)
+            color[c] = relight_less(color[c] * gain, max);
+    }
 }
 
+/* A row, from the middle of one number to that of the next at a time. */
 PARALLEL(relight_apply_part, y, float *, color, size_t, channels,
          const float *, alpha, const float *, gain, size_t, from, size_t,
          height, size_t, width)
 {
     const size_t n = relight_side(from);
-    const float by = (float)from / (float)(RELIGHT_STEP * width);
-    size_t a, b;
-    const float v = relight_tap(&a, &b, y, (float)from /
-                              (float)(RELIGHT_STEP * height), n);
-    const float *up = gain + a * n, *down = gain + b * n;
+    const float step = (float)(RELIGHT_STEP * width) / (float)from;
+    const float at = fmaxf(((float)y + 0.5f) * (float)from /
+                           (float)(RELIGHT_STEP * height) - 0.5f, 0);
+    const size_t low = (size_t)fminf(at, (float)(n - 1));
+    const float *up = gain + low * n, *down = up + (low + 1 < n ? n : 0);
+    const float v = at - (float)low;
 
-    for (size_t x = 0; x < width; x++) {
-        float *to = color + channels * (y * width + x);
-        const float max = alpha ? alpha[y * width + x] : 1;
+    for (size_t k = 0, x = 0; k <= n; k++) {
+        const size_t a = k ? k - 1 : 0, b = k < n ? k : n - 1;
+        const float p = up[a] + v * (down[a] - up[a]);
+        const float q = up[b] + v * (down[b] - up[b]);
+        const float end = ceilf(((float)k + 0.5f) * step - 0.5f);
+        const size_t next = k < n && end < (float)width ? (size_t)end : width;
+        const float first = ((float)x + 0.5f) / step + 0.5f - (float)k;
+        const size_t i = y * width + x;
 
-        if (!(max > 0))
-            continue;
-        const float u = relight_tap(&a, &b, x, by, n);
-        const float p = up[a] + u * (up[b] - up[a]);
-        const float q = down[a] + u * (down[b] - down[a]);
-
-        for (int c = 0; c < 3; c++)
-            to[c] = fminf(to[c] * (p + v * (q - p)), max);
+        relight_run(color + channels * i, channels, alpha ? alpha + i : NULL,
+                    p + first * (q - p), (q - p) / step, next - x);
+        x = next;
     }
 }
 
 void relight_apply(float *color, size_t channels, const float *alpha,
-                 const float *gain, size_t from, size_t height, size_t width)
+                   const float *gain, size_t from, size_t height,
+                   size_t width)
 {
     parallel_each(relight_apply_part, height, 1, color, channels, alpha, gain,
                   from, height, width);

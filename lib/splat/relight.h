@@ -1,21 +1,26 @@
-/* How the light on a head changes as it turns under it: what colours seen by
- * the photograph are to be multiplied by, as a picture a quarter of the size.
+/* How the light on a head changes as it turns under it: what the photograph's
+ * colours are to be multiplied by, as a picture a quarter of the size.
  *
- * A light that stays before the camera falls on a turned head from elsewhere:
- * l (3) of GAUS, turned back by the head's turn.  Of Gaussian i the frame shows
- * gaussian_light(n, l now) / gaussians_source_light times the photograph's
- * light; sRGB goes with its square root (a gamma of 2). */
+ * A light that stays before the camera falls on a turned head from elsewhere
+ * (relative_light).  Of a surface of normal n a frame shows gaussian_light(n, l
+ * now) / gaussian_light(n, l) times the light that the photograph shows; sRGB
+ * goes with its square root (a gamma of 2).  Shadows that a face throws on itself,
+ * and shine, are not part of it.  Ours, not the paper's. */
 #ifndef SPID_SPLAT_RELIGHT_H
 #define SPID_SPLAT_RELIGHT_H
 
 #include "lib/splat/types.h"
 
-#define RELIGHT_STEP 4            /* pixels from one number to the next */
+#define RELIGHT_STEP 4          /* pixels from one number to the next */
 
 static inline size_t relight_side(size_t pixels)
 {
     return (pixels + RELIGHT_STEP - 1) / RELIGHT_STEP;
 }
+
+/* Floats that splat_relight works in: two pictures, and what the filters see of
+ * one, with two lines about it. */
+#define RELIGHT_ROOM(h, w) (2 * (h) * (w) + ((h) + 5) * ((w) + 4))
 
 /* gain (relight_side(H),relight_side(W)) of the frame that splat_draw drew last;
  * light (3): l in this frame, head frame.  Each place has the mean of the
@@ -27,6 +32,7 @@ void splat_relight(float *gain, struct splat *s, const float light[3]);
  * gain (relight_side(from) a side) of a picture of `from` pixels a side that it
  * may have been enlarged from; at most alpha (height,width; NULL: 1). */
 void relight_apply(float *color, size_t channels, const float *alpha,
-                 const float *gain, size_t from, size_t height, size_t width);
+                   const float *gain, size_t from, size_t height,
+                   size_t width);
 
 #endif

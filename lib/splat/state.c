@@ -58,8 +58,8 @@ size_t state_screen_layout(struct splat_state *st, char *base)
     st->histogram = state_reserve(base, &used,
                                   T * 2048 * sizeof *st->histogram);
     st->work = state_reserve(base, &used, (size_t)st->slots * st->work_size);
-    st->gain_room = state_reserve(base, &used,
-                              (2 * h * w + h + w) * sizeof *st->gain_room);
+    st->gain_room = state_reserve(base, &used, RELIGHT_ROOM(h, w) *
+                                                   sizeof *st->gain_room);
     return used;
 }
 
