@@ -86,21 +86,40 @@ static field4 compose_field_at(const struct texture_field *f,
     return v[0] + y.w * (v[2] - v[0]);
 }
 
-void texture_field_row(float *photo, const struct texture_field *f,
-                       float step, size_t x, size_t n, size_t y)
+/* Photograph p (4) as the field f has it beside what the picture has itself, was
+ * (rgb, alpha): brightened and, as far as it is doubted, in the picture's colours
+ * where both cover the pixel.  What it covers is not doubted: an outline is seen
+ * in whatever light. */
+static inline field4 compose_doubt(const float *p, field4 was, field4 f)
+{
+    const field4 gain = {1 + f[1], 1 + f[2], 1 + f[3], 1};
+    const float doubt = compose_within(f[0], 1);
+    const float both = compose_min(was[3], p[3]);
+    field4 photo, color;
+
+    memcpy(&photo, p, sizeof photo);
+    color = photo *= gain;
+    if (doubt > 0 && both > 0)
+        color += doubt * (both / was[3] * was - both / p[3] * photo);
+    color[3] = p[3];
+    return color;
+}
+
+void texture_field_row(float *photo, const float *color, const float *alpha,
+                       const struct texture_field *f, float step, size_t x,
+                       size_t n, size_t y)
 {
     const struct compose_tap ty = compose_tap_make(y, f->height, step);
 
-    for (size_t i = 0; i < n; i++, photo += TEXTURE_PHOTO) {
+    for (size_t i = 0; i < n; i++, photo += TEXTURE_PHOTO, color += 3) {
+        const field4 was = {color[0], color[1], color[2], alpha[i]};
         field4 at;
 
         if (!(photo[4] > 0))
             continue;
         at = compose_field_at(f, ty, compose_tap_make(x + i, f->width, step));
-        photo[4] *= 1 - at[0];
-        photo[4] = compose_within(photo[4], 1);
-        for (int c = 0; c < 3; c++)
-            photo[c] *= 1 + at[c + 1];
+        at = compose_doubt(photo, was, at);
+        memcpy(photo, &at, sizeof at);
     }
 }
 
@@ -147,17 +166,12 @@ static void compose_field_line(field4 line[COMPOSE_PLACES],
 static inline void compose_pixel(float *rgb, float *alpha, const float *p,
                                  field4 f)
 {
-    const field4 was = {rgb[0], rgb[1], rgb[2], *alpha};
-    const field4 gain = {1 + f[1], 1 + f[2], 1 + f[3], 1};
-    field4 photo;
-    float b = p[4] * (1 - f[0]);
+    field4 is = {rgb[0], rgb[1], rgb[2], *alpha};
 
-    memcpy(&photo, p, sizeof photo);
-    b = compose_within(b, 1);
-    photo = was + b * (photo * gain - was);
+    is += p[4] * (compose_doubt(p, is, f) - is);
     for (size_t c = 0; c < 3; c++)
-        rgb[c] = photo[c];
-    *alpha = photo[3];
+        rgb[c] = is[c];
+    *alpha = is[3];
 }
 
 /* n pixels of a row; line: the field's, from the place left of the first. */
@@ -207,37 +221,63 @@ void texture_compose(float *rgb, float *alpha, const float *photo,
 
 /* ---- backward ---------------------------------------------------------- */
 
+/* compose_doubt's gradients, given that of its colours dq (3): drgb, dalpha and
+ * dp (3 and the matte's) are added to, df is written. */
+static void compose_doubt_backward(float *drgb, float *dalpha, float *dp,
+                                   float df[TEXTURE_FIELD], const float dq[3],
+                                   const float *rgb, float alpha,
+                                   const float *p, field4 f)
+{
+    const float doubt = compose_within(f[0], 1);
+    const float both = compose_min(alpha, p[3]);
+    const float own = both > 0 ? both / alpha : 0;
+    const float photo = both > 0 ? both / p[3] : 0;
+    float by_own = 0, by_photo = 0;     /* what own and photo move */
+
+    for (int c = 0; c < 3; c++) {
+        const float gain = 1 + f[c + 1], d = dq[c] * (1 - doubt * photo);
+
+        by_own += dq[c] * rgb[c];
+        by_photo += dq[c] * gain * p[c];
+        drgb[c] += dq[c] * doubt * own;
+        dp[c] += d * gain;
+        df[c + 1] = d * p[c];
+    }
+    df[0] = f[0] > 0 && f[0] < 1 ? own * by_own - photo * by_photo : 0;
+    if (both > 0 && alpha < p[3]) {
+        *dalpha -= doubt * by_photo / p[3];
+        dp[3] += doubt * by_photo * photo / p[3];
+    } else if (both > 0) {
+        dp[3] += doubt * by_own / alpha;
+        *dalpha -= doubt * by_own * own / alpha;
+    }
+}
+
 /* compose_pixel's lines from the last to the first, given what went in. */
 static void compose_pixel_backward(float *drgb, float *dalpha, float *dp,
                                    float df[TEXTURE_FIELD], const float *rgb,
                                    float alpha, const float *p, field4 f)
 {
-    float raw = p[4] * (1 - f[0]), b = fminf(fmaxf(raw, 0), 1), db;
-    float after = alpha + b * (p[3] - alpha);
+    const field4 was = {rgb[0], rgb[1], rgb[2], alpha};
+    const field4 to = compose_doubt(p, was, f), is = was + p[4] * (to - was);
+    float dq[3];
 
-    /* out = min(max(rgb, 0), alpha) */
+    /* out = min(max(is, 0), alpha) */
     for (int c = 0; c < 3; c++) {
-        float out = rgb[c] + b * (p[c] * (1 + f[c + 1]) - rgb[c]);
-
-        if (out > after)
+        if (is[c] > is[3])
             *dalpha += drgb[c];
-        if (out > after || out < 0)
+        if (is[c] > is[3] || is[c] < 0)
             drgb[c] = 0;
     }
-    /* alpha += b (p[3] - alpha) */
-    db = *dalpha * (p[3] - alpha);
-    dp[3] = *dalpha * b;
-    *dalpha *= 1 - b;
+    dp[3] = *dalpha * p[4];
+    dp[4] = *dalpha * (to[3] - alpha);
+    *dalpha *= 1 - p[4];
     for (int c = 0; c < 3; c++) {
-        db += drgb[c] * (p[c] * (1 + f[c + 1]) - rgb[c]);
-        dp[c] = drgb[c] * b * (1 + f[c + 1]);
-        df[c + 1] = drgb[c] * b * p[c];
-        drgb[c] *= 1 - b;
+        dp[4] += drgb[c] * (to[c] - rgb[c]);
+        dq[c] = drgb[c] * p[4];
+        drgb[c] *= 1 - p[4];
     }
-    if (raw < 0 || raw > 1)
-        db = 0;
-    dp[4] = db * (1 - f[0]);
-    df[0] = -db * p[4];
+    compose_doubt_backward(drgb, dalpha, dp, df, dq, rgb, alpha, p, f);
 }
 
 void texture_compose_backward(float *drgb, float *dalpha, float *dphoto,

@@ -140,7 +140,8 @@ PARALLEL(lookup_apply_part, y, const struct texture_shader *, s,
         if (!lookup_run(photo, s, place + 3 * at, alpha + at, x, y, n))
             continue;
         if (field)
-            texture_field_row(photo, field, step, x, n, y);
+            texture_field_row(photo, color + 3 * at, alpha + at, field, step,
+                              x, n, y);
         texture_mix(color + s->channels * at, s->channels, alpha + at, photo,
                     n);
     }

@@ -15,9 +15,10 @@
 size_t texture_level(const struct texture *t, const struct splat_place_view *v,
                      size_t size);
 
-/* Apply a field with places `step` pixels apart to photo (n,5), pixels from x
- * on in row y: confidence times 1 - doubt, colours times 1 + gain. */
-void texture_field_row(float *photo, const struct texture_field *f,
-                       float step, size_t x, size_t n, size_t y);
+/* A field with places `step` pixels apart on photo (n,5), pixels from x on in row
+ * y of a picture that has color (n,3) and alpha (n) itself. */
+void texture_field_row(float *photo, const float *color, const float *alpha,
+                       const struct texture_field *f, float step, size_t x,
+                       size_t n, size_t y);
 
 #endif

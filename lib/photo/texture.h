@@ -93,9 +93,12 @@ struct texture_field {
 };
 
 /* The mixture of a whole picture, with a field: rgb (height,width,3) and alpha
- * (height,width) in place, photo (height,width,5).  A pixel becomes
- * rgb + b (photograph (1 + gain) - rgb), b = confidence (1 - doubt) clamped to
- * 0..1, but within 0 and the alpha it ends with. */
+ * (height,width) in place, photo (height,width,5).  With m = min(alpha, matte) and
+ * doubt within 0..1 a pixel becomes
+ *   rgb + confidence (q - rgb), within 0 and the alpha it ends with,
+ *   q = photograph (1 + gain) (1 - doubt m / matte) + rgb doubt m / alpha:
+ * what is doubted is how the photograph looks where the picture has something of
+ * its own, not what it covers. */
 void texture_compose(float *rgb, float *alpha, const float *photo,
                      const struct texture_field *field, size_t height,
                      size_t width);

@@ -65,16 +65,17 @@ static double compose_loss(double *rgb, double *alpha)
 
     for (size_t i = 0; i < PIXELS; i++) {
         const double *p = wide[PHOTO] + TEXTURE_PHOTO * i;
-        double b = p[4] * (1 - said_at(i % S, i / S, 0));
+        double doubt = fmin(fmax(said_at(i % S, i / S, 0), 0), 1);
+        double was = wide[ALPHA][i], both = fmin(was, p[3]);
 
-        b = fmin(fmax(b, 0), 1);
-        alpha[i] = wide[ALPHA][i] + b * (p[3] - wide[ALPHA][i]);
+        alpha[i] = was + p[4] * (p[3] - was);
         loss += alpha[i] * (double)probe_alpha[i];
         for (size_t c = 0; c < 3; c++) {
             double x = wide[RGB][3 * i + c];
-            double gain = 1 + said_at(i % S, i / S, c + 1);
+            double photo = p[c] * (1 + said_at(i % S, i / S, c + 1));
 
-            x += b * (p[c] * gain - x);
+            photo += doubt * (x * both / was - photo * both / p[3]);
+            x += p[4] * (photo - x);
             rgb[3 * i + c] = fmin(x, alpha[i]);
             loss += rgb[3 * i + c] * (double)probe_rgb[3 * i + c];
         }
