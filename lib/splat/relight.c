@@ -110,12 +110,12 @@ void splat_relight(float *gain, struct splat *s, const float light[3])
 }
 
 /* n pixels times gain, which rises by `rise` from each to the next, at most alpha
- * (NULL: 1): fminf is a call. */
+ * (NULL: anything): fminf is a call. */
 static void relight_run(float *color, size_t channels, const float *alpha,
                         float gain, float rise, size_t n)
 {
     for (size_t x = 0; x < n; x++, color += channels, gain += rise) {
-        const float max = alpha ? alpha[x] : 1;
+        const float max = alpha ? alpha[x] : INFINITY;
 
         for (int c = 0; max > 0 && c < 3; c++)
             color[c] = relight_less(color[c] * gain, max);
@@ -156,4 +156,17 @@ void relight_apply(float *color, size_t channels, const float *alpha,
 {
     parallel_each(relight_apply_part, height, 1, color, channels, alpha, gain,
                   from, height, width);
+}
+
+void relight_apply_backward(float *dcolor, float *dalpha, const float *color,
+                            size_t channels, const float *alpha,
+                            const float *gain, size_t from)
+{
+    for (size_t i = 0; i < from * from; i++)
+        for (size_t c = channels * i; c < channels * i + 3; c++)
+            if (alpha[i] > 0 && color[c] >= alpha[i]) {
+                dalpha[i] += dcolor[c];
+                dcolor[c] = 0;
+            }
+    relight_apply(dcolor, channels, NULL, gain, from, from, from);
 }

@@ -30,9 +30,14 @@ void splat_relight(float *gain, struct splat *s, const float light[3]);
 
 /* color (height,width,channels: the first three, premultiplied) times the
  * gain (relight_side(from) a side) of a picture of `from` pixels a side that it
- * may have been enlarged from; at most alpha (height,width; NULL: 1). */
+ * may have been enlarged from; at most alpha (height,width; NULL: anything). */
 void relight_apply(float *color, size_t channels, const float *alpha,
                    const float *gain, size_t from, size_t height,
                    size_t width);
+/* Back through relight_apply with from pixels a side, color (from,from,channels)
+ * what came out: dcolor in place, dalpha (from,from) += where it was cut off. */
+void relight_apply_backward(float *dcolor, float *dalpha, const float *color,
+                            size_t channels, const float *alpha,
+                            const float *gain, size_t from);
 
 #endif

@@ -129,6 +129,44 @@ static void relight_check_apply(const float *gain)
     free(rgb);
 }
 
+/* Back through it: what came in has the gain as its slope, or, where that is cut
+ * off, coverage has it all. */
+static void relight_check_backward(const float *gain)
+{
+    enum { PIXELS = SIZE * SIZE };
+    static float rgb[3 * PIXELS], alpha[PIXELS], slope[3 * PIXELS];
+    static float drgb[3 * PIXELS], dalpha[PIXELS], probe[3 * PIXELS];
+    double worst = 0;
+    size_t cut = 0;
+    struct random r;
+
+    random_init(&r, 11, "backward");
+    for (size_t i = 0; i < 3 * PIXELS; i++) {
+        alpha[i / 3] = i / 3 % 3 ? 1 : 0.25f;
+        rgb[i] = (float)random_range(&r, 0, 1.2) * alpha[i / 3];
+        drgb[i] = probe[i] = (float)random_range(&r, -1, 1);
+        slope[i] = 1;
+    }
+    relight_apply(slope, 3, NULL, gain, SIZE, SIZE, SIZE);
+    relight_apply(rgb, 3, alpha, gain, SIZE, SIZE, SIZE);
+    relight_apply_backward(drgb, dalpha, rgb, 3, alpha, gain, SIZE);
+    for (size_t i = 0; i < PIXELS; i++) {
+        double sum = 0;
+
+        for (size_t c = 3 * i; c < 3 * i + 3; c++) {
+            const bool off = rgb[c] == alpha[i];
+
+            cut += off;
+            sum += off ? (double)probe[c] : 0;
+            worst = fmax(worst, fabs((double)drgb[c] - (off ? 0 :
+                         (double)probe[c] * (double)slope[c])));
+        }
+        worst = fmax(worst, fabs(sum - (double)dalpha[i]));
+    }
+    CHECK(cut > PIXELS / 10 && cut < PIXELS, "%zu colours cut off", cut);
+    check("gradients", worst, 1e-6);
+}
+
 int main(void)
 {
     float *normal = scene_grab(3 * N, sizeof *normal);
@@ -156,6 +194,7 @@ int main(void)
     relight_draw(other, &t, now, 1);
     CHECK(!memcmp(gain, other, sizeof gain), "another number of threads");
     relight_check_apply(gain);
+    relight_check_backward(gain);
 
     relight_draw(gain, &t, was, 1);
     worst = 0;

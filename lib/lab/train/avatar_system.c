@@ -10,6 +10,7 @@
 #include "lib/base/slices.h"
 #include "lib/base/camera.h"
 #include "lib/nn/image.h"
+#include "lib/splat/relight.h"
 #include "lib/splat/splat.h"
 #include "lib/photo/place.h"
 #include "lib/lab/train/losses.h"
@@ -42,6 +43,7 @@ static int avatar_system_allocate(struct avatar_system *s, struct error *err)
     size_t N = s->avatar.dynamic.count + s->avatar.plane.count +
                s->avatar.mouth.count;
     size_t P = TEXTURE_PHOTO, step = TEXTURE_FIELD_STEP;
+    size_t side = relight_side(s->image);
     const struct slice slices[] = {
         {&s->feat, n * C, false}, {&s->dfeat, n * C, false},
         {&s->alpha, n, false}, {&s->dalpha, n, false},
@@ -53,6 +55,7 @@ static int avatar_system_allocate(struct avatar_system *s, struct error *err)
         {&s->place, s->photo ? 3 * n : 1, false},
         {&s->dplace, s->photo ? 3 * n : 1, false},
         {&s->shown, P * n, false}, {&s->dshown, 2 * P * n, false},
+        {&s->gain, side * side, false},
         {&s->dfield, n / (step * step) * TEXTURE_FIELD, false},
         {&s->target, 3 * n, false}, {&s->mask, n, false},
         {&s->means, 3 * N, false}, {&s->verts, 3 * V, false},
@@ -191,6 +194,28 @@ static struct texture_field avatar_system_field(const struct avatar_system *s,
                                   s->image / TEXTURE_FIELD_STEP};
 }
 
+/* The light's change from the source to cam. */
+static void avatar_system_find_gain(struct avatar_system *s,
+                                    const float cam[12])
+{
+    const float *l = s->avatar.light;
+    float now[3];
+
+    s->lit = l[0] != 0 || l[1] != 0 || l[2] != 0;
+    if (!s->lit)
+        return;
+    relative_light(now, s->avatar.drive.source, l, cam);
+    splat_relight(s->gain, &s->splat, now);
+}
+
+/* A picture (image,image,3) whose coverage is alpha in it, in place. */
+static void avatar_system_relight(const struct avatar_system *s, float *rgb,
+                                  const float *alpha)
+{
+    if (s->lit)
+        relight_apply(rgb, 3, alpha, s->gain, s->image, s->image, s->image);
+}
+
 /* Eq. C, and the photograph in what was drawn: SpiD*. */
 static int avatar_system_splat(struct avatar_system *s, const float cam[12],
                                struct error *err)
@@ -215,6 +240,8 @@ static int avatar_system_splat(struct avatar_system *s, const float cam[12],
                    s->image);
     texture_compose(s->coarse, s->coarse_alpha, s->shown, &none, s->image,
                     s->image);
+    avatar_system_find_gain(s, cam);
+    avatar_system_relight(s, s->coarse, s->coarse_alpha);
     return 0;
 }
 
@@ -244,6 +271,7 @@ int avatar_system_draw(struct avatar_system *s, const float *verts,
     memcpy(s->rgb_alpha, s->alpha, n * sizeof *s->rgb_alpha);
     texture_compose(s->rgb, s->rgb_alpha, s->shown, &field, s->image,
                     s->image);
+    avatar_system_relight(s, s->rgb, s->rgb_alpha);
     return 0;
 }
 
@@ -400,6 +428,9 @@ static void avatar_system_refined_backward(struct avatar_system *s,
         .photo = s->fixed || !s->photo ? NULL : more
     };
 
+    if (s->lit)
+        relight_apply_backward(s->drgb, s->drgb_alpha, s->rgb, 3, s->rgb_alpha,
+                               s->gain, s->image);
     avatar_system_compose_backward(s, s->drgb, s->drgb_alpha, s->refined,
                                    true);
     refiner_backward(&g, s->drgb, s->dfield, &s->refiner);
@@ -419,6 +450,9 @@ static void avatar_system_coarse_backward(struct avatar_system *s)
             memcpy(s->refined + 3 * i, s->feat + C * i,
                    3 * sizeof *s->refined);
         memset(s->drgb_alpha, 0, n * sizeof *s->drgb_alpha);
+        if (s->lit)
+            relight_apply_backward(s->dcoarse, s->drgb_alpha, s->coarse, 3,
+                                   s->coarse_alpha, s->gain, s->image);
         avatar_system_compose_backward(s, s->dcoarse, s->drgb_alpha,
                                        s->refined, false);
     }

@@ -2,7 +2,8 @@
  * pictures: source -> Gaussians -> features -> picture -> loss, and back.
  *
  * With a refiner that is shown the photograph, places are blended, looked up
- * and composed as lib/animate does (lib/photo), for both pictures. */
+ * and composed as lib/animate does (lib/photo), and the light stays where it was,
+ * for both pictures. */
 #ifndef SPID_LAB_TRAIN_AVATAR_SYSTEM_H
 #define SPID_LAB_TRAIN_AVATAR_SYSTEM_H
 
@@ -53,6 +54,8 @@ struct avatar_system {
     float *place, *dplace;          /* (image,image,3), when photo */
     float *shown, *dshown;          /* (image,image,5) what the photograph
                                      * shows; zeros unless photo */
+    float *gain;                    /* of the frame (lib/splat/relight.h), when */
+    bool lit;                       /* it is known what light falls on it */
     float *dfield;                  /* (image/4,image/4,4) */
     float *target, *mask;           /* (image,image,3), (image,image) */
     float *means;                   /* (N,3) of a frame */
