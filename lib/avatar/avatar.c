@@ -201,7 +201,19 @@ static void avatar_look(struct avatar *a, const struct avatar_source *src)
                     !(a->without & WITHOUT_NECK));
 }
 
-/* What further pictures show is noted before the first one is baked. */
+/* l (3) on a source that cam (3,4) sees, in the head's frame; from (3): in the
+ * camera's, or NULL: 0. */
+static void avatar_light(float l[3], const float *from, const float *cam)
+{
+    for (int k = 0; k < 3; k++) {
+        l[k] = 0;
+        for (int i = 0; from && i < 3; i++)
+            l[k] += cam[4 * i + k] * from[i];
+    }
+}
+
+/* What further pictures show is noted before the first one is baked; where it is
+ * not known how they are lit, as the first one. */
 static void avatar_look_further(struct avatar *a,
                                 const struct avatar_source *src)
 {
@@ -211,20 +223,13 @@ static void avatar_look_further(struct avatar *a,
     avatar_look(a, src);
     dynamic_branch_begin(&a->picture, &a->source, &a->dynamic);
     for (size_t k = 0; k < src->nmore; k++) {
-        avatar_look(a, src->more + k);
-        dynamic_branch_add(&a->picture, &a->source, &a->dynamic);
-    }
-}
+        const struct avatar_source *more = src->more + k;
+        float light[3];
 
-/* l in the head's frame. */
-static void avatar_light(struct avatar *a, const struct avatar_source *src)
-{
-    for (int k = 0; k < 3; k++) {
-        a->light[k] = 0;
-        for (int i = 0; src->light && a->config.rgb_skip && i < 3; i++)
-            a->light[k] += src->cam[4 * i + k] * src->light[i];
+        avatar_light(light, more->light ? more->light : src->light, more->cam);
+        avatar_look(a, more);
+        dynamic_branch_add(&a->picture, &a->source, light, &a->dynamic);
     }
-    memcpy(a->dynamic.light, a->light, sizeof a->light);
 }
 
 /* Of the mesh where Gaussians lie on it; elsewhere of what the source's camera
@@ -255,7 +260,8 @@ void avatar_bake(struct avatar *a, const struct avatar_source *src)
     struct branch_set mouth = avatar_part(a, &a->all, BRANCH_MOUTH);
     float white[3];
 
-    avatar_light(a, src);
+    avatar_light(a->light, a->config.rgb_skip ? src->light : NULL, src->cam);
+    memcpy(a->dynamic.light, a->light, sizeof a->light);
     avatar_look_further(a, src);
     avatar_look(a, src);
     tilt_find(&a->tilted, &a->picture, &a->source);

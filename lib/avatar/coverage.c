@@ -304,6 +304,41 @@ void coverage_depth(float *z, float *value, const float *verts,
                   faces, F, cam, n, shares);
 }
 
+/* Row i of out: the least of the rows of x up to r before and after it. */
+PARALLEL(coverage_near_rows, i, float *, out, const float *, x, size_t, n,
+         size_t, r)
+{
+    const size_t from = i > r ? i - r : 0, to = i + r < n ? i + r : n - 1;
+    float *row = out + i * n;
+
+    memcpy(row, x + from * n, n * sizeof *row);
+    for (size_t k = from + 1; k <= to; k++)
+        for (size_t j = 0; j < n; j++)
+            row[j] = x[k * n + j] < row[j] ? x[k * n + j] : row[j];
+}
+
+/* The same along row i. */
+PARALLEL(coverage_near_columns, i, float *, out, const float *, x, size_t, n,
+         size_t, r)
+{
+    const float *from = x + i * n;
+    float *row = out + i * n;
+
+    memcpy(row, from, n * sizeof *row);
+    for (size_t k = 1; k <= r; k++) {
+        for (size_t j = k; j < n; j++)
+            row[j] = from[j - k] < row[j] ? from[j - k] : row[j];
+        for (size_t j = 0; j + k < n; j++)
+            row[j] = from[j + k] < row[j] ? from[j + k] : row[j];
+    }
+}
+
+void coverage_near(float *near, const float *z, size_t n, size_t r, float *tmp)
+{
+    parallel_each(coverage_near_rows, n, 1, tmp, z, n, r);
+    parallel_each(coverage_near_columns, n, 1, near, tmp, n, r);
+}
+
 PARALLEL(coverage_seen_part, k, const float *, cam, const float *, x,
          const float *, z, float *, seen, size_t, n, float, slack)
 {

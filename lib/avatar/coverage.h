@@ -29,6 +29,10 @@ void coverage_depth(float *z, float *value, const float *verts,
                     const float *attribute, const int32_t *faces, size_t F,
                     const float cam[12], size_t n);
 
+/* near (n,n): the least of z (n,n) up to r cells to each side; tmp holds n*n
+ * floats. */
+void coverage_near(float *near, const float *z, size_t n, size_t r, float *tmp);
+
 /* seen (N) in [0,1] of points x (N,3): 0 behind the surface in z (n,n) by
  * more than slack, 1 in front of it or on it, the mean of the four cells
  * around; 0 outside the picture. */

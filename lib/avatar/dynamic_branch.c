@@ -31,6 +31,8 @@
 #define SEAM_MM 4.5f    /* the photograph is used for lips moved less than this
                          * from where it shows them */
 #define ON_TEETH_MM 1.5f        /* the same where it shows teeth in their place */
+#define STEEP 2.3f      /* a surface rises by so much where it is trusted wholly:
+                         * the tangent whose cosine is 0.4 */
 #define SLACK 0.03f     /* a vertex is visible if no further behind the surface,
                          * head units */
 /* A dropped jaw takes skin at its angle further than the one, and less far than
@@ -267,7 +269,7 @@ PARALLEL(dynamic_branch_start_part, k, struct dynamic_branch *, b, float *, eye,
     extra[1] = b->seen[k];
     extra[2] = b->seen[k] * branch_ramp(nv, 0.05f, 0.4f);
     extra[3] = matte;
-    b->trust[k] = extra[2] * branch_ramp(matte, 0.5f, 0.9f) * (1 - b->lid[k]) *
+    b->trust[k] *= extra[2] * branch_ramp(matte, 0.5f, 0.9f) * (1 - b->lid[k]) *
                   (1 - mesh->weights->lining[k]) * (1 - b->seam[k]) *
                   (1 - b->fold[k]);
     memcpy(rgb + 3 * k, pixel, 3 * sizeof *rgb);
@@ -284,7 +286,7 @@ PARALLEL(dynamic_branch_logit_part, i, float *, rgb)
 
 /* What the picture shows of every densified vertex: visibility, coverage and
  * matte, into the extra columns of the decoder's input; colours, trust in them
- * and shifts. */
+ * (none where a nearer surface is as close as the pose may be off) and shifts. */
 static void dynamic_branch_look(const struct source_picture *picture,
                                 const struct source_mesh *mesh,
                                 struct dynamic_branch *b)
@@ -295,6 +297,8 @@ static void dynamic_branch_look(const struct source_picture *picture,
     camera_origin(eye, mesh->cam);
     coverage_seen(b->seen, b->verts, b->count, mesh->depth, mesh->n,
                   mesh->cam, SLACK);
+    coverage_seen(b->trust, b->verts, b->count, mesh->near, mesh->n, mesh->cam,
+                  SLACK + STEEP * SOURCE_MESH_OFF);
     eyes_hide(b->seen, b->shut, mesh->weights);
     source_picture_sample(b->pixel, picture, b->place, b->count);
 
@@ -318,8 +322,22 @@ void dynamic_branch_begin(const struct source_picture *picture,
     b->has_more = true;
 }
 
+/* What a picture shows of a head that light falls on, in the first one's. */
+static void dynamic_branch_relight(struct dynamic_branch *b,
+                                   const float light[3])
+{
+    for (size_t k = 0; k < b->count; k++) {
+        const float *n = b->normals + 3 * k;
+        const float gain = sqrtf(gaussian_light(n, b->light) /
+                                 gaussian_light(n, light));
+
+        for (size_t c = 4 * k; c < 4 * k + 3; c++)
+            b->pixel[c] = fminf(gain * b->pixel[c], 1);
+    }
+}
+
 void dynamic_branch_add(const struct source_picture *picture,
-                        const struct source_mesh *mesh,
+                        const struct source_mesh *mesh, const float light[3],
                         struct dynamic_branch *b)
 {
     const struct further_picture p = {b->pixel, b->trust, b->facing};
@@ -327,6 +345,7 @@ void dynamic_branch_add(const struct source_picture *picture,
 
     dynamic_branch_geometry(mesh, b);
     dynamic_branch_look(picture, mesh, b);
+    dynamic_branch_relight(b, light);
     further_gain(gain, &p, b->first, b->count);
     further_add(b->more, &p, gain, b->count);
 }
@@ -344,6 +363,16 @@ static void dynamic_branch_unlight(float *rgb, bool back,
     }
 }
 
+/* rgb (D,3), the picture's colours, completed without the light on them: it
+ * falls otherwise on what the source's camera does not see. */
+static void dynamic_branch_complete(float *rgb, const struct source_mesh *mesh,
+                                    struct dynamic_branch *b)
+{
+    dynamic_branch_unlight(rgb, false, b);
+    completion_solve(rgb, b->skin, mesh->weights->mirror, b->dense, b->tmp);
+    dynamic_branch_unlight(rgb, true, b);
+}
+
 /* The prior: what the picture shows, and the colours that go on from it. */
 static void dynamic_branch_start(const struct source_picture *picture,
                                  const struct source_mesh *mesh,
@@ -357,9 +386,7 @@ static void dynamic_branch_start(const struct source_picture *picture,
     if (b->has_more)
         further_take(b->pixel, b->trust, rgb, b->facing, b->more, b->count);
     dynamic_branch_set_skin(mesh, b);
-    dynamic_branch_unlight(rgb, false, b);
-    completion_solve(rgb, b->skin, mesh->weights->mirror, b->dense, b->tmp);
-    dynamic_branch_unlight(rgb, true, b);
+    dynamic_branch_complete(rgb, mesh, b);
     for (size_t i = 0; i < 3 * b->count; i++)
         rgb[i] += (b->trust[i / 3] - b->skin[i / 3]) *
                   (b->pixel[i / 3 * 4 + i % 3] - rgb[i]);
@@ -378,16 +405,6 @@ static float dynamic_branch_visibility(const struct dynamic_branch *b, size_t k)
            (1 - b->seam[k]) * (1 - b->fold[k]);
 }
 
-/* How far Gaussian k lies on the side of the head that the source shows, its
- * outline included, 0..1: there it must not cover what is beside the head.  0
- * on upper lids, which must cover closing eyeballs (the decoder has not learned
- * that), and on the lips' inner edge: no holes before the teeth. */
-static float dynamic_branch_front(const struct dynamic_branch *b, size_t k)
-{
-    return b->seen[k] * branch_ramp(b->facing[k], -0.4f, -0.1f) *
-           (1 - b->lid[k]) * (1 - b->seam[k]);
-}
-
 /* How far the photograph says what is to be seen where Gaussian k is: the side
  * of the head that it shows, and, of those behind, what would stand out beside
  * the person or the mesh.  There it shows nobody, or hair. */
@@ -395,7 +412,7 @@ static float dynamic_branch_seen(const struct dynamic_branch *b, size_t k)
 {
     const float front = b->seen[k] * branch_ramp(b->facing[k], -0.4f, -0.1f);
 
-    return b->start.visible[k] * (front + (1 - front) * (1 - b->hull[k]));
+    return front + (1 - front) * (1 - b->hull[k]);
 }
 
 /* The least standard deviation of Gaussian k: the decoder makes those that face
@@ -410,7 +427,6 @@ PARALLEL(dynamic_branch_unseen_part, k, const struct dynamic_branch *, b,
          struct branch_set *, out)
 {
     float w = dynamic_branch_visibility(b, k), *scale = out->scale + 3 * k;
-    float v = dynamic_branch_front(b, k);
     float min = dynamic_branch_min_scale(b, k);
     float round = fminf(CLOSED * b->spacing[k], BRANCH_SCALE_MAX);
     float *color = out->color + k * out->channels;
@@ -419,17 +435,19 @@ PARALLEL(dynamic_branch_unseen_part, k, const struct dynamic_branch *, b,
         float own = 1 / (1 + expf(-b->logit[3 * k + c]));
 
         color[c] = w * color[c] + (1 - w) * own;
-        scale[c] = v * fmaxf(scale[c], min) + (1 - v) * round;
+        scale[c] = w * fmaxf(scale[c], min) + (1 - w) * round;
     }
     for (size_t c = 3; c < out->channels; c++)
         color[c] *= w;
     out->opacity[k] =
-        v * out->opacity[k] + (1 - v) * SOLID * b->start.visible[k];
+        w * out->opacity[k] + (1 - w) * SOLID * b->start.visible[k];
 }
 
-/* Where the source does not show a Gaussian the prior replaces the decoder,
+/* Where the source does not show a Gaussian squarely the prior replaces the decoder,
  * dense and round: the decoder would give every head the back of its training
- * people, and half clear parts that those seldom turned to the camera.
+ * people, and half clear parts that those seldom turned to the camera.  The
+ * outline that such Gaussians have too much of is the photograph's matter
+ * (dynamic_branch_seen).
  * Features beyond the colour become 0, so that a refiner adds nothing there. */
 static void dynamic_branch_unseen(struct branch_set *out,
                                   const struct dynamic_branch *b)
@@ -448,16 +466,15 @@ static float dynamic_branch_net_scale(const struct dynamic_branch *b, size_t i)
 PARALLEL(dynamic_branch_unseen_backward_part, k,
          const struct dynamic_branch *, b, struct branch_set *, dout)
 {
-    float v = dynamic_branch_front(b, k);
     float w = dynamic_branch_visibility(b, k);
 
     for (size_t c = 0; c < dout->channels; c++)
         dout->color[k * dout->channels + c] *= w;
     for (size_t i = 3 * k; i < 3 * k + 3; i++)
         dout->scale[i] *=
-            dynamic_branch_net_scale(b, i) > dynamic_branch_min_scale(b, k) ? v
+            dynamic_branch_net_scale(b, i) > dynamic_branch_min_scale(b, k) ? w
                                                                             : 0;
-    dout->opacity[k] *= v;
+    dout->opacity[k] *= w;
 }
 
 /* Reverse of dynamic_branch_unseen, in place. */

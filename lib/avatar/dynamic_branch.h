@@ -88,13 +88,14 @@ void dynamic_branch_release(struct dynamic_branch *b);
 /* Further pictures of the person, before a forward: begin with the first
  * picture and its mesh, then add each other with its own.  What they show of a
  * point adds up, each by how far it shows it, in the first picture's light:
- * times a gain of each channel by what both show.  The next forward takes it
+ * without their own (l of each, head frame), times a gain of each channel by what
+ * both show.  The next forward takes it
  * where its own picture shows less. */
 void dynamic_branch_begin(const struct source_picture *picture,
                           const struct source_mesh *mesh,
                           struct dynamic_branch *b);
 void dynamic_branch_add(const struct source_picture *picture,
-                        const struct source_mesh *mesh,
+                        const struct source_mesh *mesh, const float light[3],
                         struct dynamic_branch *b);
 
 /* out: the first out->n Gaussians (0: none) and their neck weights, from

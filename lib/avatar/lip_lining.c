@@ -16,8 +16,12 @@
 #define SHUT_MM 0.5f    /* lips so little open are closed, */
 #define OPEN_MM 2.0f    /* so far they are open */
 
-#define OVERHEAD 0.7f   /* of the light is lost for l_y, but no more than at */
-#define OVERHEAD_MAX 0.4f
+/* Light comes from above: the light network's l_y is from 0.49 to 0.77 on six
+ * photographs of validation. */
+#define ABOVE 0.5f
+#define OVERHEAD 0.95f  /* of the light is lost for l_y beyond it, but no more
+                         * than at */
+#define OVERHEAD_MAX 0.3f
 #define TEETH_OFF 0.035f        /* teeth differ so little from white, in shares
                                  * of red, green and blue, */
 #define LIPS_OFF 0.065f /* lips and skin at least so much; */
@@ -48,7 +52,7 @@ void lip_lining_paint(float *rgb, const float *seam, const float *normals,
 
 float lip_lining_share(const float l[3])
 {
-    return 1 - OVERHEAD * fminf(fmaxf(l[1], 0), OVERHEAD_MAX);
+    return 1 - OVERHEAD * fminf(fmaxf(l[1] - ABOVE, 0), OVERHEAD_MAX);
 }
 
 /* How far the photograph shows teeth at vertex k, by its colour. */

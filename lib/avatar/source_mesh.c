@@ -36,6 +36,7 @@ int source_mesh_init(struct source_mesh *m, const struct head *h,
         {&m->faces, 3 * (h->F + L), false},
         {&m->moving_verts, V + 1, false},
         {&m->coverage, n * n, false}, {&m->depth, n * n, false},
+        {&m->near, n * n, false},
         {&m->moving, n * n, false},
         {&m->raster, coverage_scratch(n) / sizeof(float) + 1, false}
     };
@@ -115,4 +116,7 @@ void source_mesh_set(struct source_mesh *m, const float *posed,
     coverage_map(m->coverage, m->verts, m->faces, F, cam, m->n, m->raster);
     coverage_depth(m->depth, m->moving, m->verts, m->moving_verts, m->faces,
                    F, cam, m->n);
+    coverage_near(m->near, m->depth, m->n,
+                  (size_t)lroundf(SOURCE_MESH_OFF /
+                                  source_mesh_spacing(m, m->n)), m->raster);
 }

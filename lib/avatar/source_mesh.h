@@ -10,6 +10,11 @@
 #include "lib/base/error.h"
 #include "lib/head/head.h"
 
+/* Head units by which the picture may show a point beside where the mesh has
+ * it: 6 mm, what a head of 10 cm moves by when its pose is off by 3.3 degrees,
+ * as it is at 45 degrees (examples/model/README.md). */
+#define SOURCE_MESH_OFF 0.03f
+
 struct source_mesh {
     const struct head *head;
     const struct head_avatar *weights;  /* the head's */
@@ -30,6 +35,8 @@ struct source_mesh {
     float *coverage;        /* (n,n) fraction that the mesh covers, C */
     float *depth;           /* (n,n) camera depth of the mesh; infinity
                              * beside it */
+    float *near;            /* (n,n) the least depth within
+                             * SOURCE_MESH_OFF of there */
     float *moving;          /* (n,n) how much of what shows there moves */
     float *raster;          /* scratch of coverage.h */
     float *block;           /* what the arrays are part of */

@@ -78,6 +78,11 @@ void motion_arrays(struct array *a, const struct motion *m, size_t nexp)
     a[6] = array_make("crop", DTYPE_F32, m->crop, 1, 3, 0, 0, 0);
 }
 
+struct array motion_light(const struct motion *m)
+{
+    return array_make("light", DTYPE_F32, m->light, 1, 3, 0, 0, 0);
+}
+
 int motion_write(struct stream_writer *w, uint64_t frame, double time,
                  const struct motion *m, size_t nexp,
                  const struct array *others, int nothers, struct error *err)
@@ -87,7 +92,7 @@ int motion_write(struct stream_writer *w, uint64_t frame, double time,
 
     motion_arrays(a, m, nexp);
     if (m->lit)
-        a[n++] = array_make("light", DTYPE_F32, m->light, 1, 3, 0, 0, 0);
+        a[n++] = motion_light(m);
     for (int i = 0; i < nothers && n < STREAM_MAX_ARRAYS; i++)
         a[n++] = others[i];
     return stream_write(w, RECORD_MOTN, frame, time, a, n, err);

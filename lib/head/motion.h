@@ -36,6 +36,8 @@ int motion_read_landmarks(float lmk[HEAD_LANDMARKS][2],
  * further picture of a person has all but that one in its SRCI record, too. */
 #define MOTION_ARRAYS 7
 void motion_arrays(struct array *a, const struct motion *m, size_t nexp);
+/* m's light; where it is known, motion_write adds it. */
+struct array motion_light(const struct motion *m);
 /* Write m as a MOTN record, others (may be NULL) appended. */
 int motion_write(struct stream_writer *w, uint64_t frame, double time,
                  const struct motion *m, size_t nexp,

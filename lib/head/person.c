@@ -240,11 +240,14 @@ static int person_write_further(struct stream_writer *w, const struct person *p,
 {
     for (size_t k = 0; k < p->nmore; k++) {
         struct array a[FIELDS + MOTION_ARRAYS];
-        const int n = person_picture_arrays(a, p->more + k);
+        const struct motion *m = &p->more[k].source;
+        int n = person_picture_arrays(a, p->more + k);
 
-        motion_arrays(a + n, &p->more[k].source, nexp);
-        if (stream_write(w, RECORD_SRCI, k + 1, 0, a, n + MOTION_ARRAYS - 1,
-                         err))
+        motion_arrays(a + n, m, nexp);
+        n += MOTION_ARRAYS - 1;
+        if (m->lit)
+            a[n++] = motion_light(m);
+        if (stream_write(w, RECORD_SRCI, k + 1, 0, a, n, err))
             return -1;
     }
     return 0;

@@ -26,6 +26,7 @@ static const struct schema table[] = {
       "0 open to 1 closed, left, right" },
     { RECORD_SRCI, "eye", "f32", "6", false,
       "axis-angle, radians, left, right" },
+    { RECORD_SRCI, "light", "f32", "3", false, "camera frame" },
     { RECORD_SHAP, "shape", "f32", "*", true, "beta, standard deviations" },
     { RECORD_SHAP, "person", "i32", "1", false, "number of the person" },
     { RECORD_MOTN, "rot", "f32", "3,3", true, "R of x_cam = R x + t" },

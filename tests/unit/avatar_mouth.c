@@ -204,7 +204,7 @@ static void mouth_veil(float veil[2], float gap)
 /* Light from above does not reach the teeth, light from the front does. */
 static void mouth_overhead(void)
 {
-    const float front[3] = {0.1f, -0.2f, 0.9f}, above[3] = {0, 0.3f, 0.1f};
+    const float front[3] = {0.1f, -0.2f, 0.9f}, above[3] = {0, 0.72f, 0.1f};
     const float high[3] = {0, 1, 0};
 
     expect("light from the front", (double)lip_lining_share(front), 1, 0);
