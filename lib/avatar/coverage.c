@@ -212,6 +212,21 @@ void coverage_map(float *C, const float *verts, const int32_t *faces, size_t F,
         C[i] = fminf(C[i], 1);
 }
 
+void coverage_distance(float *out, const float *coverage, size_t n)
+{
+    for (size_t row = 0; row < n * n; row += n) {
+        float left = INFINITY, right = INFINITY;
+
+        for (size_t k = row; k < row + n; k++)
+            out[k] = left = coverage[k] >= COVERAGE_WHOLE ? 0 : left + 1;
+        for (size_t k = row + n; k-- > row; ) {
+            right = coverage[k] >= COVERAGE_WHOLE ? 0 : right + 1;
+            out[k] = fminf(out[k], right);
+            out[k] = isfinite(out[k]) ? out[k] : 0;
+        }
+    }
+}
+
 /* A number that is linear on a triangle: at corner 0, and per cell. */
 struct linear {
     float at, x, y;

@@ -22,6 +22,13 @@ void coverage_fraction(float *C, const float *verts, const int32_t *faces,
 void coverage_blur(float *out, const float *x, size_t n, float sigma,
                    float *tmp);
 
+/* A cell that the mesh covers less of lies on its outline or beside it. */
+#define COVERAGE_WHOLE 0.97f
+
+/* out (n,n): how many cells lie between a cell and the mesh in the same row; 0
+ * where that has none.  coverage (n,n): fraction that the mesh covers. */
+void coverage_distance(float *out, const float *coverage, size_t n);
+
 /* z (n,n): camera depth of the nearest surface at each cell's centre,
  * +infinity where there is none; value (n,n): attribute (V) there, 0 where
  * there is none (both NULL: not wanted). */

@@ -6,7 +6,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "lib/avatar/cheek_back.h"
 #include "lib/avatar/completion.h"
 #include "lib/avatar/coverage.h"
 #include "lib/avatar/eyes.h"
@@ -35,10 +34,6 @@
                          * the tangent whose cosine is 0.4 */
 #define SLACK 0.03f     /* a vertex is visible if no further behind the surface,
                          * head units */
-/* A dropped jaw takes skin at its angle further than the one, and less far than
- * the other, as it takes the chin. */
-#define DROP_MM 1.0f
-#define DROP_MAX_MM 20.0f
 
 /* ---- the branch -------------------------------------------------------- */
 
@@ -221,30 +216,6 @@ static void dynamic_branch_set_skin(const struct source_mesh *mesh,
     }
 }
 
-/* How far Gaussian k would stand out beside the neck when the jaw drops, 0..1:
- * skin at the jaw's angle, which in life moves backwards; the strip behind the
- * cheeks (cheek_back.h) shows it instead. */
-static float dynamic_branch_protrusion(const struct source_picture *picture,
-                                       const struct source_mesh *mesh,
-                                       const struct dynamic_branch *b, size_t k)
-{
-    const float *x = b->verts + 3 * k, *drop = mesh->weights->drop + 3 * k;
-    const float to[3] = {x[0] + drop[0], x[1] + drop[1], x[2] + drop[2]};
-    const float mm = sqrtf(drop[0] * drop[0] + drop[1] * drop[1] +
-                           drop[2] * drop[2]) * 1e3f / mesh->head->scale;
-    const size_t cell = source_mesh_cell(b->place + 2 * k, mesh->n);
-    float place[2], rgba[4];
-
-    if (!(mm > DROP_MM) || mm > DROP_MAX_MM)
-        return 0;
-    source_mesh_project(place, to, 1, mesh->cam);
-    source_picture_sample(rgba, picture, place, 1);
-    return (1 - branch_ramp(rgba[3], 0.3f, 0.7f)) *
-           branch_ramp(mm, DROP_MM, 2 * DROP_MM) *
-           (1 - branch_ramp(mm, 0.6f * DROP_MAX_MM, DROP_MAX_MM)) *
-           cheek_back_at(picture, mesh, cell % mesh->n, cell / mesh->n);
-}
-
 /* Lips that lie on teeth in the picture do not have those colours. */
 static void dynamic_branch_uncover_teeth(const struct source_mesh *mesh,
                                          struct dynamic_branch *b)
@@ -258,8 +229,7 @@ static void dynamic_branch_uncover_teeth(const struct source_mesh *mesh,
 }
 
 PARALLEL(dynamic_branch_start_part, k, struct dynamic_branch *, b, float *, eye,
-         float *, rgb, const struct source_picture *, picture,
-         const struct source_mesh *, mesh)
+         float *, rgb, const struct source_mesh *, mesh)
 {
     const float *pixel = b->pixel + 4 * k;
     float *extra = b->in + (k + 1) * b->inputs - DYNAMIC_BRANCH_EXTRA;
@@ -273,8 +243,7 @@ PARALLEL(dynamic_branch_start_part, k, struct dynamic_branch *, b, float *, eye,
                   (1 - mesh->weights->lining[k]) * (1 - b->seam[k]) *
                   (1 - b->fold[k]);
     memcpy(rgb + 3 * k, pixel, 3 * sizeof *rgb);
-    b->start.visible[k] = (1 - mesh->weights->lining[k]) *
-                          (1 - dynamic_branch_protrusion(picture, mesh, b, k));
+    b->start.visible[k] = 1 - mesh->weights->lining[k];
     b->start.scale_shift[k] =
         attribute_logit(OVERLAP * b->spacing[k] / BRANCH_SCALE_MAX);
 }
@@ -302,8 +271,7 @@ static void dynamic_branch_look(const struct source_picture *picture,
     eyes_hide(b->seen, b->shut, mesh->weights);
     source_picture_sample(b->pixel, picture, b->place, b->count);
 
-    parallel_each(dynamic_branch_start_part, b->count, 1, b, eye, rgb, picture,
-                  mesh);
+    parallel_each(dynamic_branch_start_part, b->count, 1, b, eye, rgb, mesh);
     white_point(b->white, &seen, mesh->head);
     dynamic_branch_uncover_teeth(mesh, b);
 }

@@ -6,9 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "lib/avatar/outline.h"
-#include "lib/avatar/cheek_back.h"
-#include "lib/avatar/edge_scale.h"
+#include "lib/avatar/coverage.h"
 #include "lib/avatar/unseen_hair.h"
 #include "lib/base/parallel.h"
 #include "lib/base/slices.h"
@@ -76,10 +74,8 @@ int static_branch_plan(struct static_branch *b, struct nn_options opt,
         {&b->logit, 3 * n2, false}, {&b->dlogit, 3 * n2, true},
         {&b->cell, n2, false},
         {&b->height, n2, false}, {&b->surface, n2, false},
-        {&b->moving, n2, false}, {&b->back, n2, false}, {&b->from, n2, false},
+        {&b->moving, n2, false}, {&b->from, n2, false},
         {&b->front, n2, false},
-        {&b->edge, n2, false}, {&b->max, n2, false},
-        {&b->enlarged, 3 * n2, true},
         {&b->p_raw, n2, false}, {&b->p_shift, n2, false}, {&b->p, n2, false},
         {&b->dp, n2, true}, {&b->dvisible, n2, true}
     };
@@ -119,7 +115,7 @@ PARALLEL(static_branch_surface_part, k, const struct source_mesh *, mesh,
     const float h = mesh->cam[11] - mesh->depth[k];
     const float max = STATIC_BRANCH_HEIGHT;
 
-    b->height[k] = isfinite(h) && mesh->coverage[k] >= OUTLINE_COVERED
+    b->height[k] = isfinite(h) && mesh->coverage[k] >= COVERAGE_WHOLE
                        ? fminf(fmaxf(h, -max), max)
                        : 0;
 }
@@ -180,38 +176,29 @@ static void static_branch_neck(float *neck, float *mean,
         b->p[k] = 0.5f + 0.5f * b->height[k];
     static_branch_lift(mean, b->U, b->p, b->height, mesh->cam, mesh->normal,
                        b->count);
-    outline_distance(neck, mesh->coverage, b->n);
+    coverage_distance(neck, mesh->coverage, b->n);
 
     parallel_each(static_branch_neck_part, b->count, 1, mean, back, neck, b,
                   mesh);
 }
 
-/* b->moving, what may not be drawn: where the mesh moves, and thin rims beside
- * it.  b->edge, how large Gaussians inside the person's edge may be.  b->pixel
- * is the picture at the cells meanwhile. */
+/* b->moving, what may not be drawn: where the mesh moves. */
 static void static_branch_mask(struct static_branch *b,
-                               const struct source_picture *picture,
                                const struct source_mesh *mesh)
 {
     for (size_t k = 0; k < b->count; k++)
         b->moving[k] = fminf(fmaxf(mesh->moving[k], 0), 1);
-    if (!b->prior)
-        return;
-    source_picture_sample(b->pixel, picture, b->U, b->count);
-    outline_rim(b->moving, b->pixel, mesh->coverage, b->n);
-    edge_scale_find(b->edge, b->pixel, OVERLAP, b->n);
 }
 
 /* The maps of the cells, before they move. */
 static void static_branch_map(float *neck, float *mean,
-                              const struct source_picture *picture,
                               const struct source_mesh *mesh,
                               struct static_branch *b)
 {
     static_branch_grid(b->U, b->n);
     static_branch_surface(b, mesh);
     static_branch_neck(neck, mean, mesh, b);
-    static_branch_mask(b, picture, mesh);
+    static_branch_mask(b, mesh);
 }
 
 PARALLEL(static_branch_locate_part, k, struct static_branch *, b, float *, neck,
@@ -221,7 +208,6 @@ PARALLEL(static_branch_locate_part, k, struct static_branch *, b, float *, neck,
 
     b->cell[k] = (uint32_t)at;
     b->surface[k] = b->height[at];
-    b->max[k] = b->edge[at];
     neck[k] = scratch[at];
 }
 
@@ -363,7 +349,7 @@ void static_branch_forward(struct branch_set *out, const float *features,
 {
     if (out->n == 0)
         return;
-    static_branch_map(out->neck, out->mean, picture, mesh, b);
+    static_branch_map(out->neck, out->mean, mesh, b);
     static_branch_deform(features, mesh, b);
     static_branch_locate(out->neck, b->p, b);
     if (b->prior)
@@ -373,9 +359,6 @@ void static_branch_forward(struct branch_set *out, const float *features,
     conv_decoder_forward(&raw, NULL, mesh->normal,
                          b->prior ? b->logit : NULL, &b->decoder);
     branch_prior_forward(out, &b->start, b->prior);
-    if (b->prior)
-        edge_scale_clamp(out->scale, b->enlarged, b->max,
-                         source_mesh_spacing(mesh, b->n), b->count);
 
     parallel_each(static_branch_forward_part, b->count, 1, b);
     static_branch_lift(out->mean, b->U, b->p, b->prior ? b->surface : NULL,
@@ -383,11 +366,8 @@ void static_branch_forward(struct branch_set *out, const float *features,
     for (size_t k = 0; k < b->count; k++)
         out->seen[k] = b->prior && b->pixel[4 * k + 3] > 0
                      ? 1 - b->moving[b->cell[k]] : 0;
-    if (b->prior) {
-        cheek_back_find(b->back, picture, mesh, b->n);
-        cheek_back_set(out, b->back, picture, mesh, b->n);
+    if (b->prior)
         unseen_hair_set(out, b->from, b->front, mesh);
-    }
 }
 
 PARALLEL(static_branch_backward_part, k, struct static_branch *, b)
@@ -408,17 +388,13 @@ void static_branch_backward(float *dfeatures, struct branch_set *dout,
         return;
     memset(b->dU, 0, 2 * b->count * sizeof *b->dU);
     memset(b->dp, 0, b->count * sizeof *b->dp);
-    if (b->prior) {
+    if (b->prior)
         unseen_hair_backward(dout, b->from);
-        cheek_back_backward(dout, b->back);
-    }
     static_branch_lift_backward(b->dU, b->dp, dout->mean,
                                 b->prior ? b->surface : NULL, mesh->cam,
                                 mesh->normal, b->count);
 
     parallel_each(static_branch_backward_part, shifted, 1, b);
-    if (b->prior)
-        edge_scale_clamp_backward(dout->scale, b->enlarged, b->count);
     branch_prior_backward(dout, b->dvisible, &b->start, b->prior);
     struct gaussian_out draw = branch_decoder_gradient(dout, b->dp);
     conv_decoder_backward(b->din, NULL, b->prior ? b->dlogit : NULL, &draw,

@@ -52,14 +52,9 @@ struct static_branch {
     float *height;                      /* (n,n) of the mesh over the plane,
                                          * head units */
     float *moving;                      /* (n,n) what may not be drawn */
-    float *edge;                        /* (n,n) edge_scale_find */
     /* Where a Gaussian has moved to: */
     uint32_t *cell;                     /* (n,n) the cell there, */
-    float *surface, *max;              /* (n,n) height and edge of it */
-    float *enlarged;                    /* (n,n,3) 1: larger than that allows;
-                                         * in training alone */
-    float *back;                        /* (n,n) the strip behind the cheeks
-                                         * (cheek_back.h) */
+    float *surface;                     /* (n,n) its height */
     uint32_t *from;                     /* (n,n) hair of the hidden side
                                          * (unseen_hair.h) */
     float *front;                       /* (n,n) its scratch */

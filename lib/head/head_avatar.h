@@ -46,7 +46,6 @@ struct head_avatar {
     float *stretch;         /* neighbours' distance there on closed lids, at a
                              * dropped jaw and under raised brows over that at
                              * rest, at least 1 */
-    float *drop;            /* (D,3) where a dropped jaw takes it */
     size_t *mirror;         /* the point across the face; in the file an i32 */
     float *side;            /* 1 the subject's left, -1 right */
     float *lid_skin;        /* how far a closed lid there has the colour of the

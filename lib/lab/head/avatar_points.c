@@ -237,9 +237,9 @@ static void points_add_stretch(struct head_avatar *w,
     }
 }
 
-/* Where the mean head's skin goes when the jaw drops, and what that and raised
- * brows stretch it by, which draw it out of the upper lids' crease; rest
- * (V+E): its spacing, posed (V,3) and wide (V+E) are scratch. */
+/* What a dropped jaw stretches the mean head's skin by, and raised brows, which
+ * draw it out of the upper lids' crease; rest (V+E): its spacing, posed (V,3)
+ * and wide (V+E) are scratch. */
 static int points_poses(struct head_avatar *w, const struct head *h,
                               const struct densify *d, const float *rest,
                               float *posed, float *wide, struct error *err)
@@ -266,9 +266,6 @@ static int points_poses(struct head_avatar *w, const struct head *h,
     identity_release(&mean);
     free(raised);
     points_add_stretch(w, d, rest, posed, wide, 1);
-    for (size_t i = 0; i < 3 * h->V; i++)
-        posed[i] -= h->v_template[i];
-    densify_forward(w->drop, posed, d, 3);
     return 0;
 }
 
