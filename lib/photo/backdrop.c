@@ -48,6 +48,41 @@ static int32_t backdrop_random(struct backdrop *b, uint32_t n)
 
 /* ---- what is seen ------------------------------------------------------- */
 
+/* The pixels of n along an axis that are cell i's, from and to. */
+static void backdrop_extent(size_t x[2], size_t i, size_t n)
+{
+    x[0] = (i * n + SIDE - 1) / SIDE;
+    x[1] = ((i + 1) * n + SIDE - 1) / SIDE;
+}
+
+/* A cell's sum gains pixel j as far as that is background. */
+static void backdrop_add(float sum[4], const struct matting *m, size_t j)
+{
+    const int w = (127 - m->alpha[j]) * m->confidence[j];
+
+    if (w <= 0 || !m->inside[j])
+        return;
+    sum[0] += (float)w / (127 * 255);
+    for (size_t c = 0; c < 3; c++)
+        sum[1 + c] += (float)w / (127 * 255) * m->back[3 * j + c];
+}
+
+/* Cell i from its pixels. */
+PARALLEL(backdrop_gather_part, i, struct backdrop *, b,
+         const struct matting *, m)
+{
+    size_t x[2], y[2];
+
+    backdrop_extent(x, i % SIDE, m->n);
+    backdrop_extent(y, i / SIDE, m->n);
+    for (size_t v = y[0]; v < y[1]; v++)
+        for (size_t u = x[0]; u < x[1]; u++)
+            backdrop_add(b->sum[i], m, v * m->n + u);
+    if (b->sum[i][0] > 0)
+        b->trust[i] = b->known[i] = b->sum[i][0] /
+            (float)((x[1] - x[0]) * (y[1] - y[0]));
+}
+
 /* The cells' colours from those of the pixels that are mostly background; where
  * there are none, of the cells about them. */
 static void backdrop_gather(struct backdrop *b, const struct matting *m)
@@ -56,24 +91,7 @@ static void backdrop_gather(struct backdrop *b, const struct matting *m)
     const size_t n = m->n;
     const float pixels = (float)(n * n) / CELLS;
 
-    for (size_t i = 0; i < n * n; i++) {
-        const uint32_t x = (uint32_t)i % (uint32_t)n;
-        const uint32_t y = (uint32_t)i / (uint32_t)n;
-        const size_t cell = y * SIDE / (uint32_t)n * SIDE +
-                            x * SIDE / (uint32_t)n;
-        const int w = (127 - m->alpha[i]) * m->confidence[i];
-        float *to = b->sum[cell];
-
-        b->known[cell]++;
-        if (w <= 0 || !m->inside[i])
-            continue;
-        to[0] += (float)w / (127 * 255);
-        for (size_t c = 0; c < 3; c++)
-            to[1 + c] += (float)w / (127 * 255) * m->back[3 * i + c];
-    }
-    for (size_t i = 0; i < CELLS; i++)
-        b->trust[i] = b->known[i] =
-            b->known[i] > 0 ? b->sum[i][0] / b->known[i] : 0;
+    parallel_each(backdrop_gather_part, CELLS, SIDE, b, m);
     pyramid_pool(b->sum[0], SIDE, 4, 0.01f * pixels, any);
     for (size_t i = 0; i < CELLS; i++)
         for (size_t c = 0; c < 3; c++)

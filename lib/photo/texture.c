@@ -7,6 +7,7 @@
 #include <sysexits.h>
 
 #include "lib/base/crop.h"
+#include "lib/base/parallel.h"
 #include "lib/head/person.h"
 #include "lib/photo/lookup.h"
 
@@ -29,6 +30,15 @@ static void texture_cut(uint8_t *out, const uint8_t *rgb,
     }
 }
 
+/* Row y of n pixels. */
+PARALLEL(texture_cut_row, y, uint8_t *, out, const uint8_t *, rgb,
+         const uint8_t *, matte, const uint8_t *, back, size_t, n)
+{
+    const size_t i = y * n;
+
+    texture_cut(out + 4 * i, rgb + 3 * i, matte + i, back + 3 * i, n);
+}
+
 void texture_straight(uint8_t *out, const uint8_t *rgb, const uint8_t *matte,
                       const uint8_t *back, size_t n)
 {
@@ -42,19 +52,17 @@ void texture_straight(uint8_t *out, const uint8_t *rgb, const uint8_t *matte,
     }
 }
 
-/* out (s,s,4) = means of two by two pixels of in (2s,2s,4). */
-static void texture_halve(uint8_t *out, const uint8_t *in, size_t s)
+/* Row y of out (s,s,4): means of two by two pixels of in (2s,2s,4). */
+PARALLEL(texture_halve_row, y, uint8_t *, out, const uint8_t *, in, size_t, s)
 {
     const size_t line = 8 * s;
 
-    for (size_t y = 0; y < s; y++)
-        for (size_t x = 0; x < 4 * s; x++) {
-            const uint8_t *p = in + 2 * y * line + 2 * (x & ~(size_t)3) +
-                               (x & 3);
+    for (size_t x = 0; x < 4 * s; x++) {
+        const uint8_t *p = in + 2 * y * line + 2 * (x & ~(size_t)3) + (x & 3);
 
-            out[4 * s * y + x] = (uint8_t)((p[0] + p[4] + p[line] +
-                                            p[line + 4] + 2) / 4);
-        }
+        out[4 * s * y + x] = (uint8_t)((p[0] + p[4] + p[line] + p[line + 4] +
+                                        2) / 4);
+    }
 }
 
 /* Sides of the levels: the picture's own, then powers of two, so that one of
@@ -83,7 +91,8 @@ static int texture_shrink(struct texture *t, size_t l)
     const double S = (double)from;
 
     if (from == 2 * to) {
-        texture_halve(t->level[l], t->level[l - 1], to);
+        parallel_each(texture_halve_row, to, 1, t->level[l], t->level[l - 1],
+                      to);
         return 0;
     }
     return crop_resize_u8(t->level[l], to, t->level[l - 1], from, from,
@@ -106,7 +115,8 @@ int texture_init(struct texture *t, const uint8_t *rgb, const uint8_t *matte,
         if (l > 0)
             rc = texture_shrink(t, l);
         else
-            texture_cut(t->level[0], rgb, matte, back, S * S);
+            parallel_each(texture_cut_row, S, 1, t->level[0], rgb, matte, back,
+                          S);
     }
     if (rc == 0)
         return 0;
