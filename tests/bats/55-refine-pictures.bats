@@ -42,6 +42,28 @@ PY
     cmp a b
 }
 
+@test "a gain multiplies the picture, one of another size is refused" {
+    gain() { # HEIGHT
+        "$PYTHON" -c "import sys, numpy; numpy.save('gain.npy',
+            numpy.full((int(sys.argv[1]), 16), .5, 'f4'))" "$1"
+        spid-pack -t FEAT feat.npy alpha.npy gain.npy -o lit.spid
+    }
+    gain 16
+    spid-refine -q feat.spid -o plain.pam
+    spid-refine -q lit.spid -o lit.pam
+    "$PYTHON" - <<'PY'
+import numpy as np
+a, b = (np.frombuffer(open(f, 'rb').read()[-64 * 64 * 3:], 'u1').astype(int)
+        for f in ('plain.pam', 'lit.pam'))
+print(a.max(), abs(a - 2 * b).max())
+assert a.max() > 100 and abs(a - 2 * b).max() <= 2
+PY
+    gain 8
+    status 65 spid-refine -q lit.spid -o other.pam
+    one_line
+    has "lit.spid: frame 0: FEAT gain is 8 x 16 (expected 16 x 16)"
+}
+
 @test "half and single precision features give nearly the same picture" {
     spid-refine feat.spid --format pam -o a.pam
     features 64 32 f2
