@@ -7,7 +7,6 @@
 #include <string.h>
 
 #include "lib/avatar/coverage.h"
-#include "lib/avatar/unseen_hair.h"
 #include "lib/base/parallel.h"
 #include "lib/base/slices.h"
 #include "lib/base/neck_blend.h"
@@ -74,8 +73,7 @@ int static_branch_plan(struct static_branch *b, struct nn_options opt,
         {&b->logit, 3 * n2, false}, {&b->dlogit, 3 * n2, true},
         {&b->cell, n2, false},
         {&b->height, n2, false}, {&b->surface, n2, false},
-        {&b->moving, n2, false}, {&b->from, n2, false},
-        {&b->front, n2, false},
+        {&b->moving, n2, false},
         {&b->p_raw, n2, false}, {&b->p_shift, n2, false}, {&b->p, n2, false},
         {&b->dp, n2, true}, {&b->dvisible, n2, true}
     };
@@ -366,8 +364,6 @@ void static_branch_forward(struct branch_set *out, const float *features,
     for (size_t k = 0; k < b->count; k++)
         out->seen[k] = b->prior && b->pixel[4 * k + 3] > 0
                      ? 1 - b->moving[b->cell[k]] : 0;
-    if (b->prior)
-        unseen_hair_set(out, b->from, b->front, mesh);
 }
 
 PARALLEL(static_branch_backward_part, k, struct static_branch *, b)
@@ -388,8 +384,6 @@ void static_branch_backward(float *dfeatures, struct branch_set *dout,
         return;
     memset(b->dU, 0, 2 * b->count * sizeof *b->dU);
     memset(b->dp, 0, b->count * sizeof *b->dp);
-    if (b->prior)
-        unseen_hair_backward(dout, b->from);
     static_branch_lift_backward(b->dU, b->dp, dout->mean,
                                 b->prior ? b->surface : NULL, mesh->cam,
                                 mesh->normal, b->count);

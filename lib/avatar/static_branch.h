@@ -55,9 +55,6 @@ struct static_branch {
     /* Where a Gaussian has moved to: */
     uint32_t *cell;                     /* (n,n) the cell there, */
     float *surface;                     /* (n,n) its height */
-    uint32_t *from;                     /* (n,n) hair of the hidden side
-                                         * (unseen_hair.h) */
-    float *front;                       /* (n,n) its scratch */
     float *p_raw, *p_shift;             /* (n,n) depth: decoder's, shift */
     float *p, *dp;                      /* (n,n) after the shift */
     float *dvisible;                    /* (n,n) */

@@ -1,12 +1,11 @@
 /* What the photograph does not show: colours of the head's hidden half from the
  * mirror image, without a seam (completion.h); the slope of what is seen
- * (tilt.h); hair of the hidden side (unseen_hair.h). */
+ * (tilt.h). */
 #include <math.h>
 #include <string.h>
 
 #include "lib/avatar/completion.h"
 #include "lib/avatar/tilt.h"
-#include "lib/avatar/unseen_hair.h"
 #include "lib/base/camera.h"
 #include "tests/check.h"
 
@@ -146,52 +145,9 @@ static void tilt_slopes(void)
     source_picture_release(&p);
 }
 
-/* ---- hair ----------------------------------------------------------------- */
-
-/* Four rows: hair before the plane on the left, whose mirror image lies behind
- * it; the same far out, where the photograph shows nobody; a shoulder; and one
- * that draws nothing. */
-static void hair_mirrored(void)
-{
-    float mean[12] = {-0.3f, 0, 0, -0.9f, 0, 0, -0.3f, -0.5f, 0, 7, 7, 7};
-    float scale[12] = {0.01f, 0.02f, 0.03f}, quat[16] = {0.5f, 0.5f, 0.5f, 0.5f};
-    float opacity[4] = {0.9f, 0.9f, 0.9f, 0}, color[16] = {0.1f, 0.2f, 0.3f, 9};
-    float neck[4] = {0, 0, 1, 0}, seen[4] = {1, 1, 1, 1};
-    float front[CELLS * CELLS];
-    uint32_t from[4];
-    struct branch_set set = {
-        .n = 4, .channels = 4, .mean = mean, .scale = scale, .quat = quat,
-        .opacity = opacity, .color = color, .neck = neck, .seen = seen};
-    struct source_picture p = {0};
-    struct source_mesh m;
-
-    tilt_scene(&p, &m, 0, 0.8f);
-    for (size_t k = 0; k < CELLS * CELLS; k++)
-        m.depth[k] = 11.5f;
-    unseen_hair_set(&set, from, front, &m);
-    check_that("one row is filled, the one that drew nothing",
-               from[3] == 1 && from[0] + from[1] + from[2] == 0);
-    check_that("with the mirror image, in its colour, not seen",
-               mean[9] == 0.3f && mean[10] == 0 && quat[12] == 0.5f &&
-               quat[13] == 0.5f && quat[14] == -0.5f && quat[15] == -0.5f &&
-               color[12] == 0.1f && color[15] == 0 && opacity[3] == 0.9f &&
-               seen[3] == 0);
-    unseen_hair_backward(&set, from);   /* as if they were gradients */
-    check_that("whose gradient is the other's", opacity[3] == 0 &&
-               mean[9] == 0 && opacity[0] == 1.8f && mean[0] == -0.6f &&
-               quat[0] == 1 && quat[2] == 1 && color[0] == 0.2f);
-    for (size_t k = 0; k < CELLS * CELLS; k++)
-        m.depth[k] = 12.5f;
-    unseen_hair_set(&set, from, front, &m);
-    check_that("before what the photograph shows there is none",
-               from[3] == 0 && opacity[3] == 0);
-    source_picture_release(&p);
-}
-
 int main(void)
 {
     completion_mirrors();
     tilt_slopes();
-    hair_mirrored();
     return check_status();
 }

@@ -361,8 +361,6 @@ static void gradient_reference(struct world *w)
         double rise = a->config.rgb_skip ? s->surface[k] : 0;
         double z = w->cam[11] - rise, mu[3];
 
-        if (a->config.rgb_skip && s->from[k])   /* an image of another */
-            continue;
         for (int c = 0; c < 3; c++) {
             double o = 0, ray = 0;
 
