@@ -64,8 +64,8 @@ struct refine_input {
                                  * NULL */
     const float *place;         /* (height,width,3) where it does, or NULL, */
     struct splat_place_view view;       /* and the view to there */
-    const float *gain;          /* how the light changed (lib/splat/relight.h),
-                                 * or NULL */
+    const float *gain;          /* of a square: how the light changed
+                                 * (lib/splat/relight.h), or NULL */
 };
 
 /* Prepare the refiner of a model, which must stay open until refine_release.

@@ -85,7 +85,7 @@ int refine_picture_finish(struct refine_picture *p,
                         in->width);
     else if (in->alpha)
         texture_clamp_to_alpha(p->rgb, 3, p->alpha, n);
-    if (in->gain && in->height == in->width)
+    if (in->gain)
         relight_apply(p->rgb, 3, in->alpha ? p->alpha : NULL, in->gain,
                       in->width, in->height, in->width);
     p->height = in->height;

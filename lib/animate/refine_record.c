@@ -2,6 +2,7 @@
 #include "lib/animate/refine_record.h"
 
 #include <string.h>
+#include <sysexits.h>
 
 #include "lib/base/relative_pose.h"
 #include "lib/stream/feat.h"
@@ -19,6 +20,9 @@ int refine_read_record(struct refine_input *in, const struct record *rec,
 
     if (feat_read(&f, rec, err))
         return -1;
+    if (f.gain && f.height != f.width)
+        return error_set(err, EX_DATAERR, "FEAT of %zu x %zu pixels has gain "
+                         "(expected a square)", f.height, f.width);
     *in = (struct refine_input){
         .height = f.height, .width = f.width, .channels = f.channels,
         .f32 = f.f32, .f16 = f.f16, .alpha = f.alpha, .turn = f.turn,

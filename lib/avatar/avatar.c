@@ -9,6 +9,7 @@
 #include <sysexits.h>
 
 #include "lib/avatar/lip_lining.h"
+#include "lib/base/relative_pose.h"
 #include "lib/base/slices.h"
 #include "lib/net/model.h"
 #include "lib/photo/place.h"
@@ -205,11 +206,10 @@ static void avatar_look(struct avatar *a, const struct avatar_source *src)
  * camera's, or NULL: 0. */
 static void avatar_light(float l[3], const float *from, const float *cam)
 {
-    for (int k = 0; k < 3; k++) {
-        l[k] = 0;
-        for (int i = 0; from && i < 3; i++)
-            l[k] += cam[4 * i + k] * from[i];
-    }
+    static const float unrotated[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+    static const float none[3] = {0};
+
+    relative_light(l, unrotated, from ? from : none, cam);
 }
 
 /* What further pictures show is noted before the first one is baked; where it is

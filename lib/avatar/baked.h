@@ -67,9 +67,9 @@ int baked_write(struct stream_writer *w, uint64_t frame, double time,
 /* Free what it holds; zeroed then. */
 void baked_release(struct baked *b);
 
-/* Whether the Gaussians know their places in the source picture. */
 /* Whether it is known how light fell on the source. */
 bool baked_is_lit(const struct baked *b);
+/* Whether the Gaussians know their places in the source picture. */
 bool baked_has_places(const struct baked *b);
 
 /* The Gaussians as a renderer takes them. */

@@ -290,17 +290,19 @@ void dynamic_branch_begin(const struct source_picture *picture,
     b->has_more = true;
 }
 
-/* What a picture shows of a head that light falls on, in the first one's. */
-static void dynamic_branch_relight(struct dynamic_branch *b,
-                                   const float light[3])
+/* color (D,stride: red, green, blue and others) of a head that light `from` falls
+ * on, (3) in its frame, as under light `to`. */
+static void dynamic_branch_relight(float *color, size_t stride,
+                                   const float from[3], const float to[3],
+                                   const struct dynamic_branch *b)
 {
     for (size_t k = 0; k < b->count; k++) {
         const float *n = b->normals + 3 * k;
-        const float gain = sqrtf(gaussian_light(n, b->light) /
-                                 gaussian_light(n, light));
+        const float gain = sqrtf(gaussian_light(n, to) /
+                                 gaussian_light(n, from));
 
-        for (size_t c = 4 * k; c < 4 * k + 3; c++)
-            b->pixel[c] = fminf(gain * b->pixel[c], 1);
+        for (size_t c = stride * k; c < stride * k + 3; c++)
+            color[c] *= gain;
     }
 }
 
@@ -313,22 +315,9 @@ void dynamic_branch_add(const struct source_picture *picture,
 
     dynamic_branch_geometry(mesh, b);
     dynamic_branch_look(picture, mesh, b);
-    dynamic_branch_relight(b, light);
+    dynamic_branch_relight(b->pixel, 4, light, b->light, b);
     further_gain(gain, &p, b->first, b->count);
     further_add(b->more, &p, gain, b->count);
-}
-
-/* rgb (D,3) without the light on it, up to GAUSSIAN_SHADOW; back: in it. */
-static void dynamic_branch_unlight(float *rgb, bool back,
-                                   const struct dynamic_branch *b)
-{
-    for (size_t k = 0; k < b->count; k++) {
-        const float light = gaussian_light(b->normals + 3 * k, b->light);
-        const float by = sqrtf(GAUSSIAN_SHADOW / light);
-
-        for (size_t c = 3 * k; c < 3 * k + 3; c++)
-            rgb[c] = back ? fminf(rgb[c] / by, 1) : rgb[c] * by;
-    }
 }
 
 /* rgb (D,3), the picture's colours, completed without the light on them: it
@@ -336,9 +325,13 @@ static void dynamic_branch_unlight(float *rgb, bool back,
 static void dynamic_branch_complete(float *rgb, const struct source_mesh *mesh,
                                     struct dynamic_branch *b)
 {
-    dynamic_branch_unlight(rgb, false, b);
+    static const float none[3] = {0};
+
+    dynamic_branch_relight(rgb, 3, b->light, none, b);
     completion_solve(rgb, b->skin, mesh->weights->mirror, b->dense, b->tmp);
-    dynamic_branch_unlight(rgb, true, b);
+    dynamic_branch_relight(rgb, 3, none, b->light, b);
+    for (size_t i = 0; i < 3 * b->count; i++)
+        rgb[i] = fminf(rgb[i], 1);
 }
 
 /* The prior: what the picture shows, and the colours that go on from it. */

@@ -123,7 +123,8 @@ static inline float gaussians_seen(const struct gaussians *g, size_t i)
 }
 
 /* Light on a surface of normal n (3), 1 the mean, by l (3) at most 1 long; never
- * less than the shadows that a face throws on itself leave. */
+ * less than the shadows that a face throws on itself leave (as in all rows of
+ * "Light on a head that turns" of tests/bench/README.md). */
 #define GAUSSIAN_SHADOW 0.2f
 static inline float gaussian_light(const float n[3], const float l[3])
 {

@@ -62,6 +62,12 @@ PY
     status 65 spid-refine -q lit.spid -o other.pam
     one_line
     has "lit.spid: frame 0: FEAT gain is 8 x 16 (expected 16 x 16)"
+    "$PYTHON" -c "import numpy as n
+for f in ('feat', 'alpha', 'gain'): n.save(f + '.npy', n.load(f + '.npy')[:8 if f == 'gain' else 32])"
+    spid-pack -t FEAT feat.npy alpha.npy gain.npy -o wide.spid
+    status 65 spid-refine -q wide.spid -o other.pam
+    one_line
+    has "FEAT of 32 x 64 pixels has gain (expected a square)"
 }
 
 @test "half and single precision features give nearly the same picture" {
