@@ -11,6 +11,7 @@
 #include "lib/stream/imag.h"
 
 _Static_assert(FEAT_TURN == RELATIVE_POSE_SIZE, "a turn is a relative pose");
+_Static_assert(FEAT_GAIN == RELIGHT_STEP, "a gain is as it is drawn");
 
 /* RGBA in place to RGB, and the alphas apart. */
 static void framesink_split_alpha(uint8_t *pixel, uint8_t *alpha, size_t n)
