@@ -424,7 +424,7 @@ fuzz_objects = $(patsubst %,$(BUILD)/fuzz/obj/%.o,$(basename $(wildcard $(1))))
 
 fuzz: $(FUZZ:%=$(BUILD)/fuzz/bin/%)
 	set -e; mkdir -p tests/fuzz/found; for f in $(FUZZ); do \
-	  echo "$$f"; mkdir -p $(BUILD)/fuzz/$$f.corpus; \
+	  echo "$$f"; mkdir -p $(BUILD)/fuzz/$$f.corpus tests/fuzz/seed/$$f; \
 	  $(BUILD)/fuzz/bin/$$f -max_total_time=$(FUZZ_SECONDS) -timeout=5 \
 	    -rss_limit_mb=1024 -artifact_prefix=tests/fuzz/found/$$f- \
 	    -print_final_stats=1 -verbosity=0 \
