@@ -163,6 +163,11 @@ static int image_read_any(struct image *im, const char *path,
         return error_set(err, EX_DATAERR, "%s: not a picture that can be "
                          "read", path);
     }
+    /* OpenImageIO 2.4 writes past its frame where the decoder's rows are
+     * padded */
+    if (std::string(in->format_name()) == "FFmpeg movie")
+        return error_set(err, EX_DATAERR, "%s: a video (expected a picture, "
+                         "such as one of its frames)", path);
     const bool cmyk = image_is_cmyk(in->spec());
     if (cmyk) {
         in.reset();

@@ -152,7 +152,10 @@ void *file_map(size_t *bytes, const char *path, struct error *err)
     close(fd);
     if (map != MAP_FAILED)
         return map;
-    error_set(err, EX_DATAERR, "%s: empty or unreadable", path);
+    if (*bytes)
+        error_set(err, EX_OSERR, "%s: %s", path, strerror(errno));
+    else
+        error_set(err, EX_DATAERR, "%s: empty", path);
     return NULL;
 }
 

@@ -36,7 +36,7 @@ int file_rename(const char *part, const char *path);
 void file_temporary(char *path, const char *name);
 
 /* A regular file's bytes, *bytes of them, read-only, for munmap; it is not
- * empty.  NULL and *err, which names the path: EX_NOPERM, EX_NOINPUT,
+ * empty.  NULL and *err, which names the path: EX_NOPERM, EX_NOINPUT, EX_OSERR,
  * EX_DATAERR. */
 void *file_map(size_t *bytes, const char *path, struct error *err);
 

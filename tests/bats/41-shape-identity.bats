@@ -96,6 +96,15 @@ PY
     [ "$(od -An -tu1 -j16 -N8 seen.png | xargs)" = "0 0 0 100 0 0 0 80" ]
 }
 
+@test "a video is no photograph" {
+    command -v ffmpeg >/dev/null || skip "no ffmpeg (apt: ffmpeg)"
+    ffmpeg -v error -f lavfi -i testsrc=s=360x288:d=0.1 -pix_fmt yuv420p clip.mp4
+    status 65 spid-shape clip.mp4 -o x.spid
+    one_line
+    has 'clip.mp4: a video (expected a picture'
+    [ ! -e x.spid ]
+}
+
 @test "pictures that cannot be are refused in one line" {
     ppm 1 1 abc >dot.ppm
     status 65 spid-shape $crop dot.ppm -o x.spid

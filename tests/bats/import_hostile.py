@@ -365,7 +365,7 @@ put("tar.pth", b"sys_info".ljust(257, b"\0") + b"ustar".ljust(300, b"\0"),
 
 # ---- files of nothing -----------------------------------------------------
 
-put("empty.pt", b"", "empty or unreadable")
+put("empty.pt", b"", "empty.pt: empty")
 put("text.bin", b"hello, world\n", "neither safetensors, zip, npy nor a sound pickle: byte 0: ")
 put("numbers.pkl", b"\x80\x02](K\x01K\x02e.", "holds no tensors")
 put("safetensors.bin", struct.pack("<Q", 100) + b'{"a":' + bytes(3),

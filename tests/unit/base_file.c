@@ -1,6 +1,7 @@
 /* Text files read whole: what is there to the byte, up to the size allowed and
  * not beyond it; a read that fails is an error, not an empty text. */
 #include <string.h>
+#include <sys/resource.h>
 #include <sysexits.h>
 #include <unistd.h>
 
@@ -45,6 +46,25 @@ static bool file_fails(const char *path, size_t max, int code,
            strncmp(err.text, path, strlen(path)) == 0;
 }
 
+/* Whether a file of n bytes is not mapped, with this code and message, while
+ * there is no memory for more. */
+static bool file_unmapped(const char *path, size_t n, int code,
+                          const char *message)
+{
+    struct rlimit before, none;
+    struct error err = {0};
+    size_t bytes;
+
+    file_write(path, n, ".");
+    getrlimit(RLIMIT_AS, &before);
+    none = (struct rlimit){0, before.rlim_max};
+    setrlimit(RLIMIT_AS, &none);
+    const bool failed = !file_map(&bytes, path, &err);
+
+    setrlimit(RLIMIT_AS, &before);
+    return failed && err.code == code && strstr(err.text, message);
+}
+
 int main(void)
 {
     const size_t sizes[] = {0, 1, 2, 4095, 4096, 4097, 12288, 100001};
@@ -67,5 +87,9 @@ int main(void)
     check_that("no such file", file_fails(folder_at("none"), 99, EX_NOINPUT, "No such"));
     check_that("a read that fails", file_fails(folder, 99, EX_IOERR,
                                                "cannot be read"));
+    check_that("an empty file is not mapped",
+               file_unmapped(folder_at("text"), 0, EX_DATAERR, ": empty"));
+    check_that("nor one without memory: the system's reason is said",
+               file_unmapped(folder_at("text"), 9, EX_OSERR, "memory"));
     return folder_remove() || check_status();
 }
