@@ -125,8 +125,9 @@ static int animate_open_driver(struct animation *a, const char *path,
         return -1;
     option_faces_tell(path, &a->track.faces, "driver-face");
     if (a->driver.early_count)
-        warn("%s: no face in the first %zu frames: they take the motion of "
-             "frame %zu", path, a->driver.early_count, a->driver.early_count);
+        warn("%s: no face in the first %zu frame%s: the motion of frame %zu is "
+             "taken", path, a->driver.early_count,
+             a->driver.early_count == 1 ? "" : "s", a->driver.early_count);
     return 0;
 }
 

@@ -204,9 +204,9 @@ static void motion_start_tracking(struct program *p)
         motion_give_up(p, &err);
     option_faces_tell(framesource_name(p->in), &p->track.faces, "face");
     if (p->driver.early_count)
-        warn("%s: no face in the first %zu frames: they take the motion of "
-             "frame %zu", framesource_name(p->in), p->driver.early_count,
-             p->driver.early_count);
+        warn("%s: no face in the first %zu frame%s: the motion of frame %zu is "
+             "taken", framesource_name(p->in), p->driver.early_count,
+             p->driver.early_count == 1 ? "" : "s", p->driver.early_count);
 }
 
 /* Say when the face is lost and found again. */
@@ -240,8 +240,8 @@ static void motion_count_times(const struct driver_frame *f)
 static void motion_report_clip(const struct program *p)
 {
     if (p->lost)
-        warn("%s: no face in %zu frames in all", framesource_name(p->in),
-             p->lost);
+        warn("%s: no face in %zu frame%s in all", framesource_name(p->in),
+             p->lost, p->lost == 1 ? "" : "s");
     if (framesource_damaged(p->in))
         warn("%zu pictures are damaged or cut short: what is missing is grey",
              framesource_damaged(p->in));

@@ -25,6 +25,11 @@ struct facedetect {
  * face, then larger for whatever else there may be. */
 static const double QUICK_SIDE = 240, SEARCH_SIDE = 480;
 
+/* Windows of the cascade that agree on a face.  A large upright one has 20 and
+ * more in each of 172 portraits; what passes for one in them turned by quarters
+ * has at most 14. */
+static const int WINDOWS = 4, WINDOWS_CERTAIN = 17;
+
 /* From $SPID_CASCADES or where packages put them; tried lists the places. */
 static bool facedetect_cascade_load(cv::CascadeClassifier &c, const char *name,
                                     std::string &tried)
@@ -81,14 +86,21 @@ void facedetect_close(struct facedetect *d)
 
 /* Faces no smaller than a `part`-th of the shorter side, the largest first. */
 static std::vector<cv::Rect> facedetect_search(cv::CascadeClassifier &c,
-                                               const cv::Mat &grey, int part)
+                                               const cv::Mat &grey, int part,
+                                               bool certain)
 {
     std::vector<cv::Rect> found;
+    std::vector<int> windows;
     int min = std::max(24, std::min(grey.cols, grey.rows) / part);
 
     if (c.empty() || grey.cols < min || grey.rows < min)
         return found;
-    c.detectMultiScale(grey, found, 1.1, 4, 0, cv::Size(min, min));
+    c.detectMultiScale(grey, found, windows, 1.1, WINDOWS, 0,
+                       cv::Size(min, min));
+    if (certain && std::none_of(windows.begin(), windows.end(), [](int n) {
+            return n >= WINDOWS_CERTAIN;
+        }))
+        found.clear();
     std::stable_sort(found.begin(), found.end(),
                      [](const cv::Rect &a, const cv::Rect &b) {
                          return a.area() > b.area();
@@ -112,8 +124,8 @@ static double facedetect_shrink_grey(cv::Mat &grey, const cv::Mat &in,
 }
 
 size_t facedetect_find(struct facedetect *d, struct square *face, size_t max,
-                       bool all, const uint8_t *rgb, size_t W, size_t H,
-                       size_t stride)
+                       bool all, bool certain, const uint8_t *rgb, size_t W,
+                       size_t H, size_t stride)
 {
     size_t n = 0;
 
@@ -125,10 +137,10 @@ size_t facedetect_find(struct facedetect *d, struct square *face, size_t max,
         std::vector<cv::Rect> found;
         double k = facedetect_shrink_grey(grey, in, QUICK_SIDE);
         if (!all)
-            found = facedetect_search(d->frontal, grey, 5);
+            found = facedetect_search(d->frontal, grey, 5, certain);
         if (found.empty()) {
             k = facedetect_shrink_grey(grey, in, SEARCH_SIDE);
-            found = facedetect_search(d->frontal, grey, 12);
+            found = facedetect_search(d->frontal, grey, 12, certain);
         }
         for (const cv::Rect &box : found) {
             if (n == max)

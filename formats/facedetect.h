@@ -18,11 +18,12 @@ void facedetect_close(struct facedetect *d);     /* NULL is allowed */
 
 /* Upright, frontal faces of the picture [H,W,3], stride bytes a row, the largest
  * first, at most `max`: face (the detector's boxes, in picture pixels).
- * Returns how many.  Small ones are looked for when there is no large one, or
- * when all are wanted, which takes four times as long. */
+ * Returns how many; certain: 0 unless one of them is surely upright.  Small ones
+ * are looked for when there is no large one, or when all are wanted, which takes
+ * four times as long. */
 size_t facedetect_find(struct facedetect *d, struct square *face, size_t max,
-                       bool all, const uint8_t *rgb, size_t W, size_t H,
-                       size_t stride);
+                       bool all, bool certain, const uint8_t *rgb, size_t W,
+                       size_t H, size_t stride);
 
 /* Is there a frontal face in about the middle of the square q (a face crop),
  * about as large as its face should be?  Cheap: works on 96 x 96 pixels. */

@@ -130,7 +130,8 @@ static int driver_remember(struct driver *d, const struct frame *f,
 }
 
 /* A face in a frame: 1, 0, -1.  In the first one lying faces are looked for,
- * too: people hold cameras sideways and upside down. */
+ * too: people hold cameras sideways and upside down.  The detector looks at all
+ * others, E_m at some, as after a loss. */
 static int driver_look(struct driver *d, const struct frame *f,
                        struct error *err)
 {
@@ -138,11 +139,18 @@ static int driver_look(struct driver *d, const struct frame *f,
     const struct image im = {.width = f->width, .height = f->height,
                              .rgb = (uint8_t *)(uintptr_t)f->rgb};
 
-    return d->early_count || d->live
-               ? track_start(d->track, &d->found, f->rgb, f->width, f->height,
-                             f->time, err)
-               : rotated_start(d->track, &d->found, &d->lying, &im, f->time,
-                              err);
+    if (!d->early_count && !d->live)
+        return rotated_start(d->track, &d->found, &d->lying, &im, f->time,
+                             err);
+    const size_t levels = d->track->levels;
+
+    if (d->early_count % TRACK_LOOKS)
+        d->track->levels = 0;
+    const int found = track_start(d->track, &d->found, f->rgb, f->width,
+                                  f->height, f->time, err);
+
+    d->track->levels = levels;
+    return found;
 }
 
 /* What was tried in vain; f is the last frame. */
@@ -199,7 +207,7 @@ enum driver_status driver_start(struct driver *d,
             continue;
         if (driver_remember(d, &f, err) != 0)
             return DRIVER_ERROR;
-        if (d->early_count == d->patience)
+        if (d->early_count == d->patience || d->lying)
             return driver_no_face(d, &last, err);
     }
     if (rc < 0)

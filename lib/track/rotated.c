@@ -72,9 +72,9 @@ static int rotated_best(struct track *t, const struct image *im, double time,
 
 /* Two witnesses: the detector, which is fast, knows faces that stand upright and
  * look ahead; E_m those from any side, but hardly which way is up.  So the
- * picture is turned to where the detector sees a face if it sees none as the
- * picture is, and else where E_m is surest if it sees none either as the picture
- * is. */
+ * picture is turned to where the detector is certain of a face if it is of none
+ * as the picture is, and else where E_m is surest if neither sees one as the
+ * picture is. */
 int rotated_start(struct track *t, struct track_result *r, int *quarters,
                  const struct image *im, double time, struct error *err)
 {
@@ -84,10 +84,12 @@ int rotated_start(struct track *t, struct track_result *r, int *quarters,
 
     *quarters = 0;
     t->levels = once ? levels : 0;
+    t->certain = !once;
     found = track_start(t, r, im->rgb, im->width, im->height, time, err);
     if (found == 0 && !once)
         *quarters = rotated_best(t, im, time, err);
     t->levels = levels;
+    t->certain = false;
     if (found || once || *quarters)
         return found ? found : *quarters < 0 ? -1 : 0;
     found = track_start(t, r, im->rgb, im->width, im->height, time, err);

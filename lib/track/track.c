@@ -203,8 +203,8 @@ static bool track_is_other(struct track *t, const uint8_t *rgb, size_t W,
 
     thumb_make(thumb, t->input);
     const double like = thumb_correlate(t->looks, thumb);
-    n = facedetect_find(t->detector, face, TRACK_FACES, t->faces.n > 1, rgb,
-                        W, H, 3 * W);
+    n = facedetect_find(t->detector, face, TRACK_FACES, t->faces.n > 1,
+                        false, rgb, W, H, 3 * W);
     for (size_t i = 0; i < n && !other; i++) {
         const struct square c = crop_from_detection(face[i]);
 
@@ -350,8 +350,8 @@ static int track_detect(struct track *t, struct track_result *r,
 
     if (!t->detector && !(t->detector = facedetect_open(err)))
         return -1;
-    const size_t n = facedetect_find(t->detector, face, TRACK_FACES, all, rgb,
-                                     W, H, 3 * W);
+    const size_t n = facedetect_find(t->detector, face, TRACK_FACES, all,
+                                     t->certain, rgb, W, H, 3 * W);
     r->detect_s += cpu_seconds() - begun;
     if (n == 1 && t->opt.face <= 1)
         return track_try(t, r, rgb, W, H, crop_from_detection(face[0]), err);
@@ -523,7 +523,7 @@ static int track_search(struct track *t, struct track_result *r,
 
     /* every frame at first, then every sixth, or when something happens:
      * looking costs 30 ms and more */
-    if (!t->lost || t->lost_frames < 3 || t->lost_frames % 6 == 0 ||
+    if (!t->lost || t->lost_frames < 3 || t->lost_frames % TRACK_LOOKS == 0 ||
         track_changed(t, rgb, W, H))
         found = track_find(t, r, rgb, W, H, &none);
     if (found < 0 && none.code == EX_OSERR) {

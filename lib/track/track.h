@@ -59,6 +59,8 @@ struct track_result {
 
 #define TRACK_QUICK 4           /* levels in a clip: large faces alone, but for a
                                  * photograph's tracker */
+#define TRACK_LOOKS 6           /* frames without a face from one search by E_m,
+                                 * which takes a second, to the next */
 
 /* The faces of a first frame that E_m is sure of, the largest first, as crops in
  * picture pixels.  One that was looked for in other ways is alone. */
@@ -83,6 +85,8 @@ struct track {
     size_t max_faces;                  /* of the pictures that were tried */
     size_t levels;                      /* of search.h's, where no detector
                                          * sees a face; 0: none */
+    bool certain;                       /* the detector's faces are to be
+                                         * surely upright */
     bool started, lost, has_thumb;
     int regained;                       /* looks until a face that was found
                                          * again is taken for the same one's */

@@ -91,6 +91,18 @@ END
     done
 }
 
+@test "a clip on its head in which the detector thinks to see a face is refused, too" {
+    need_sure
+    command -v ffmpeg >/dev/null || skip "no ffmpeg (apt: ffmpeg)"
+    take=${SPID_ASSETS:-$TOP/../shared/assets}/clips/lrwp9a.mpg
+    [ -e "$take" ] || skip "no assets in ${take%/clips/*} (SPID_ASSETS)"
+    ffmpeg -v error -i "$take" -an -frames:v 6 -vf vflip,hflip -c:v libx264 -qp 10 a.mp4
+    status 65 spid-motion a.mp4 -o a.spid
+    one_line
+    has "turned by 180 degrees clockwise"
+    [ ! -e a.spid ]
+}
+
 @test "faces from the side, from above and from below are found where they are" {
     need_sure
     assets=${SPID_ASSETS:-$TOP/../shared/assets}

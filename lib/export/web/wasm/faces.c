@@ -32,12 +32,13 @@ void facedetect_close(struct facedetect *d)
 }
 
 size_t facedetect_find(struct facedetect *d, struct square *face, size_t max,
-                       bool all, const uint8_t *rgb, size_t W, size_t H,
-                       size_t stride)
+                       bool all, bool certain, const uint8_t *rgb, size_t W,
+                       size_t H, size_t stride)
 {
     _Static_assert(sizeof *face == 3 * sizeof(double), "x, y, size");
     (void)d;
     (void)all;
+    (void)certain;
     (void)stride;
     return (size_t)faces_find(&face->x, (int)max, rgb, (int)W, (int)H);
 }
