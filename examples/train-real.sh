@@ -38,11 +38,11 @@ synth() { # FILE PEOPLE FRAMES SIZE SEED EFFECTS
         --size "$4" --seed "$5" --effects "$6" --fps 0.8 --without mesh \
         --head "$dir/head.safetensors"
 }
-fit() { # FILE OPTION...
-    name=$1
-    shift
+fit() { # FILE MODEL OPTION...
+    name=$1 model=$2
+    shift 2
     # shellcheck disable=SC2046 # options without blanks
-    make_once "$name" spid-fit --assets "$assets" \
+    make_once "$name" spid-fit --assets "$assets" --matte -m "$dir/$model" \
         $(names --except validation test) --same id2_vcd_swwp2s,pwij3p \
         --head "$dir/head.safetensors" "$@" \
         "$assets/labels/photos.safetensors" "$assets/labels/clips.safetensors"
@@ -51,6 +51,7 @@ pairs() { # FILE: neutral and smiling, frames of clips; validation's apart
     # shellcheck disable=SC2046
     make_once "$1" spid-fit --assets "$assets" --size 512 --plain --every 8 \
         $(names --except test) $(names --hold validation) \
+        --matte -m "$dir/matte.safetensors" \
         --head "$dir/head.safetensors" --held "$dir/held-pairs.spid" \
         "$assets/labels/photos.safetensors" "$assets/labels/clips.safetensors"
 }
@@ -76,19 +77,28 @@ join() { # FILE FIRST STAGE...
 
 [ -e "$dir/head.safetensors" ] || cp "$here/model/head.safetensors" "$dir"
 
-# People to learn from, in pieces that real ones come between, and others to
-# be judged by.
-mixed='' i=0
-fit real.spid
+# People of scans to learn from, in pieces that real ones come between, and
+# others to be judged by.  Who is in a picture is learned first, from scans: so the
+# people of photographs and clips are cut out, of whom it then learns.
+faces='' mixed='' i=0
 while [ $i -lt $chunks ]; do
     synth "faces-$i.spid" "$((people / chunks))" 1 256 \
         "$((60000 + 100 * seed + i))" 1
+    faces="$faces $dir/faces-$i.spid"
     mixed="$mixed $dir/faces-$i.spid $dir/real.spid"
     i=$((i + 1))
 done
 synth held.spid 40 4 384 "$((90000 + seed))" 1
+# shellcheck disable=SC2086 # a list of files
+train matte matte held.spid $faces
+join matte.safetensors matte
+fit real.spid matte.safetensors
 synth held-512.spid 8 4 512 "$((91000 + seed))" 1
 pairs pairs.spid
+# shellcheck disable=SC2086
+train matte-photos matte held.spid --init "$dir/matte/model.safetensors" \
+    $(echo "$mixed" | sed "s:$dir/real.spid:$dir/pairs.spid:g")
+join matte.safetensors matte-photos
 some=''
 for i in 1 2 3 4; do
     synth "people-$i.spid" "$((people / 160 + 1))" 4 512 \
@@ -103,12 +113,12 @@ train motion motion-real held.spid $mixed
 train shape shape held.spid $mixed
 # shellcheck disable=SC2086
 train avatar avatar-photo held-512.spid $some
-join first.safetensors avatar motion shape
+join first.safetensors avatar motion shape matte-photos
 
 # what that model makes of the photographs, people who turn far (YAW:PITCH of
 # each frame, other people in each piece), and pose and expression again
-fit acts.spid --acts "${ACTS:-20}" --motions "$dir/faces-0.spid" \
-    -m "$dir/first.safetensors"
+fit acts.spid first.safetensors --acts "${ACTS:-20}" \
+    --motions "$dir/faces-0.spid"
 turned='' far='' i=0
 for turn in 55,-20:10,38:-25,-8 -62:-5,28,0:20,-45:12 70,-50,12:-15,-33:5 \
     42:8,-68,48:-12,-15 -38:-10,58:5,22,-5:-30 30:25,-55:-8,64,-26 \
@@ -131,7 +141,7 @@ train motion-acts motion-acts held.spid \
 # shellcheck disable=SC2086
 train refiner refiner-photo held-pairs.spid \
     --init "$dir/avatar/model.safetensors" $some
-fit real-256.spid --size 256    # pictures of one size
+fit real-256.spid matte.safetensors --size 256    # pictures of one size
 scenery=$(awk -F '\t' -v a="${assets%/}" \
     '$1 == "training" && $2 == "scenery" {
         sub(/^assets/, a, $3); print "--scenery", $3 }' \
@@ -142,17 +152,8 @@ train sure sure held.spid $scenery \
     "$dir/faces-0.spid" "$dir/real-256.spid" $turned
 # what light falls on a face, of which the photographs say nothing
 # shellcheck disable=SC2086
-train light light held.spid "$dir"/faces-[0-9].spid $turned
-
-# who is in the picture: people of scans, and photographs before plain walls
-# shellcheck disable=SC2046
-make_once plain.spid spid-fit --assets "$assets" --plain \
-    $(names --except validation test) --head "$dir/head.safetensors" \
-    "$assets/labels/photos.safetensors"
-# shellcheck disable=SC2086
-train matte matte held.spid \
-    $(echo "$mixed" | sed "s:$dir/real.spid:$dir/plain.spid:g")
-join faces.safetensors refiner motion-acts shape light sure matte
+train light light held.spid $faces $turned
+join faces.safetensors refiner motion-acts shape light sure matte-photos
 
 # what that encoder says of calm faces
 rest=''
@@ -165,4 +166,4 @@ done
 mkdir -p "$dir/rest"
 # shellcheck disable=SC2086
 python3 "$here/rest.py" "$dir/rest/model.safetensors" $rest
-join model.safetensors refiner motion-acts shape light sure matte rest
+join model.safetensors refiner motion-acts shape light sure matte-photos rest

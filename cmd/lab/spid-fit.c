@@ -165,11 +165,8 @@ static void fit_open_matte(struct encoders *nets)
     struct model model;
 
     if (option_model_open(&model, &err) ||
-        encoders_open(nets, &model, true, OPTION_PRECISION_DEFAULT, &err))
+        encoders_open_matte(nets, &model, OPTION_PRECISION_DEFAULT, &err))
         die_error(&err);
-    if (!nets->has_matte)
-        die(EX_CONFIG, "%s: no matte network (expected for --matte)",
-            model_path(&model));
     model_close(&model);
 }
 

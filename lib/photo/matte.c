@@ -77,9 +77,9 @@ static float matte_likely(double r)
     return (float)(1 / (1 + exp(10 * (r - 1.4))));
 }
 
-/* By the head alone: hair about it, which falls, and a body below it.  In the
- * picture never so that it decides what colours a person has, only, from far
- * out, what the background's are. */
+/* By the head alone, which is the person's: hair about it, which falls, and a
+ * body below it.  In the picture these two are never so sure that they decide
+ * what colours a person has; from far out they say what the background's are. */
 static void matte_guess(struct matte *k, const struct matting *m)
 {
     const size_t n = m->n;
@@ -104,6 +104,7 @@ static void matte_guess(struct matte *k, const struct matting *m)
                             below > 0 ? matte_likely(beside) : 0);
         if (m->inside[i / SIDE * n / SIDE * n + i % SIDE * n / SIDE])
             k->prior[i] *= 0.85f;
+        k->prior[i] = fmaxf(k->prior[i], (float)k->head[i] / 255);
     }
 }
 

@@ -3,6 +3,7 @@
 #include "lib/track/encoders.h"
 
 #include <string.h>
+#include <sysexits.h>
 
 /* E_m, with its confidence head and what it says of calm faces where the model has
  * them. */
@@ -55,6 +56,25 @@ int encoders_open(struct encoders *e, const struct model *m, bool with_shape,
         return -1;
     }
     nn_plan_init(&e->motion.plan, opt);
+    return 0;
+}
+
+int encoders_open_matte(struct encoders *e, const struct model *m,
+                        enum nn_type type, struct error *err)
+{
+    const struct nn_options opt = {NN_INFER, type};
+
+    memset(e, 0, sizeof *e);
+    params_init(&e->ps);
+    encoders_init_matte(e, m);
+    if (!e->has_matte)
+        return error_set(err, EX_CONFIG, "%s: no matte network (expected "
+                         "tensors matte.*)", model_path(m));
+    if (params_allocate(&e->ps, err) || model_load(&e->ps, m, "", err) ||
+        matte_net_plan(&e->matte, 1, opt, err)) {
+        encoders_release(e);
+        return -1;
+    }
     return 0;
 }
 

@@ -238,6 +238,28 @@ static void test_outline(const struct palette *p)
     check_range(text, both / any, 0.93, 1);
 }
 
+/* A forehead that shines like the wall behind it is the person's: the outline
+ * of the head knows. */
+static void test_shine(void)
+{
+    struct random r;
+    uint8_t least = 255;
+
+    draw(&palette[0], NULL);
+    random_init(&r, 5, "shine");
+    for (size_t i = 0; i < P; i++)
+        if (depth((double)(i % N), (double)(i / N), 127, 108, 12, 8) > 0) {
+            for (size_t c = 3 * i; c < 3 * i + 3; c++)
+                d.own[c] = d.wall[c];
+            mix(i, &r);
+        }
+    find();
+    for (size_t i = 0; i < P; i++)
+        if (d.head[i] && d.alpha[i] < least)
+            least = d.alpha[i];
+    check_range("by the outline: all of a head that shines", least, 250, 255);
+}
+
 static double blobs(double x, double y, int c)
 {
     return 200 + 12 * sin(x / 3 + c) * sin(y / 4);
@@ -454,6 +476,7 @@ int main(void)
     test_hair(&palette[1], palette[0].wall);
     test_outline(&palette[0]);
     test_outline(&palette[1]);
+    test_shine();
     test_soft_edge();
     test_pattern();
     test_texture();
