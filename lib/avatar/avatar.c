@@ -286,6 +286,8 @@ void avatar_bake(struct avatar *a, const struct avatar_source *src)
     place_of_source(a->uv, a->all.seen, a->all.mean, a->all.scale, src->cam,
                     a->all.n);
     tilt_sample(a->tilt, &a->tilted, a->uv, a->all.neck, a->all.n);
+    if (a->config.rgb_skip)
+        dynamic_branch_hold(a->tilt, dynamic.n, &a->dynamic);
     avatar_normals(a);
     avatar_views(a);
     if (!a->train)

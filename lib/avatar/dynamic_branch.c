@@ -30,8 +30,15 @@
 #define SEAM_MM 4.5f    /* the photograph is used for lips moved less than this
                          * from where it shows them */
 #define ON_TEETH_MM 1.5f        /* the same where it shows teeth in their place */
-#define STEEP 2.3f      /* a surface rises by so much where it is trusted wholly:
-                         * the tangent whose cosine is 0.4 */
+/* Cosines between which trust in a surface's colours begins and is whole: on a
+ * head 75 mm in radius it is there 1 and 8 mm from the outline, and the pose may
+ * be off by SOURCE_MESH_OFF, 6 mm. */
+#define SIDEWAYS 0.15f
+#define SQUARE 0.45f
+#define STEEP 1.98f     /* a surface rises by so much where trust is whole */
+#define HELD 0.6f       /* where the photograph is trusted a surface fades by so
+                         * much less as it turns: to where a pixel of 0.5 mm is as
+                         * coarse as the mesh (gaussian_visible) */
 #define SLACK 0.03f     /* a vertex is visible if no further behind the surface,
                          * head units */
 
@@ -239,7 +246,8 @@ PARALLEL(dynamic_branch_start_part, k, struct dynamic_branch *, b, float *, eye,
     extra[1] = b->seen[k];
     extra[2] = b->seen[k] * branch_ramp(nv, 0.05f, 0.4f);
     extra[3] = matte;
-    b->trust[k] *= extra[2] * branch_ramp(matte, 0.5f, 0.9f) * (1 - b->lid[k]) *
+    b->trust[k] *= b->seen[k] * branch_ramp(nv, SIDEWAYS, SQUARE) *
+                  branch_ramp(matte, 0.5f, 0.9f) * (1 - b->lid[k]) *
                   (1 - mesh->weights->lining[k]) * (1 - b->seam[k]) *
                   (1 - b->fold[k]);
     memcpy(rgb + 3 * k, pixel, 3 * sizeof *rgb);
@@ -343,6 +351,8 @@ static void dynamic_branch_start(const struct source_picture *picture,
     float *rgb = b->logit;
 
     dynamic_branch_look(picture, mesh, b);
+    for (size_t k = 0; k < b->count; k++)
+        b->first[4 * k + 3] = b->trust[k];
     dynamic_branch_hull(picture, mesh, b);
     if (b->has_more)
         further_take(b->pixel, b->trust, rgb, b->facing, b->more, b->count);
@@ -521,6 +531,12 @@ void dynamic_branch_backward(float *dfeatures, struct branch_set *dout,
     densify_backward(param_g(b->ps, b->head_base), b->dh, b->dense, width);
     grid_sample_backward(dfeatures, NULL, b->dsampled, features, b->place, 1,
                          b->n, b->n, Cf, b->count, false, RESAMPLE_BORDER);
+}
+
+void dynamic_branch_hold(float *tilt, size_t n, const struct dynamic_branch *b)
+{
+    for (size_t i = 0; i < 2 * n; i++)
+        tilt[i] *= 1 - HELD * b->first[i / 2 * 4 + 3];
 }
 
 void dynamic_branch_reach(float *reach, size_t n,

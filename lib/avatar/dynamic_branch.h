@@ -112,6 +112,12 @@ void dynamic_branch_backward(float *dfeatures, struct branch_set *dout,
                              const struct source_mesh *mesh,
                              struct dynamic_branch *b);
 
+/* tilt (n,2) of the first n Gaussians, the slopes of the depth at their places:
+ * less where the forward's photograph is trusted, so that it stays while the
+ * surface turns (gaussian_visible). */
+void dynamic_branch_hold(float *tilt, size_t n,
+                         const struct dynamic_branch *b);
+
 /* reach (n) of gaussian_seen, head units, of the first n Gaussians.  It is not
  * 0 where the photograph shows what a movement changes: on lids (negative);
  * where the lips meet, in each other's shadow or beside teeth; and at the
