@@ -6,7 +6,8 @@
 # split is training (model/splits.tsv).  Everything lands in DIR
 # (default build/train-real; 30 GB); a run that was stopped goes on where it
 # was.  SEED, PEOPLE, ACTS (pictures of each avatar) and STEPS (of every stage,
-# for a trial) change the size.
+# for a trial) change the size; MATTE is a model that cuts people out in a trial,
+# whose own learns nothing.
 set -eu
 
 here=$(dirname "$0")
@@ -92,13 +93,14 @@ synth held.spid 40 4 384 "$((90000 + seed))" 1
 # shellcheck disable=SC2086 # a list of files
 train matte matte held.spid $faces
 join matte.safetensors matte
+[ -z "${MATTE:-}" ] || cp "$MATTE" "$dir/matte.safetensors"
 fit real.spid matte.safetensors
 synth held-512.spid 8 4 512 "$((91000 + seed))" 1
 pairs pairs.spid
 # shellcheck disable=SC2086
 train matte-photos matte held.spid --init "$dir/matte/model.safetensors" \
     $(echo "$mixed" | sed "s:$dir/real.spid:$dir/pairs.spid:g")
-join matte.safetensors matte-photos
+[ -n "${MATTE:-}" ] || join matte.safetensors matte-photos
 some=''
 for i in 1 2 3 4; do
     synth "people-$i.spid" "$((people / 160 + 1))" 4 512 \

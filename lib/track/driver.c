@@ -193,8 +193,8 @@ enum driver_status driver_start(struct driver *d,
     while ((rc = d->read(d->ctx, &f, err)) == 1) {
         const int found = driver_look(d, &f, err);
 
-        if (found < 0)
-            return DRIVER_ERROR;
+        if (found < 0)          /* a crop beyond the picture, or no memory */
+            return err->code == EX_DATAERR ? DRIVER_NO_FACE : DRIVER_ERROR;
         if (found) {
             d->first = f;
             d->started = true;

@@ -23,9 +23,10 @@ typedef int driver_read_fn(void *ctx, struct frame *f, struct error *err);
 enum driver_status {
     DRIVER_ERROR = -1,          /* *err names the input */
     DRIVER_STARTED = 0,
-    DRIVER_NO_FACE = 1          /* in the clip or in its first `patience`
-                                 * frames: *err says what was tried, the caller
-                                 * knows the input's name (error_prefix) */
+    DRIVER_NO_FACE = 1          /* in the clip, in its first `patience` frames
+                                 * or where it was said to be: *err says what was
+                                 * tried, the caller knows the input's name
+                                 * (error_prefix) */
 };
 
 struct driver {

@@ -476,6 +476,8 @@ int track_start(struct track *t, struct track_result *r, const uint8_t *rgb,
     }
     t->window = track_window(t, t->opt.crop);
     crop = square_into(t->opt.crop, t->window, t->opt.size);
+    if (track_visible(t, crop, W, H) <= 0)
+        return error_set(err, EX_DATAERR, "--crop is beyond %zux%zu", W, H);
     if (track_encode(t, r, rgb, W, H, crop, false, err) != 0)
         return -1;
     t->crop = crop;

@@ -111,7 +111,7 @@ void track_release(struct track *t);
 
 /* Find the face in a first frame [H,W,3] and fix the portrait window.  1:
  * found, *r filled; 0: no face (try the next frame); -1: an error, such as no
- * detector installed. */
+ * detector installed, or EX_DATAERR: a crop given shows nothing of it. */
 int track_start(struct track *t, struct track_result *r, const uint8_t *rgb,
                 size_t W, size_t H, double time, struct error *err);
 

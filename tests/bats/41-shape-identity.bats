@@ -118,6 +118,9 @@ PY
     one_line
     has 'no face'
     has '--crop X,Y,SIZE'
+    status 65 spid-shape --crop 900,0,10 flat.ppm -o x.spid
+    one_line
+    has 'flat.ppm: --crop is beyond 64x64'
     : >empty.png
     status 65 spid-shape $crop empty.png -o x.spid
     status 66 spid-shape $crop missing.png -o x.spid
