@@ -26,8 +26,8 @@ struct facedetect {
 static const double QUICK_SIDE = 240, SEARCH_SIDE = 480;
 
 /* Windows of the cascade that agree on a face.  A large upright one has 20 and
- * more in each of 172 portraits; what passes for one in them turned by quarters
- * has at most 14. */
+ * more in 171 of 172 portraits, and is not found in the other; what passes for one
+ * in them turned by quarters has at most 14 (tests/unit/face_upright.c). */
 static const int WINDOWS = 4, WINDOWS_CERTAIN = 17;
 
 /* From $SPID_CASCADES or where packages put them; tried lists the places. */
