@@ -32,13 +32,15 @@
 #define ON_TEETH_MM 1.5f        /* the same where it shows teeth in their place */
 /* Cosines between which trust in a surface's colours begins and is whole: on a
  * head 75 mm in radius it is there 1 and 8 mm from the outline, and the pose may
- * be off by SOURCE_MESH_OFF, 6 mm. */
+ * be off by SOURCE_MESH_OFF, 6 mm.  Measured with HELD: tests/bench/README.md, "How
+ * long the photograph holds". */
 #define SIDEWAYS 0.15f
 #define SQUARE 0.45f
 #define STEEP 1.98f     /* a surface rises by so much where trust is whole */
 #define HELD 0.6f       /* where the photograph is trusted a surface fades by so
-                         * much less as it turns: to where a pixel of 0.5 mm is as
-                         * coarse as the mesh (gaussian_visible) */
+                         * much less as it turns: it is gone not at 2.5 but 4.8
+                         * times, where a pixel of 0.5 mm is nearly as coarse as
+                         * the mesh, of a point each 2.8 mm (gaussian_visible) */
 #define SLACK 0.03f     /* a vertex is visible if no further behind the surface,
                          * head units */
 
