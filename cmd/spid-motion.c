@@ -181,17 +181,13 @@ static void motion_start_tracking(struct program *p)
 {
     struct error err = {0};
     double begun = stats_begin();
-    enum driver_status status;
     struct conf conf = {
         .producer = "spid-motion", .head = &p->head, .model = &p->model
     };
 
-    status = driver_start(&p->driver, motion_draw_searched_frame, p, &err);
-    if (status != DRIVER_STARTED) {
-        if (status == DRIVER_NO_FACE)
-            error_prefix(&err, "%s", framesource_name(p->in));
+    if (driver_start(&p->driver, p->name[0], motion_draw_searched_frame, p,
+                     &err))
         motion_give_up(p, &err);
-    }
     stats_end("start", begun);
     if (relative_path)
         motion_set_relative(p);

@@ -124,16 +124,15 @@ static double facedetect_shrink_grey(cv::Mat &grey, const cv::Mat &in,
 }
 
 size_t facedetect_find(struct facedetect *d, struct square *face, size_t max,
-                       bool all, bool certain, const uint8_t *rgb, size_t W,
-                       size_t H, size_t stride)
+                       bool all, bool certain, const struct frame *f)
 {
     size_t n = 0;
 
-    if (W == 0 || H == 0)
+    if (f->width == 0 || f->height == 0)
         return 0;
     try {
-        cv::Mat in((int)H, (int)W, CV_8UC3, const_cast<uint8_t *>(rgb),
-                   stride), grey;
+        cv::Mat in((int)f->height, (int)f->width, CV_8UC3,
+                   const_cast<uint8_t *>(f->rgb)), grey;
         std::vector<cv::Rect> found;
         double k = facedetect_shrink_grey(grey, in, QUICK_SIDE);
         if (!all)
@@ -154,8 +153,8 @@ size_t facedetect_find(struct facedetect *d, struct square *face, size_t max,
     return n;
 }
 
-int facedetect_confirm(struct facedetect *d, const uint8_t *rgb, size_t W,
-                       size_t H, size_t stride, struct square q)
+bool facedetect_confirm(struct facedetect *d, const struct frame *f,
+                        struct square q)
 {
     const int n = 96;
     std::vector<float> crop((size_t)(3 * n * n));
@@ -163,7 +162,8 @@ int facedetect_confirm(struct facedetect *d, const uint8_t *rgb, size_t W,
 
     try {
         q.size *= 1.15;                /* Haar wants some room */
-        crop_sample_u8(crop.data(), (size_t)n, rgb, W, H, stride, q);
+        crop_sample_u8(crop.data(), (size_t)n, f->rgb, f->width, f->height,
+                       3 * f->width, q);
         cv::Mat in(n, n, CV_32FC3, crop.data()), grey;
         cv::cvtColor(in, grey, cv::COLOR_RGB2GRAY);
         grey.convertTo(grey, CV_8U, 255);
@@ -173,8 +173,8 @@ int facedetect_confirm(struct facedetect *d, const uint8_t *rgb, size_t W,
         for (const cv::Rect &b : found)
             if (std::abs(b.x + b.width / 2 - n / 2) < n / 4
                 && std::abs(b.y + b.height / 2 - n / 2) < n / 4)
-                return 1;
+                return true;
     } catch (const std::exception &) {
     }
-    return 0;
+    return false;
 }

@@ -4,8 +4,8 @@
 
 #include <stdbool.h>
 #include <stddef.h>
-#include <stdint.h>
 
+#include "formats/framesource.h"
 #include "lib/base/error.h"
 #include "lib/base/crop.h"
 
@@ -16,18 +16,17 @@ struct facedetect;
 struct facedetect *facedetect_open(struct error *err);
 void facedetect_close(struct facedetect *d);     /* NULL is allowed */
 
-/* Upright, frontal faces of the picture [H,W,3], stride bytes a row, the largest
- * first, at most `max`: face (the detector's boxes, in picture pixels).
+/* Upright, frontal faces of the picture, the largest first, at most `max`: face
+ * (the detector's boxes, in picture pixels).
  * Returns how many; certain: 0 unless one of them is surely upright.  Small ones
  * are looked for when there is no large one, or when all are wanted, which takes
  * four times as long. */
 size_t facedetect_find(struct facedetect *d, struct square *face, size_t max,
-                       bool all, bool certain, const uint8_t *rgb, size_t W,
-                       size_t H, size_t stride);
+                       bool all, bool certain, const struct frame *f);
 
 /* Is there a frontal face in about the middle of the square q (a face crop),
  * about as large as its face should be?  Cheap: works on 96 x 96 pixels. */
-int facedetect_confirm(struct facedetect *d, const uint8_t *rgb, size_t W,
-                       size_t H, size_t stride, struct square q);
+bool facedetect_confirm(struct facedetect *d, const struct frame *f,
+                        struct square q);
 
 #endif

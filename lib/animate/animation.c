@@ -57,15 +57,10 @@ static int animation_init_driver(struct animation *a, driver_read_fn *read,
     return 0;
 }
 
-/* The driver up to the first face. */
-static int animation_find_face(struct animation *a, struct error *err)
+/* The driver up to the first face, or its first motion. */
+static int animation_start_driver(struct animation *a, struct error *err)
 {
-    const enum driver_status status = driver_start(&a->driver, NULL, NULL,
-                                                   err);
-
-    if (status == DRIVER_NO_FACE)
-        error_prefix(err, "%s", a->driver_name);
-    return status == DRIVER_STARTED ? 0 : -1;
+    return driver_start(&a->driver, a->driver_name, NULL, NULL, err);
 }
 
 /* A clip up to its first face, into a->look. */
@@ -81,7 +76,7 @@ static void animation_read_to_face(struct animation *a, bool alone)
         return;
     if (!alone)
         parallel_alone(true);
-    a->look.rc = animation_find_face(a, err);
+    a->look.rc = animation_start_driver(a, err);
 }
 
 /* The same as a thread beside Phase A. */
@@ -162,7 +157,7 @@ static int animation_open_take(struct animation *a, struct error *err)
     if (!a->take)
         return -1;
     driver_init_take(&a->driver, a->take, h->nexp);
-    if (driver_start(&a->driver, NULL, NULL, err) != DRIVER_STARTED)
+    if (animation_start_driver(a, err))
         return -1;
     framesink_set_rate(a->sink, (int)(1000 * livelink_rate(a->take) + 0.5),
                        1000);
@@ -197,7 +192,7 @@ static int animation_open_records(struct animation *a, struct error *err)
     a->driver.pass = animation_pass;
     a->driver.ctx = a;
     framesink_set_rate(a->sink, (int)(1000 * opt->source.rate + 0.5), 1000);
-    if (driver_start(&a->driver, NULL, NULL, err) != DRIVER_STARTED)
+    if (animation_start_driver(a, err))
         return -1;
     framesink_set_rate(a->sink, 25, 1);
     if (opt->no_sound)
@@ -237,7 +232,7 @@ int animation_open_driver(struct animation *a, const char *path,
         a->frames = framesource_open(&a->driver_name, 1, &a->opt->source, err);
         if (!a->frames || live_start(&a->live, a->frames, err) ||
             animation_init_driver(a, live_read, &a->live, err) ||
-            animation_find_face(a, err))
+            animation_start_driver(a, err))
             return -1;
     } else if (!a->look.done) {
         animation_read_to_face(a, true);
@@ -267,7 +262,7 @@ int animation_open_camera(struct animation *a, const char *name,
         animation_init_driver(a, live_read, &a->live, err))
         return -1;
     a->driver.live = true;
-    return animation_find_face(a, err) ||
+    return animation_start_driver(a, err) ||
            (a->opt->relative && animation_set_relative(a, err)) ? -1 : 0;
 }
 

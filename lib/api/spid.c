@@ -197,6 +197,8 @@ static void spid_take(struct spid *s, struct track_result *r, bool first)
 int spid_follow(struct spid *s, const uint8_t *rgb, size_t width,
                 size_t height, double time)
 {
+    const struct frame f = {.width = width, .height = height, .rgb = rgb,
+                            .time = time};
     struct track_result r;
     int rc;
 
@@ -206,11 +208,11 @@ int spid_follow(struct spid *s, const uint8_t *rgb, size_t width,
     s->width = width;
     s->height = height;
     if (first) {
-        rc = track_start(&s->track, &r, rgb, width, height, time, &s->err);
+        rc = track_start(&s->track, &r, &f, NULL, &s->err);
         s->started = rc > 0;
         if (rc <= 0)
             return rc;
-    } else if (track_step(&s->track, &r, rgb, width, height, time, &s->err)) {
+    } else if (track_step(&s->track, &r, &f, &s->err)) {
         return -1;
     } else if (r.lost) {
         return 0;

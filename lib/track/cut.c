@@ -44,11 +44,12 @@ static int track_shrink(struct track *t, const uint8_t **rgb, size_t *W,
     return 0;
 }
 
-int track_cut(float *out, struct track *t, const uint8_t *rgb, size_t W,
-              size_t H, struct square crop, struct error *err)
+int track_cut(float *out, struct track *t, const struct frame *f,
+              struct square crop, struct error *err)
 {
     struct square q = square_out_of(crop, t->window, t->opt.size);
-    size_t stride = 3 * W;
+    const uint8_t *rgb = f->rgb;
+    size_t W = f->width, H = f->height, stride = 3 * W;
 
     if (track_shrink(t, &rgb, &W, &H, &stride, &q) != 0)
         return error_set(err, EX_OSERR, "no memory to shrink a frame");

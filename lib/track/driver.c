@@ -18,7 +18,6 @@ void driver_init(struct driver *d, struct track *t, driver_read_fn *read,
     d->track = t;
     d->read = read;
     d->ctx = ctx;
-    d->patience = DRIVER_PATIENCE;
 }
 
 void driver_init_records(struct driver *d, struct stream_reader *records,
@@ -87,8 +86,7 @@ static int driver_read_motion(struct driver *d, struct driver_frame *f,
 }
 
 /* The first of them. */
-static enum driver_status driver_start_motions(struct driver *d,
-                                               struct error *err)
+static int driver_start_motions(struct driver *d, struct error *err)
 {
     struct driver_frame f;
     int rc = driver_read_motion(d, &f, err);
@@ -97,11 +95,10 @@ static enum driver_status driver_start_motions(struct driver *d,
         error_set(err, EX_DATAERR, "%s: no MOTN records",
                   stream_name(d->records));
     if (rc != 1)
-        return DRIVER_ERROR;
+        return -1;
     d->first = f.picture;
     d->found = f.r;
-    d->started = true;
-    return DRIVER_STARTED;
+    return 0;
 }
 
 void driver_release(struct driver *d)
@@ -135,29 +132,19 @@ static int driver_remember(struct driver *d, const struct frame *f,
 static int driver_look(struct driver *d, const struct frame *f,
                        struct error *err)
 {
-    /* rotated_start writes nothing to it */
-    const struct image im = {.width = f->width, .height = f->height,
-                             .rgb = (uint8_t *)(uintptr_t)f->rgb};
+    const struct track_effort detector = {.levels = 0};
 
     if (!d->early_count && !d->live)
-        return rotated_start(d->track, &d->found, &d->lying, &im, f->time,
-                             err);
-    const size_t levels = d->track->levels;
-
-    if (d->early_count % TRACK_LOOKS)
-        d->track->levels = 0;
-    const int found = track_start(d->track, &d->found, f->rgb, f->width,
-                                  f->height, f->time, err);
-
-    d->track->levels = levels;
-    return found;
+        return rotated_start(d->track, &d->found, &d->lying, f, err);
+    return track_start(d->track, &d->found, f,
+                       d->early_count % TRACK_LOOKS ? &detector : NULL, err);
 }
 
-/* What was tried in vain; f is the last frame. */
-static enum driver_status driver_no_face(const struct driver *d,
-                                         const struct frame *f,
-                                         struct error *err)
+/* What was tried in vain. */
+static void driver_no_face(const struct driver *d, struct error *err)
 {
+    const struct frame *f = &d->first;
+
     if (d->live && f->width)
         error_set(err, EX_DATAERR, "no face before the end");
     else if (d->early_count == 0)
@@ -178,41 +165,38 @@ static enum driver_status driver_no_face(const struct driver *d,
                   "upright faces from a twelfth of the picture up; --crop "
                   "X,Y,SIZE says where it is)", d->early_count,
                   d->early_count == 1 ? "" : "s", f->width, f->height);
-    return DRIVER_NO_FACE;
 }
 
-enum driver_status driver_start(struct driver *d,
-                                void (*seen)(void *, const struct frame *),
-                                void *seen_ctx, struct error *err)
+int driver_start(struct driver *d, const char *name,
+                 void (*seen)(void *, const struct frame *), void *seen_ctx,
+                 struct error *err)
 {
-    struct frame f = {0}, last = {0};
-    int rc;
+    int found = 0;
 
     if (d->records || d->take)
         return driver_start_motions(d, err);
-    while ((rc = d->read(d->ctx, &f, err)) == 1) {
-        const int found = driver_look(d, &f, err);
+    while (!found && !d->lying && d->early_count < DRIVER_PATIENCE) {
+        struct frame f;
+        const int rc = d->read(d->ctx, &f, err);
 
-        if (found < 0)          /* a crop beyond the picture, or no memory */
-            return err->code == EX_DATAERR ? DRIVER_NO_FACE : DRIVER_ERROR;
-        if (found) {
-            d->first = f;
-            d->started = true;
-            return DRIVER_STARTED;
-        }
+        if (rc < 0)
+            return -1;
+        if (rc == 0)
+            break;
+        d->first = f;
+        found = driver_look(d, &f, err);
+        if (found)
+            break;
         if (seen)
             seen(seen_ctx, &f);
-        last = f;
-        if (d->live)
-            continue;
-        if (driver_remember(d, &f, err) != 0)
-            return DRIVER_ERROR;
-        if (d->early_count == d->patience || d->lying)
-            return driver_no_face(d, &last, err);
+        if (!d->live && driver_remember(d, &f, err))
+            return -1;
     }
-    if (rc < 0)
-        return DRIVER_ERROR;
-    return driver_no_face(d, &last, err);
+    if (found > 0)
+        return 0;
+    if (found == 0)
+        driver_no_face(d, err);
+    return error_prefix(err, "%s", name);
 }
 
 void driver_set_relative(struct driver *d, const struct motion *source,
@@ -237,10 +221,8 @@ static int driver_follow(struct driver *d, struct driver_frame *f,
     int found;
 
     if (!p->restart && !d->faceless)
-        return track_step(d->track, &f->r, p->rgb, p->width, p->height,
-                          p->time, err);
-    found = track_start(d->track, &f->r, p->rgb, p->width, p->height, p->time,
-                        err);
+        return track_step(d->track, &f->r, p, err);
+    found = track_start(d->track, &f->r, p, NULL, err);
     if (found < 0)
         return -1;
     d->faceless = !found;

@@ -20,15 +20,6 @@
  * ctx, or a live source's own). */
 typedef int driver_read_fn(void *ctx, struct frame *f, struct error *err);
 
-enum driver_status {
-    DRIVER_ERROR = -1,          /* *err names the input */
-    DRIVER_STARTED = 0,
-    DRIVER_NO_FACE = 1          /* in the clip, in its first `patience` frames
-                                 * or where it was said to be: *err says what was
-                                 * tried, the caller knows the input's name
-                                 * (error_prefix) */
-};
-
 struct driver {
     struct track *track;        /* borrowed; CONF needs its window */
     driver_read_fn *read;
@@ -39,14 +30,14 @@ struct driver {
     struct livelink *take;              /* likewise; NULL */
     size_t nexp;                /* of their motions */
     uint64_t rows;              /* of the take, so far */
-    size_t patience;
-    struct frame first;         /* the frame with the first face */
+    struct frame first;         /* the frame with the first face; until then
+                                 * the last that was looked at */
     struct track_result found;
     double *early;              /* times of the frames before it */
     int lying;                  /* quarter turns clockwise after which the
                                  * first of them would show one; 0: none */
     size_t early_count, early_next, early_room;
-    bool started, first_given;
+    bool first_given;
     bool live;                  /* set by the caller before driver_start: looks
                                  * for a face as long as there are frames, and
                                  * delivers none from before it */
@@ -78,10 +69,12 @@ void driver_release(struct driver *d);
 
 /* Read on until a face is found, so that the window is known (CONF is written
  * before the first motion).  seen, when not NULL, is called for every frame
- * looked through in vain. */
-enum driver_status driver_start(struct driver *d,
-                                void (*seen)(void *, const struct frame *),
-                                void *seen_ctx, struct error *err);
+ * looked through in vain.  0; -1: *err names the input, `name` where the tracker
+ * is what fails, and says what was tried when there is no face in the clip, in
+ * its first DRIVER_PATIENCE frames or where it was said to be. */
+int driver_start(struct driver *d, const char *name,
+                 void (*seen)(void *, const struct frame *), void *seen_ctx,
+                 struct error *err);
 
 /* From now on motions are what the driver does relative to neutral (NULL: its
  * first frame with a face), added to source (relative_init).  Where

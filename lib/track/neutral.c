@@ -77,10 +77,7 @@ int neutral_find(struct motion *m, const struct neutral *n,
     if (!in || track_init(&track, clip->id, clip->net, clip->track, err))
         goto out;
     driver_init(&d, &track, driver_read_source, in);
-    enum driver_status status = driver_start(&d, NULL, NULL, err);
-    if (status == DRIVER_NO_FACE)
-        error_prefix(err, "%s", clip->path[0]);
-    if (status != DRIVER_STARTED)
+    if (driver_start(&d, clip->path[0], NULL, NULL, err))
         goto out;
     rc = neutral_choose(m, n, &d, clip->nexp, err);
     if (rc == 0)

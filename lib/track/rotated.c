@@ -5,13 +5,16 @@
 #include <string.h>
 #include <sysexits.h>
 
-/* Pixels of `step` bytes. */
+/* Pixels of `step` bytes; NULL when memory is short, which *err says. */
 static uint8_t *rotated_plane(const uint8_t *from, size_t W, size_t H,
-                             size_t step, int quarters)
+                              size_t step, int quarters, struct error *err)
 {
     uint8_t *to = malloc(W * H * step + 1), *p = to;
     const size_t w = quarters % 2 ? H : W, h = quarters % 2 ? W : H;
 
+    if (!to)
+        error_set(err, EX_OSERR, "no memory to turn a picture of %zu x %zu "
+                  "pixels", W, H);
     for (size_t y = 0; to && y < h; y++)
         for (size_t x = 0; x < w; x++, p += step) {
             size_t u = quarters == 0 ? x : quarters == 1 ? y
@@ -25,41 +28,43 @@ static uint8_t *rotated_plane(const uint8_t *from, size_t W, size_t H,
 }
 
 int rotated_copy(struct image *out, const struct image *im, int quarters,
-                struct error *err)
+                 struct error *err)
 {
     const size_t W = im->width, H = im->height;
 
     *out = *im;
     out->width = quarters % 2 ? H : W;
     out->height = quarters % 2 ? W : H;
-    out->rgb = rotated_plane(im->rgb, W, H, 3, quarters);
-    out->alpha = im->alpha ? rotated_plane(im->alpha, W, H, 1, quarters)
-                           : NULL;
+    out->rgb = rotated_plane(im->rgb, W, H, 3, quarters, err);
+    out->alpha = im->alpha && out->rgb
+                     ? rotated_plane(im->alpha, W, H, 1, quarters, err) : NULL;
     if (out->rgb && (out->alpha || !im->alpha))
         return 0;
     image_release(out);
-    return error_set(err, EX_OSERR, "no memory to turn a picture of %zu x "
-                     "%zu pixels", W, H);
+    return -1;
 }
 
 /* The quarter turns, 1 to 3, in which a face that track_start finds is surest; 0
  * where none shows one; -1. */
-static int rotated_best(struct track *t, const struct image *im, double time,
-                       struct error *err)
+static int rotated_best(struct track *t, const struct frame *f,
+                        const struct track_effort *effort, struct error *err)
 {
     float confidence = 0;
     int best = 0;
 
     for (int k = 1; k < 4; k++) {
         struct track_result r;
-        struct image rotated;
+        struct frame rotated = *f;
+        uint8_t *rgb = rotated_plane(f->rgb, f->width, f->height, 3, k, err);
 
-        if (rotated_copy(&rotated, im, k, err))
+        if (!rgb)
             return -1;
-        const int found = track_start(t, &r, rotated.rgb, rotated.width,
-                                      rotated.height, time, err);
+        rotated.rgb = rgb;
+        rotated.width = k % 2 ? f->height : f->width;
+        rotated.height = k % 2 ? f->width : f->height;
+        const int found = track_start(t, &r, &rotated, effort, err);
 
-        image_release(&rotated);
+        free(rgb);
         if (found < 0)
             return -1;
         if (found && r.confidence > confidence) {
@@ -73,30 +78,26 @@ static int rotated_best(struct track *t, const struct image *im, double time,
 /* Two witnesses: the detector, which is fast, knows faces that stand upright and
  * look ahead; E_m those from any side, but hardly which way is up.  So the
  * picture is turned to where the detector is certain of a face if it is of none
- * as the picture is, and else where E_m is surest if neither sees one as the
- * picture is. */
+ * as the picture is, and else where E_m is surest, of large faces, if neither
+ * sees one as the picture is. */
 int rotated_start(struct track *t, struct track_result *r, int *quarters,
-                 const struct image *im, double time, struct error *err)
+                  const struct frame *f, struct error *err)
 {
-    const size_t levels = t->levels;
-    const bool once = !t->tta.net->confidence.ps || t->opt.has_crop;
-    int found;
+    const struct track_effort certain = {.certain = true};
+    const struct track_effort quick = {.levels = TRACK_QUICK};
+    const bool turns = t->tta.net->confidence.ps && !t->opt.has_crop;
+    int found = 0;
 
     *quarters = 0;
-    t->levels = once ? levels : 0;
-    t->certain = !once;
-    found = track_start(t, r, im->rgb, im->width, im->height, time, err);
-    if (found == 0 && !once)
-        *quarters = rotated_best(t, im, time, err);
-    t->levels = levels;
-    t->certain = false;
-    if (found || once || *quarters)
-        return found ? found : *quarters < 0 ? -1 : 0;
-    found = track_start(t, r, im->rgb, im->width, im->height, time, err);
-    if (found == 0) {
-        t->levels = TRACK_QUICK;        /* of lying faces, large ones alone */
-        *quarters = rotated_best(t, im, time, err);
-        t->levels = levels;
+    if (turns) {
+        found = track_start(t, r, f, &certain, err);
+        if (found == 0)
+            *quarters = rotated_best(t, f, &certain, err);
+    }
+    if (found == 0 && *quarters == 0) {
+        found = track_start(t, r, f, NULL, err);
+        if (found == 0 && turns)
+            *quarters = rotated_best(t, f, &quick, err);
     }
     return *quarters < 0 ? -1 : found;
 }

@@ -11,11 +11,11 @@
  * does; -1.  Where E_m cannot say how sure it is, or the
  * crop is given, nothing is turned. */
 int rotated_start(struct track *t, struct track_result *r, int *quarters,
-                 const struct image *im, double time, struct error *err);
+                  const struct frame *f, struct error *err);
 
 /* out = im turned by `quarters` (0 to 3) quarter turns clockwise, in memory of
  * its own. */
 int rotated_copy(struct image *out, const struct image *im, int quarters,
-                struct error *err);
+                 struct error *err);
 
 #endif

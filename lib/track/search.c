@@ -40,9 +40,10 @@ static bool search_shrinks(size_t W, size_t H)
     return (W < H ? W : H) >= 2 * SEARCH_SIDE;
 }
 
-int search_take(struct search *s, const uint8_t *rgb, size_t W, size_t H,
-                struct error *err)
+int search_take(struct search *s, const struct frame *f, struct error *err)
 {
+    const size_t W = f->width, H = f->height;
+    const uint8_t *rgb = f->rgb;
     const bool shrinks = search_shrinks(W, H);
     const size_t room = shrinks ? 3 * (W / 2) * (H / 2) : 3 * W * H;
 

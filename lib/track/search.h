@@ -8,6 +8,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "formats/framesource.h"
 #include "lib/base/crop.h"
 #include "lib/base/error.h"
 #include "lib/net/motion_encoder.h"
@@ -28,10 +29,8 @@ struct search {
 /* For an encoder with a sure head.  EX_OSERR. */
 int search_init(struct search *s, struct motion_encoder *net,
                 struct error *err);
-/* The picture [H,W,3] from now on; memory is kept from one to the next.
- * EX_OSERR. */
-int search_take(struct search *s, const uint8_t *rgb, size_t W, size_t H,
-                struct error *err);
+/* The picture from now on; memory is kept from one to the next.  EX_OSERR. */
+int search_take(struct search *s, const struct frame *f, struct error *err);
 /* Free what it holds; zeroed then. */
 void search_release(struct search *s);
 

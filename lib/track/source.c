@@ -44,18 +44,25 @@ static int source_turn(struct image *im, struct image *mask, int quarters,
     return 0;
 }
 
+static struct frame source_frame(const struct image *im)
+{
+    return (struct frame){im->width, im->height, im->rgb, 0, 0, false};
+}
+
 /* A face in the picture, which is turned upright: 1, 0, -1. */
 static int source_find_upright(struct source *s, struct track *t,
                                struct track_result *r, struct image *im,
                                struct image *mask, struct error *err)
 {
-    const int found = rotated_start(t, r, &s->rotated, im, 0, err);
+    struct frame f = source_frame(im);
+    const int found = rotated_start(t, r, &s->rotated, &f, err);
 
     if (!s->rotated)
         return found;
-    return source_turn(im, mask, s->rotated, err)
-               ? -1
-               : track_start(t, r, im->rgb, im->width, im->height, 0, err);
+    if (source_turn(im, mask, s->rotated, err))
+        return -1;
+    f = source_frame(im);
+    return track_start(t, r, &f, NULL, err);
 }
 
 /* The face and its motion, with the mean head's landmarks for the crop. */
@@ -109,9 +116,9 @@ static int source_crop(void *ctx, float *rgb, struct square q,
                        struct error *err)
 {
     const struct source_view *v = ctx;
+    const struct frame f = source_frame(v->im);
 
-    return track_cut(rgb, v->t, v->im->rgb, v->im->width, v->im->height, q,
-                      err);
+    return track_cut(rgb, v->t, &f, q, err);
 }
 
 /* beta and light of the crop the motion encoder last saw. */

@@ -49,7 +49,7 @@ int track_init(struct track *t, const struct identity *id,
     t->head = id->head;
     oneeuro_init(&t->filter, opt->smooth);
     t->opt.no_align |= opt->still;
-    t->levels = opt->still ? SEARCH_LEVELS : TRACK_QUICK;
+    t->effort.levels = opt->still ? SEARCH_LEVELS : TRACK_QUICK;
     if (landmarks_init(&t->landmarks, id, err) != 0)
         return -1;
     if (!t->opt.no_align && align_init(&t->align, id, err) != 0) {
@@ -105,8 +105,8 @@ void track_project(float *uv, struct track *t, const struct motion *m)
 }
 
 /* Align E_m's motion of the crop in t->input with earlier frames. */
-static void track_align(struct track *t, struct track_result *r, size_t W,
-                        size_t H)
+static void track_align(struct track *t, struct track_result *r,
+                        const struct frame *f)
 {
     const float *seen = r->motion.crop;
     const struct square crop = {seen[0], seen[1], seen[2]};
@@ -118,8 +118,8 @@ static void track_align(struct track *t, struct track_result *r, size_t W,
         return;
     align_step(&t->align, &r->motion, t->input, crop,
                (struct align_bounds){-left / q.size, -top / q.size,
-                                     ((double)W - left) / q.size,
-                                     ((double)H - top) / q.size},
+                                     ((double)f->width - left) / q.size,
+                                     ((double)f->height - top) / q.size},
                t->opt.size);
     r->heads_s += cpu_seconds() - begun;
 }
@@ -136,13 +136,13 @@ static struct square track_next_crop(struct track *t, const struct motion *m)
 /* The paper's line: motion of the picture in one crop; follows: it is that of
  * the last crop's face a frame later. */
 static int track_encode(struct track *t, struct track_result *r,
-                        const uint8_t *rgb, size_t W, size_t H,
-                        struct square crop, bool follows, struct error *err)
+                        const struct frame *f, struct square crop,
+                        bool follows, struct error *err)
 {
     float out[MOTION_OUT];
     double t0 = cpu_seconds(), t1, t2;
 
-    if (track_cut(t->input, t, rgb, W, H, crop, err) != 0)
+    if (track_cut(t->input, t, f, crop, err) != 0)
         return -1;
     t1 = cpu_seconds();
     (follows ? motion_tta_follow : motion_tta_forward)(out, &t->tta, t->input);
@@ -159,11 +159,12 @@ static int track_encode(struct track *t, struct track_result *r,
 
 /* Area of the crop that lies inside the picture, as a fraction. */
 static double track_visible(const struct track *t, struct square crop,
-                            size_t W, size_t H)
+                            const struct frame *f)
 {
     struct square q = square_out_of(crop, t->window, t->opt.size);
-    double w = fmin(q.x + q.size / 2, (double)W) - fmax(q.x - q.size / 2, 0);
-    double h = fmin(q.y + q.size / 2, (double)H) - fmax(q.y - q.size / 2, 0);
+    const double half = q.size / 2;
+    double w = fmin(q.x + half, (double)f->width) - fmax(q.x - half, 0);
+    double h = fmin(q.y + half, (double)f->height) - fmax(q.y - half, 0);
 
     return w > 0 && h > 0 ? w * h / (q.size * q.size) : 0;
 }
@@ -172,7 +173,7 @@ static double track_visible(const struct track *t, struct square crop,
 static const char *track_implausible(const struct track *t,
                                      const struct motion *m,
                                      struct square next, struct square used,
-                                     size_t W, size_t H)
+                                     const struct frame *f)
 {
     double move = hypot(next.x - used.x, next.y - used.y);
 
@@ -185,15 +186,14 @@ static const char *track_implausible(const struct track *t,
         return "its size jumped";
     if (-m->R[8] < BEHIND)
         return "it turned away";
-    if (track_visible(t, next, W, H) < VISIBLE)
+    if (track_visible(t, next, f) < VISIBLE)
         return "it left the picture";
     return NULL;
 }
 
 /* Whether another face in the picture looks more like the first frame's than
  * the one that is followed since it was found again. */
-static bool track_is_other(struct track *t, const uint8_t *rgb, size_t W,
-                           size_t H)
+static bool track_is_other(struct track *t, const struct frame *f)
 {
     const struct square q = square_out_of(t->crop, t->window, t->opt.size);
     struct square face[TRACK_FACES];
@@ -203,26 +203,26 @@ static bool track_is_other(struct track *t, const uint8_t *rgb, size_t W,
 
     thumb_make(thumb, t->input);
     const double like = thumb_correlate(t->looks, thumb);
-    n = facedetect_find(t->detector, face, TRACK_FACES, t->faces.n > 1,
-                        false, rgb, W, H, 3 * W);
+    n = facedetect_find(t->detector, face, TRACK_FACES, t->faces.n > 1, false,
+                        f);
     for (size_t i = 0; i < n && !other; i++) {
         const struct square c = crop_from_detection(face[i]);
 
         if (hypot(c.x - q.x, c.y - q.y) < SAME_FACE * q.size ||
-            track_cut(t->input, t, rgb, W, H,
-                      square_into(c, t->window, t->opt.size), NULL))
+            track_cut(t->input, t, f, square_into(c, t->window, t->opt.size),
+                      NULL))
             continue;
         thumb_make(thumb, t->input);
         other = thumb_correlate(t->looks, thumb) > like;
     }
-    track_cut(t->input, t, rgb, W, H, t->crop, NULL);   /* as it was */
+    track_cut(t->input, t, f, t->crop, NULL);   /* as it was */
     return other;
 }
 
 /* Whether the detector, asked now and then, still sees a face where a frontal
  * one is claimed. */
 static const char *track_doubtful(struct track *t, const struct motion *m,
-                                  const uint8_t *rgb, size_t W, size_t H)
+                                  const struct frame *f)
 {
     struct square q;
 
@@ -231,12 +231,12 @@ static const char *track_doubtful(struct track *t, const struct motion *m,
         return NULL;
     t->since_check = 0;
     t->regained -= t->regained > 0;
-    if ((t->regained || t->faces.n > 1) && track_is_other(t, rgb, W, H))
+    if ((t->regained || t->faces.n > 1) && track_is_other(t, f))
         return "it is another's";
     if (-m->R[8] < FRONTAL)
         return NULL;
     q = square_out_of(t->crop, t->window, t->opt.size);
-    if (facedetect_confirm(t->detector, rgb, W, H, 3 * W, q)) {
+    if (facedetect_confirm(t->detector, f, q)) {
         t->misses = 0;
         return NULL;
     }
@@ -249,17 +249,17 @@ static const char *track_doubtful(struct track *t, const struct motion *m,
 /* Run the network on a first guess (window pixels) until its own projection
  * agrees; a projection far from the guess is not followed. */
 static int track_refine_crop(struct track *t, struct track_result *r,
-                             const uint8_t *rgb, size_t W, size_t H,
-                             struct square guess, struct error *err)
+                             const struct frame *f, struct square guess,
+                             struct error *err)
 {
     struct square crop = guess, next;
     double before = INFINITY, step;
 
     for (int i = 0; i < LAST_PASSES; i++) {
-        if (track_encode(t, r, rgb, W, H, crop, false, err) != 0)
+        if (track_encode(t, r, f, crop, false, err) != 0)
             return -1;
         next = track_next_crop(t, &r->motion);
-        if (track_implausible(t, &r->motion, next, guess, W, H))
+        if (track_implausible(t, &r->motion, next, guess, f))
             break;
         step = (hypot(next.x - crop.x, next.y - crop.y)
                 + fabs(next.size - crop.size)) / crop.size;
@@ -291,7 +291,7 @@ static struct square track_window(const struct track *t, struct square crop)
 /* E_m about a square of the picture, which sets the window before the first
  * face is found: 1, it is sure of a face there, which is followed; 0; -1. */
 static int track_try(struct track *t, struct track_result *r,
-                     const uint8_t *rgb, size_t W, size_t H, struct square q,
+                     const struct frame *f, struct square q,
                      struct error *err)
 {
     const double size = t->opt.size;
@@ -302,7 +302,7 @@ static int track_try(struct track *t, struct track_result *r,
     if (!(q.x > 0 && q.y > 0 && q.x < size && q.y < size &&
           q.size > size / 32))
         return 0;
-    if (track_refine_crop(t, r, rgb, W, H, q, err) != 0)
+    if (track_refine_crop(t, r, f, q, err) != 0)
         return -1;
     return (double)r->confidence >= CONFIDENCE_FOUND;
 }
@@ -312,16 +312,15 @@ static int track_try(struct track *t, struct track_result *r,
  * the one that was asked for.  0; -1. */
 static int track_compare(struct track_faces *faces, struct track *t,
                          struct track_result *r, const struct square *face,
-                         size_t n, const uint8_t *rgb, size_t W, size_t H,
-                         struct error *err)
+                         size_t n, const struct frame *f, struct error *err)
 {
     double max = -2;
 
     *faces = (struct track_faces){.chosen = t->opt.face
                                       ? (size_t)t->opt.face - 1 : 0};
     for (size_t i = 0; i < n; i++) {
-        const int found = track_try(t, r, rgb, W, H,
-                                    crop_from_detection(face[i]), err);
+        const int found = track_try(t, r, f, crop_from_detection(face[i]),
+                                    err);
         const double like = thumb_correlate(t->looks, t->thumb);
 
         if (found < 0)
@@ -340,7 +339,7 @@ static int track_compare(struct track_faces *faces, struct track *t,
 
 /* The detector's face, where E_m agrees: 1, 0, -1 no detector. */
 static int track_detect(struct track *t, struct track_result *r,
-                        const uint8_t *rgb, size_t W, size_t H,
+                        const struct frame *f, bool certain,
                         struct error *err)
 {
     const double begun = cpu_seconds();
@@ -351,26 +350,25 @@ static int track_detect(struct track *t, struct track_result *r,
     if (!t->detector && !(t->detector = facedetect_open(err)))
         return -1;
     const size_t n = facedetect_find(t->detector, face, TRACK_FACES, all,
-                                     t->certain, rgb, W, H, 3 * W);
+                                     certain, f);
     r->detect_s += cpu_seconds() - begun;
     if (n == 1 && t->opt.face <= 1)
-        return track_try(t, r, rgb, W, H, crop_from_detection(face[0]), err);
-    if (track_compare(&faces, t, r, face, n, rgb, W, H, err))
+        return track_try(t, r, f, crop_from_detection(face[0]), err);
+    if (track_compare(&faces, t, r, face, n, f, err))
         return -1;
     if (!t->started)
         t->faces = faces;
     if (faces.n > t->max_faces)
         t->max_faces = faces.n;
     return faces.chosen < faces.n
-               ? track_try(t, r, rgb, W, H, faces.crop[faces.chosen], err)
+               ? track_try(t, r, f, faces.crop[faces.chosen], err)
                : 0;
 }
 
 /* Of a level's squares the one whose face E_m is surest of: 1, then *best is
  * the crop that it settled on, in picture pixels; 0; -1. */
 static int track_try_level(struct track *t, struct track_result *r,
-                           struct square *best, const uint8_t *rgb,
-                           size_t W, size_t H,
+                           struct square *best, const struct frame *f,
                            size_t level, struct error *err)
 {
     struct square q[SEARCH_BEST];
@@ -378,7 +376,7 @@ static int track_try_level(struct track *t, struct track_result *r,
     double confidence = 0;
 
     for (size_t i = 0; i < n; i++) {
-        const int found = track_try(t, r, rgb, W, H, q[i], err);
+        const int found = track_try(t, r, f, q[i], err);
         if (found < 0)
             return -1;
         if (!found || (double)r->confidence < confidence)
@@ -391,35 +389,35 @@ static int track_try_level(struct track *t, struct track_result *r,
 
 /* The largest face that E_m is sure of, wherever it is: 1, 0, -1. */
 static int track_look(struct track *t, struct track_result *r,
-                      const uint8_t *rgb, size_t W, size_t H,
+                      const struct frame *f, size_t levels,
                       struct error *err)
 {
     const double begun = cpu_seconds();
     struct square best;
     int found = 0;
 
-    if (!t->tta.net->confidence.ps || !t->levels)
+    if (!t->tta.net->confidence.ps || !levels)
         return 0;
-    if (search_take(&t->search, rgb, W, H, err))
+    if (search_take(&t->search, f, err))
         return -1;
-    for (size_t k = 0; k < t->levels && !found; k++)
-        found = track_try_level(t, r, &best, rgb, W, H, k, err);
+    for (size_t k = 0; k < levels && !found; k++)
+        found = track_try_level(t, r, &best, f, k, err);
     r->detect_s += cpu_seconds() - begun;
-    return found == 1 ? track_try(t, r, rgb, W, H, best, err) : found;
+    return found == 1 ? track_try(t, r, f, best, err) : found;
 }
 
 /* A face: the detector's, which is fast, or wherever E_m is sure of one.  1,
  * and it is followed; then the window is fixed.  0, t is as it was; -1. */
 static int track_find(struct track *t, struct track_result *r,
-                      const uint8_t *rgb, size_t W, size_t H,
+                      const struct frame *f, struct track_effort effort,
                       struct error *err)
 {
     const struct motion last = t->last;
     const struct square crop = t->crop;
-    int found = track_detect(t, r, rgb, W, H, err);
+    int found = track_detect(t, r, f, effort.certain, err);
 
     if (found == 0 && (t->started || t->opt.face <= 1))
-        found = track_look(t, r, rgb, W, H, err);
+        found = track_look(t, r, f, effort.levels, err);
     if (found != 1) {
         t->last = last;
         t->crop = crop;
@@ -435,15 +433,15 @@ static void track_deliver(struct track *t, struct track_result *r, double time)
     if (!t->lost)
         smooth_motion(&t->filter, &r->motion, time);
     r->motion.pose.exp = r->motion.exp;
-    r->lost = t->lost;
+    r->lost = t->lost > 0;
 }
 
 /* The first frame's motion, of the crop that r is of. */
-static int track_begin(struct track *t, struct track_result *r, size_t W,
-                       size_t H, double time)
+static int track_begin(struct track *t, struct track_result *r,
+                       const struct frame *f)
 {
     align_restart(&t->align);
-    track_align(t, r, W, H);
+    track_align(t, r, f);
     if (!t->faces.n) {
         t->faces.n = 1;
         t->faces.crop[0] = square_out_of(t->crop, t->window, t->opt.size);
@@ -451,49 +449,49 @@ static int track_begin(struct track *t, struct track_result *r, size_t W,
     memcpy(t->looks, t->thumb, sizeof t->looks);
     t->started = true;
     t->regained = 0;
-    t->lost = false;            /* a live source may start several times */
-    t->lost_frames = 0;
-    track_deliver(t, r, time);
+    t->lost = 0;                /* a live source may start several times */
+    track_deliver(t, r, f->time);
     return 1;
 }
 
-int track_start(struct track *t, struct track_result *r, const uint8_t *rgb,
-                size_t W, size_t H, double time, struct error *err)
+int track_start(struct track *t, struct track_result *r, const struct frame *f,
+                const struct track_effort *effort, struct error *err)
 {
     struct square crop;
 
     memset(r, 0, sizeof *r);
     t->started = false;
     t->faces.n = t->faces.chosen = 0;
-    if (W == 0 || H == 0)
+    if (f->width == 0 || f->height == 0)
         return 0;
     /* what the search for a lost face holds is there from the start */
-    if (!t->opt.still && t->search.net && search_take(&t->search, rgb, W, H, err))
+    if (!t->opt.still && t->search.net && search_take(&t->search, f, err))
         return -1;
     if (!t->opt.has_crop) {
-        const int found = track_find(t, r, rgb, W, H, err);
-        return found == 1 ? track_begin(t, r, W, H, time) : found;
+        const int found = track_find(t, r, f, effort ? *effort : t->effort,
+                                     err);
+        return found == 1 ? track_begin(t, r, f) : found;
     }
     t->window = track_window(t, t->opt.crop);
     crop = square_into(t->opt.crop, t->window, t->opt.size);
-    if (track_visible(t, crop, W, H) <= 0)
-        return error_set(err, EX_DATAERR, "--crop is beyond %zux%zu", W, H);
-    if (track_encode(t, r, rgb, W, H, crop, false, err) != 0)
+    if (track_visible(t, crop, f) <= 0)
+        return error_set(err, EX_DATAERR, "--crop is beyond %zux%zu",
+                         f->width, f->height);
+    if (track_encode(t, r, f, crop, false, err) != 0)
         return -1;
     t->crop = crop;
     t->last = r->motion;
-    return track_begin(t, r, W, H, time);
+    return track_begin(t, r, f);
 }
 
 /* While the face is lost: does the last crop look unlike the frame before? */
-static bool track_changed(struct track *t, const uint8_t *rgb, size_t W,
-                          size_t H)
+static bool track_changed(struct track *t, const struct frame *f)
 {
     float thumb[THUMB * THUMB];
     const bool had = t->has_thumb;
     double same;
 
-    if (track_cut(t->input, t, rgb, W, H, t->crop, NULL) != 0)
+    if (track_cut(t->input, t, f, t->crop, NULL) != 0)
         return false;
     t->has_thumb = thumb_make(thumb, t->input) > FLAT_DEVIATION;
     same = thumb_correlate(t->thumb, thumb);
@@ -503,48 +501,45 @@ static bool track_changed(struct track *t, const uint8_t *rgb, size_t W,
 
 /* No face in this frame: the last motion stays. */
 static void track_deliver_lost(struct track *t, struct track_result *r,
-                               double time, const char *why)
+                               const struct frame *f, const char *why)
 {
     r->motion = t->last;
     r->event = t->lost ? TRACK_NOTHING : TRACK_LOST;
     r->why = why;
     if (!t->lost)
         t->has_thumb = false;
-    t->lost = true;
-    t->lost_frames++;
-    track_deliver(t, r, time);
+    t->lost++;
+    track_deliver(t, r, f->time);
 }
 
 /* Look for the face again; repeat the last motion when there is none. */
 static int track_search(struct track *t, struct track_result *r,
-                        const uint8_t *rgb, size_t W, size_t H, double time,
-                        const char *why, struct error *err)
+                        const struct frame *f, const char *why,
+                        struct error *err)
 {
     struct error none = {0};
     int found = 0;
 
     /* every frame at first, then every sixth, or when something happens:
      * looking costs 30 ms and more */
-    if (!t->lost || t->lost_frames < 3 || t->lost_frames % TRACK_LOOKS == 0 ||
-        track_changed(t, rgb, W, H))
-        found = track_find(t, r, rgb, W, H, &none);
+    if (t->lost < 3 || t->lost % TRACK_LOOKS == 0 || track_changed(t, f))
+        found = track_find(t, r, f, t->effort, &none);
     if (found < 0 && none.code == EX_OSERR) {
         *err = none;
         return -1;
     }
     if (found != 1) {
-        track_deliver_lost(t, r, time, why);
+        track_deliver_lost(t, r, f, why);
         return 0;
     }
-    track_align(t, r, W, H);
+    track_align(t, r, f);
     t->regained = REGAINED;
     if (t->lost) {
         r->event = TRACK_FOUND;
         oneeuro_reset(&t->filter);
     }
-    t->lost = false;
-    t->lost_frames = 0;
-    track_deliver(t, r, time);
+    t->lost = 0;
+    track_deliver(t, r, f->time);
     return 0;
 }
 
@@ -553,7 +548,7 @@ static int track_search(struct track *t, struct track_result *r,
  * or by E_m itself. */
 static const char *track_find_fault(struct track *t,
                                     const struct track_result *r,
-                                    const uint8_t *rgb, size_t W, size_t H)
+                                    const struct frame *f)
 {
     float thumb[THUMB * THUMB];
     const struct square next = track_next_crop(t, &r->motion);
@@ -567,9 +562,9 @@ static const char *track_find_fault(struct track *t,
     }
     if (thumb_correlate(t->looks, thumb) < UNLIKE && !t->regained)
         t->regained = REGAINED;
-    why = track_implausible(t, &r->motion, next, t->crop, W, H);
+    why = track_implausible(t, &r->motion, next, t->crop, f);
     if (!why)
-        why = track_doubtful(t, &r->motion, rgb, W, H);
+        why = track_doubtful(t, &r->motion, f);
     if (!why && r->confidence < CONFIDENCE_ENOUGH)
         why = "no whole, upright face is seen";
     if (why)
@@ -579,22 +574,22 @@ static const char *track_find_fault(struct track *t,
     return NULL;
 }
 
-int track_step(struct track *t, struct track_result *r, const uint8_t *rgb,
-               size_t W, size_t H, double time, struct error *err)
+int track_step(struct track *t, struct track_result *r, const struct frame *f,
+               struct error *err)
 {
     const char *why;
 
     memset(r, 0, sizeof *r);
     if (t->lost)
-        return track_search(t, r, rgb, W, H, time, "still no face", err);
-    if (track_encode(t, r, rgb, W, H, t->crop, true, err) != 0)
+        return track_search(t, r, f, "still no face", err);
+    if (track_encode(t, r, f, t->crop, true, err) != 0)
         return -1;
-    if (!t->opt.has_crop && (why = track_find_fault(t, r, rgb, W, H)))
-        return track_search(t, r, rgb, W, H, time, why, err);
-    track_align(t, r, W, H);
+    if (!t->opt.has_crop && (why = track_find_fault(t, r, f)))
+        return track_search(t, r, f, why, err);
+    track_align(t, r, f);
     if (!t->opt.has_crop)
         t->crop = track_next_crop(t, &r->motion);
     t->last = r->motion;
-    track_deliver(t, r, time);
+    track_deliver(t, r, f->time);
     return 0;
 }

@@ -10,6 +10,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "formats/framesource.h"
 #include "lib/base/error.h"
 #include "lib/base/crop.h"
 #include "lib/head/lbs.h"
@@ -57,8 +58,15 @@ struct track_result {
     double crop_s, network_s, heads_s, detect_s;    /* seconds spent */
 };
 
-#define TRACK_QUICK 4           /* levels in a clip: large faces alone, but for a
-                                 * photograph's tracker */
+/* How hard a face is looked for. */
+struct track_effort {
+    bool certain;               /* by the detector only such as are surely
+                                 * upright */
+    size_t levels;              /* of search.h's by E_m, where the detector sees
+                                 * none */
+};
+#define TRACK_QUICK 4           /* levels in a clip, large faces alone; in a
+                                 * photograph all of them */
 #define TRACK_LOOKS 6           /* frames without a face from one search by E_m,
                                  * which takes a second, to the next */
 
@@ -83,14 +91,13 @@ struct track {
     struct square crop;                 /* next one, window pixels */
     struct track_faces faces;
     size_t max_faces;                  /* of the pictures that were tried */
-    size_t levels;                      /* of search.h's, where no detector
-                                         * sees a face; 0: none */
-    bool certain;                       /* the detector's faces are to be
-                                         * surely upright */
-    bool started, lost, has_thumb;
+    struct track_effort effort;         /* unless told another one */
+    bool started, has_thumb;
+    size_t lost;                        /* frames without a face since; 0: it
+                                         * is followed */
     int regained;                       /* looks until a face that was found
                                          * again is taken for the same one's */
-    size_t since_check, misses, lost_frames;
+    size_t since_check, misses;
     struct motion last;                 /* as the network said it */
     struct oneeuro filter;
     float thumb[THUMB * THUMB];
@@ -109,21 +116,22 @@ int track_init(struct track *t, const struct identity *id,
 /* Free what it holds; zeroed then. */
 void track_release(struct track *t);
 
-/* Find the face in a first frame [H,W,3] and fix the portrait window.  1:
- * found, *r filled; 0: no face (try the next frame); -1: an error, such as no
- * detector installed, or EX_DATAERR: a crop given shows nothing of it. */
-int track_start(struct track *t, struct track_result *r, const uint8_t *rgb,
-                size_t W, size_t H, double time, struct error *err);
+/* Find the face in a first frame and fix the portrait window; effort: NULL for
+ * t's own.  1: found, *r filled; 0: no face (try the next frame); -1: an error,
+ * such as no detector installed, or EX_DATAERR: a crop given shows nothing of
+ * it. */
+int track_start(struct track *t, struct track_result *r, const struct frame *f,
+                const struct track_effort *effort, struct error *err);
 
 /* The next frame, after track_start has found one.  0; -1 only when memory is
  * short. */
-int track_step(struct track *t, struct track_result *r, const uint8_t *rgb,
-               size_t W, size_t H, double time, struct error *err);
+int track_step(struct track *t, struct track_result *r, const struct frame *f,
+               struct error *err);
 
-/* out (224,224,3) = a crop (window pixels) of the picture [H,W,3], as the
- * networks see it.  -1 only when memory is short. */
-int track_cut(float *out, struct track *t, const uint8_t *rgb, size_t W,
-              size_t H, struct square crop, struct error *err);
+/* out (224,224,3) = a crop (window pixels) of the frame, as the networks see it.
+ * -1 only when memory is short. */
+int track_cut(float *out, struct track *t, const struct frame *f,
+              struct square crop, struct error *err);
 
 /* Motion from one row of the encoder's output and the crop it saw: 6D to R
  * (always a rotation: motion_code.h says how), t' to t.  m->pose.exp is left

@@ -204,10 +204,8 @@ static int views_add_clip(struct views *v, struct views_report *r,
         struct track_result now = {.lost = true};
         struct image im;
 
-        rc = found ? track_step(t, &now, f->rgb, f->width, f->height, f->time,
-                                err)
-                   : track_start(t, &now, f->rgb, f->width, f->height,
-                                 f->time, err);
+        rc = found ? track_step(t, &now, f, err)
+                   : track_start(t, &now, f, NULL, err);
         if (rc < 0)
             break;
         now.lost = now.lost || !(found || rc);

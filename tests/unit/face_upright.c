@@ -27,9 +27,10 @@ static void count_picture(struct count *c, struct facedetect *d,
     c->pictures++;
     for (int q = 0; q < 4; q++) {
         REQUIRE(rotated_copy(&turned, &im, q, &err) == 0, "%s", err.text);
-        c->certain[q] += facedetect_find(d, &face, 1, false, true, turned.rgb,
-                                         turned.width, turned.height,
-                                         3 * turned.width) > 0;
+        const struct frame f = {.width = turned.width,
+                                .height = turned.height, .rgb = turned.rgb};
+
+        c->certain[q] += facedetect_find(d, &face, 1, false, true, &f) > 0;
         image_release(&turned);
     }
     image_release(&im);

@@ -215,6 +215,8 @@ static void test_fixed_crop(const struct head *h)
     struct error err = {0};
     size_t W = 2400, H = 1800, k = 6, w = W / k, v = H / k;
     uint8_t *big = malloc(3 * W * H), *small = malloc(3 * w * v);
+    const struct frame large = {.width = W, .height = H, .rgb = big};
+    const struct frame reduced = {.width = w, .height = v, .rgb = small};
     struct track_options opt = {.size = 512, .has_crop = true,
                                 .crop = {1200, 900, 1200}};
     float uv[2 * 68];
@@ -231,8 +233,8 @@ static void test_fixed_crop(const struct head *h)
                                                          / 14));
     if (head_fold(&id, h, NULL, 0, &err)
         || track_init(&t, &id, &net, &opt, &err)
-        || track_start(&t, &a, big, W, H, 0, &err) != 1
-        || track_step(&t, &a, big, W, H, 0.04, &err)) {
+        || track_start(&t, &a, &large, NULL, &err) != 1
+        || track_step(&t, &a, &large, &err)) {
         printf("%s\n", err.text);
         exit(1);
     }
@@ -247,7 +249,7 @@ static void test_fixed_crop(const struct head *h)
     track_release(&t);
     opt.crop = (struct square){200, 150, 200};
     if (track_init(&t, &id, &net, &opt, &err)
-        || track_start(&t, &b, small, w, v, 0, &err) != 1)
+        || track_start(&t, &b, &reduced, NULL, &err) != 1)
         exit(1);
     for (size_t i = 0; i < 3 * CROP_NET * CROP_NET; i++)
         differ = fmax(differ, fabs(seen[i] - t.input[i]));

@@ -139,7 +139,7 @@ static int pipeline_call(void *context, struct error *err)
 
     p->l->person.at = 0;
     driver_init(&d, &p->track, pipeline_read_memory, p->l);
-    int rc = driver_start(&d, NULL, NULL, err) ||
+    int rc = driver_start(&d, "frames", NULL, NULL, err) ||
                      animate_run(&p->animate, &d, NULL, p->sink,
                                  pipeline_frame_done, p, err)
                  ? -1
@@ -163,7 +163,7 @@ static int pipeline_call_video(void *context, struct error *err)
     if (!out)
         goto out;
     driver_init(&d, &p->track, driver_read_source, in);
-    rc = driver_start(&d, NULL, NULL, err) ||
+    rc = driver_start(&d, clip, NULL, NULL, err) ||
                  animate_run(&p->animate, &d, NULL, out, pipeline_frame_done, p,
                              err)
              ? -1

@@ -152,6 +152,8 @@ static void likeness_cut(float *face, const uint8_t *rgb, size_t W, size_t H,
 static int likeness_follow(struct likeness *l, int k, const uint8_t *rgb,
                            size_t W, size_t H, double time, struct error *err)
 {
+    const struct frame f = {.width = W, .height = H, .rgb = rgb,
+                            .time = time};
     const struct track_options opt = {.size = l->size};
     struct track *t = &l->track[k];
     struct track_result r;
@@ -168,8 +170,8 @@ static int likeness_follow(struct likeness *l, int k, const uint8_t *rgb,
         return -1;
     l->open[k] = true;
     if (!l->following[k])
-        found = track_start(t, &r, rgb, W, H, time, err);
-    else if (track_step(t, &r, rgb, W, H, time, err))
+        found = track_start(t, &r, &f, NULL, err);
+    else if (track_step(t, &r, &f, err))
         found = -1;
     if (found <= 0)
         return found;

@@ -32,21 +32,20 @@ void facedetect_close(struct facedetect *d)
 }
 
 size_t facedetect_find(struct facedetect *d, struct square *face, size_t max,
-                       bool all, bool certain, const uint8_t *rgb, size_t W,
-                       size_t H, size_t stride)
+                       bool all, bool certain, const struct frame *f)
 {
     _Static_assert(sizeof *face == 3 * sizeof(double), "x, y, size");
     (void)d;
     (void)all;
     (void)certain;
-    (void)stride;
-    return (size_t)faces_find(&face->x, (int)max, rgb, (int)W, (int)H);
+    return (size_t)faces_find(&face->x, (int)max, f->rgb, (int)f->width,
+                              (int)f->height);
 }
 
-int facedetect_confirm(struct facedetect *d, const uint8_t *rgb, size_t W,
-                       size_t H, size_t stride, struct square q)
+bool facedetect_confirm(struct facedetect *d, const struct frame *f,
+                        struct square q)
 {
     (void)d;
-    (void)stride;
-    return faces_in_middle(rgb, (int)W, (int)H, q.x, q.y, q.size);
+    return faces_in_middle(f->rgb, (int)f->width, (int)f->height, q.x, q.y,
+                           q.size);
 }

@@ -75,19 +75,18 @@ static uint8_t *motion_rgb(size_t W, size_t H, bool mirror)
 }
 
 /* The tracker's word on a frame: 1, 0, -1. */
-static int motion_track(struct track_result *r, const uint8_t *rgb, size_t W,
-                        size_t H, double time)
+static int motion_track(struct track_result *r, const struct frame *f)
 {
-    if (started && W == width && H == height) {
-        const int rc = track_step(&track, r, rgb, W, H, time, &engine.err);
+    if (started && f->width == width && f->height == height) {
+        const int rc = track_step(&track, r, f, &engine.err);
 
         found.why = r->why ? r->why : found.why;
         return rc ? -1 : !r->lost;
     }
-    width = W;
-    height = H;
+    width = f->width;
+    height = f->height;
     found.why = "no face is seen";
-    const int rc = track_start(&track, r, rgb, W, H, time, &engine.err);
+    const int rc = track_start(&track, r, f, NULL, &engine.err);
 
     started = rc > 0;
     return rc;
@@ -100,7 +99,9 @@ int motion_step(size_t W, size_t H, double time, bool mirror)
 {
     struct track_result r = {0};
     uint8_t *rgb = motion_rgb(W, H, mirror);
-    const int rc = rgb ? motion_track(&r, rgb, W, H, time)
+    const struct frame f = {.width = W, .height = H, .rgb = rgb,
+                            .time = time};
+    const int rc = rgb ? motion_track(&r, &f)
                        : error_set(&engine.err, EX_OSERR,
                                    "no memory for the frame");
 
