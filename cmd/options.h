@@ -6,7 +6,6 @@
 #include "lib/head/head.h"
 #include "lib/nn/nn.h"
 
-struct animate_frame;
 struct animation_options;
 struct model;
 struct prepare;
@@ -97,7 +96,14 @@ void option_sound_tell(const struct framesink *s);
  * taken; `option` takes another. */
 void option_faces_tell(const char *name, const struct track_faces *faces,
                        const char *option);
+/* The same of a clip that was looked through for its first face, and what its
+ * frames before that get. */
+struct driver;
+void option_driver_tell(const char *name, const struct driver *d,
+                        const char *option);
 /* Say that a driver's face was lost, or found again, in this frame. */
-void option_animation_warn(const char *name, const struct animate_frame *f);
+struct track_result;
+void option_track_tell(const char *name, uint64_t frame,
+                       const struct track_result *r);
 
 #endif

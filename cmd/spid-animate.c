@@ -31,8 +31,6 @@ static const struct cli_option options[] = {
     OPTIONS_ANIMATION(opt),
     OPTION_INT("size", 0, &opt.framing.size, 32, PERSON_LARGEST, "N",
                "pictures of N by N pixels (default the model's, 512)"),
-    OPTION_FLAG("live", 'l', &opt.live,
-                "drop frames instead of lagging; report the latency"),
     OPTION_STRING("list", 0, &list_path, "FILE",
                   "many clips: SOURCE, DRIVER and OUT on each line, tabs "
                   "between"),
@@ -60,7 +58,7 @@ static const struct cli_option options[] = {
 };
 
 static const struct cli_usage usage = {
-    "spid-animate", "[-s] [--size N] [-l] [--mask FILE] [--crop X,Y,SIZE] "
+    "spid-animate", "[-s] [--size N] [--mask FILE] [--crop X,Y,SIZE] "
     "[--face N] [--driver-face N] [-b WHAT] [--into-source] [--cut] "
     "[-f FORMAT] [--alpha] [--no-sound] [--no-tta] [--absolute] "
     "[--neutral FRAME] [--fps RATE] [--precision TYPE] [--head FILE] "
@@ -110,25 +108,11 @@ static void animate_frame_done(void *ctx, const struct animate_frame *f)
 {
     struct animation *a = ctx;
 
-    option_animation_warn(a->driver_name, f);
+    option_track_tell(a->driver_name, f->index, f->track);
     animate_report_frame(&a->report, f);
     if (cli.stats)
         animate_report_times(stats_begin, stats_end, f);
     progress("frames", f->index + 1, a->total, f->track->lost ? "lost" : NULL);
-}
-
-/* The driver up to its first face. */
-static int animate_open_driver(struct animation *a, const char *path,
-                               struct error *err)
-{
-    if (animation_open_driver(a, path, err))
-        return -1;
-    option_faces_tell(path, &a->track.faces, "driver-face");
-    if (a->driver.early_count)
-        warn("%s: no face in the first %zu frame%s: the motion of frame %zu is "
-             "taken", path, a->driver.early_count,
-             a->driver.early_count == 1 ? "" : "s", a->driver.early_count);
-    return 0;
 }
 
 /* The lines that are this program. */
@@ -140,13 +124,16 @@ static int animate_run_clip(const struct job *job, struct error *err)
     if (animation_open(&a, &opt, &models, job->out, err) == 0 &&
         animation_open_source(&a, job->source, job->driver, err) == 0) {
         animate_report_source(&a.source, job->source);
-        if (animate_open_driver(&a, job->driver, err) == 0)
+        rc = animation_open_driver(&a, job->driver, err);
+        if (rc == 0) {
+            option_driver_tell(job->driver, &a.driver, "driver-face");
             rc = animation_run(&a, animate_frame_done, &a, err);
+        }
     }
     progress_end();
     if (rc == 0 && !cli.quiet)
         animate_report_print(stderr, &a.report, &a.source,
-                             cli.stats != NULL, opt.live);
+                             cli.stats != NULL, false);
     if (rc == 0)
         option_animation_done(&a);
     if (a.take)

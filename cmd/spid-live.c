@@ -9,7 +9,7 @@
 
 static struct animation_options opt = {
     .animate.pipeline.precision = OPTION_PRECISION_DEFAULT,
-    .framing.background_given = true, .live = true
+    .framing.background_given = true
 };
 static struct prepare models;
 static double patience = 10;
@@ -127,7 +127,7 @@ static void live_frame_done(void *program, const struct animate_frame *f)
         warn("%s: frame %llu: frames again", p->camera,
              (unsigned long long)f->index);
     p->restarts = a->live.restarts;
-    option_animation_warn(p->camera, f);
+    option_track_tell(p->camera, f->index, f->track);
     animate_report_frame(&a->report, f);
     if (cli.stats)
         animate_report_times(stats_begin, stats_end, f);

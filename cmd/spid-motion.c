@@ -198,25 +198,7 @@ static void motion_start_tracking(struct program *p)
     conf.height = p->driver.first.height;
     if (motion_output_begin(&p->out, &conf, take_path, &err))
         motion_give_up(p, &err);
-    option_faces_tell(framesource_name(p->in), &p->track.faces, "face");
-    if (p->driver.early_count)
-        warn("%s: no face in the first %zu frame%s: the motion of frame %zu is "
-             "taken", framesource_name(p->in), p->driver.early_count,
-             p->driver.early_count == 1 ? "" : "s", p->driver.early_count);
-}
-
-/* Say when the face is lost and found again. */
-static void motion_report_frame(struct program *p, const struct driver_frame *f)
-{
-    const unsigned long long n = f->picture.index;
-
-    if (f->r.event == TRACK_LOST)
-        warn("%s: frame %llu: face lost (%s); holding the last motion",
-             framesource_name(p->in), n, f->r.why);
-    else if (f->r.event == TRACK_FOUND)
-        warn("%s: frame %llu: face found again",
-             framesource_name(p->in), n);
-    p->lost += f->r.lost;
+    option_driver_tell(framesource_name(p->in), &p->driver, "face");
 }
 
 /* For --stats. */
@@ -275,7 +257,8 @@ int main(int argc, char **argv)
         motion_give_up(&p, &err);
     motion_start_tracking(&p);
     while ((rc = driver_next(&p.driver, &f, &err)) > 0) {
-        motion_report_frame(&p, &f);
+        option_track_tell(framesource_name(p.in), f.picture.index, &f.r);
+        p.lost += f.r.lost;
         motion_count_times(&f);
         if (motion_output_write(&p.out, &f, p.head.nexp, &err)) {
             rc = -1;

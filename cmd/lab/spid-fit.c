@@ -158,15 +158,18 @@ static void fit_open_reenact(struct reenact *reenact)
         die_error(&err);
 }
 
-/* The model's matte network. */
+/* The model's networks, for its matte's. */
 static void fit_open_matte(struct encoders *nets)
 {
     struct error err = {0};
     struct model model;
 
     if (option_model_open(&model, &err) ||
-        encoders_open_matte(nets, &model, OPTION_PRECISION_DEFAULT, &err))
+        encoders_open(nets, &model, true, OPTION_PRECISION_DEFAULT, &err))
         die_error(&err);
+    if (!nets->has_matte)
+        die(EX_CONFIG, "%s: no matte network (expected tensors matte.*)",
+            model_path(&model));
     model_close(&model);
 }
 

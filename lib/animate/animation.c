@@ -91,7 +91,7 @@ int animation_open_source(struct animation *a, const char *path,
 {
     const struct prepare_beside look = {animation_run_read_to_face, a};
     const struct prepared *s = &a->source;
-    const bool clip = driver && !a->opt->live && strcmp(driver, "-") &&
+    const bool clip = driver && strcmp(driver, "-") &&
                       !stream_probe(driver) && !livelink_probe(driver);
 
     a->driver_name = driver;
@@ -130,9 +130,6 @@ static int animation_set_relative(struct animation *a, struct error *err)
 static int animation_check_motions(const struct animation *a,
                                    struct error *err)
 {
-    if (a->opt->live)
-        return error_set(err, EX_USAGE, "%s: recorded motions cannot be live "
-                         "(expected frames)", a->driver_name);
     if (a->opt->neutral.given)
         return error_set(err, EX_USAGE, "%s: --neutral looks through frames "
                          "(expected a clip)", a->driver_name);
@@ -212,9 +209,9 @@ static int animation_join_output(struct animation *a, struct error *err)
     if (framesource_reads(a->frames, a->output))
         return error_set(err, EX_USAGE, "%s: is read, too (expected another "
                          "name for the output)", a->output);
-    a->silent = clip && (a->opt->live || a->opt->no_sound ||
+    a->silent = clip && (a->opt->no_sound ||
                          !framesink_set_sound(a->sink, clip, start));
-    a->total = a->opt->live ? 0 : framesource_total(a->frames);
+    a->total = framesource_total(a->frames);
     framesource_rate(a->frames, &num, &den);
     framesink_set_rate(a->sink, num, den);
     return 0;
@@ -228,15 +225,8 @@ int animation_open_driver(struct animation *a, const char *path,
         return animation_open_records(a, err);
     if (livelink_probe(path))
         return animation_open_take(a, err);
-    if (a->opt->live) {
-        a->frames = framesource_open(&a->driver_name, 1, &a->opt->source, err);
-        if (!a->frames || live_start(&a->live, a->frames, err) ||
-            animation_init_driver(a, live_read, &a->live, err) ||
-            animation_start_driver(a, err))
-            return -1;
-    } else if (!a->look.done) {
+    if (!a->look.done)
         animation_read_to_face(a, true);
-    }
     if (a->look.rc) {
         *err = a->look.err;
         return -1;
@@ -258,7 +248,7 @@ int animation_open_camera(struct animation *a, const char *name,
         f.open = NULL;
         a->frames = frames;
     }
-    if (!frames || live_start_follow(&a->live, frames, &f, err) ||
+    if (!frames || live_start(&a->live, frames, &f, err) ||
         animation_init_driver(a, live_read, &a->live, err))
         return -1;
     a->driver.live = true;

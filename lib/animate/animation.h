@@ -28,7 +28,6 @@ struct animation_options {
     struct neutral neutral;
     const char *head;           /* NULL: the one beside the model */
     const char *mask;           /* of the source, or NULL: found */
-    bool live;                  /* drop frames instead of lagging */
     bool no_sound;              /* the driver's is left out */
     bool relative;              /* a driver's motions are what it does since
                                  * it was neutral; those of a stream are

@@ -123,13 +123,8 @@ static void *live_reader(void *arg)
     return NULL;
 }
 
-int live_start(struct live *l, struct framesource *source, struct error *err)
-{
-    return live_start_follow(l, source, &(struct live_follow){0}, err);
-}
-
-int live_start_follow(struct live *l, struct framesource *source,
-                      const struct live_follow *follow, struct error *err)
+int live_start(struct live *l, struct framesource *source,
+               const struct live_follow *follow, struct error *err)
 {
     memset(l, 0, sizeof *l);
     l->source = source;

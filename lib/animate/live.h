@@ -21,7 +21,8 @@ struct live_slot {
 
 /* What to do when the source ends or fails. */
 struct live_follow {
-    struct framesource *(*open)(void *ctx, struct error *err);  /* again */
+    struct framesource *(*open)(void *ctx, struct error *err);  /* again; NULL:
+                                                                 * it ends */
     void (*away)(void *ctx, const struct error *why);   /* it is gone; called
                                                          * by the thread */
     void *ctx;
@@ -32,7 +33,7 @@ struct live_follow {
 
 struct live {
     struct framesource *source;         /* borrowed; owned when followed */
-    struct live_follow follow;          /* open is NULL: it ends */
+    struct live_follow follow;
     pthread_t thread;
     pthread_mutex_t lock;
     pthread_cond_t changed;
@@ -48,15 +49,13 @@ struct live {
     bool restart;               /* the next frame follows no other */
 };
 
-/* Start the thread on a source (borrowed) that ends when it ends.  Without a
- * thread nothing is held, and EX_OSERR. */
+/* Start the thread on a source (borrowed) that ends when it ends, or whose
+ * follow->open says how it comes back; then it is owned from here on, frames
+ * count on, their times are the clock's, and the first one after a restart or of
+ * another size has `restart` set.  Without a thread nothing is held, and
+ * EX_OSERR. */
 int live_start(struct live *l, struct framesource *source,
-               struct error *err);
-/* The same, but follow says how the source, which is owned from here on, comes
- * back.  Frames count on, their times are the clock's, and the first one after
- * a restart or of another size has `restart` set. */
-int live_start_follow(struct live *l, struct framesource *source,
-                      const struct live_follow *follow, struct error *err);
+               const struct live_follow *follow, struct error *err);
 /* The newest frame (driver_read_fn with the struct live as ctx): waits for
  * one; 0 at the end; valid until the next call. */
 int live_read(void *live, struct frame *f, struct error *err);

@@ -59,25 +59,6 @@ int encoders_open(struct encoders *e, const struct model *m, bool with_shape,
     return 0;
 }
 
-int encoders_open_matte(struct encoders *e, const struct model *m,
-                        enum nn_type type, struct error *err)
-{
-    const struct nn_options opt = {NN_INFER, type};
-
-    memset(e, 0, sizeof *e);
-    params_init(&e->ps);
-    encoders_init_matte(e, m);
-    if (!e->has_matte)
-        return error_set(err, EX_CONFIG, "%s: no matte network (expected "
-                         "tensors matte.*)", model_path(m));
-    if (params_allocate(&e->ps, err) || model_load(&e->ps, m, "", err) ||
-        matte_net_plan(&e->matte, 1, opt, err)) {
-        encoders_release(e);
-        return -1;
-    }
-    return 0;
-}
-
 void encoders_release(struct encoders *e)
 {
     motion_encoder_release(&e->motion);

@@ -30,9 +30,6 @@ struct encoders {
  * nothing is left allocated then. */
 int encoders_open(struct encoders *e, const struct model *m, bool with_shape,
                   enum nn_type type, struct error *err);
-/* The matte network alone; EX_CONFIG when the model has none. */
-int encoders_open_matte(struct encoders *e, const struct model *m,
-                        enum nn_type type, struct error *err);
 /* Free what it holds; zeroed then. */
 void encoders_release(struct encoders *e);
 

@@ -30,8 +30,6 @@ with_sound() {
     [ "$(probe none.mp4 stream=codec_type)" = video ]
     status 0 run_animate clip.mp4 -o out.gif
     has 'out.gif: without the sound of clip.mp4'
-    status 0 run_animate --live clip.mp4 -o live.mp4
-    has 'live.mp4: without the sound of clip.mp4'
 }
 
 @test "sound goes through the pipe, and with recorded motion" {

@@ -66,7 +66,7 @@ prepare() { animate_files; }
 }
 
 @test "live reports latency and what it dropped" {
-    status 0 spid-animate -m model -s -l avatar.spid - -o a.y4m <drive.y4m
+    status 0 spid-live -m model -s avatar.spid - -o a.y4m <drive.y4m
     has "latency p50"
     has "dropped"
 }

@@ -50,7 +50,7 @@ static void live_test_end(const char *path)
     bool ordered = true, counted = true;
     int rc;
 
-    REQUIRE(source && !live_start(&l, source, &err), "%s", err.text);
+    REQUIRE(source && !live_start(&l, source, &(struct live_follow){0}, &err), "%s", err.text);
     while ((rc = live_read(&l, &f, &err)) == 1) {
         ordered = ordered && f.index >= next;
         next = f.index + 1;
@@ -81,7 +81,7 @@ static void live_test_follow(const char *path)
     size_t restarts = 0;
     int rc = 1;
 
-    REQUIRE(source && !live_start_follow(&l, source, &follow, &err), "%s",
+    REQUIRE(source && !live_start(&l, source, &follow, &err), "%s",
             err.text);
     while (rc == 1 && l.restarts < 3) {
         rc = live_read(&l, &f, &err);

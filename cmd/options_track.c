@@ -1,0 +1,43 @@
+/* What programs that follow a face say of it. */
+#include "cmd/options.h"
+
+#include "lib/track/driver.h"
+
+void option_faces_tell(const char *name, const struct track_faces *faces,
+                       const char *option)
+{
+    char at[TRACK_FACES * 40] = "";
+    size_t n = 0;
+
+    if (faces->n < 2)
+        return;
+    for (size_t i = 0; i < faces->n; i++)
+        n += (size_t)snprintf(at + n, sizeof at - n, "%s%zu at %.0f,%.0f,%.0f",
+                              i ? ", " : "", i + 1, faces->crop[i].x,
+                              faces->crop[i].y, faces->crop[i].size);
+    notice("%s: %zu faces (%s): number %zu is taken (--%s N takes another)",
+           name, faces->n, at, faces->chosen + 1, option);
+}
+
+void option_driver_tell(const char *name, const struct driver *d,
+                        const char *option)
+{
+    if (d->track)
+        option_faces_tell(name, &d->track->faces, option);
+    if (d->early_count)
+        warn("%s: no face in the first %zu frame%s: the motion of frame %zu is "
+             "taken", name, d->early_count, d->early_count == 1 ? "" : "s",
+             d->early_count);
+}
+
+void option_track_tell(const char *name, uint64_t frame,
+                       const struct track_result *r)
+{
+    const unsigned long long n = frame;
+
+    if (r->event == TRACK_LOST)
+        warn("%s: frame %llu: face lost (%s); holding the last motion", name,
+             n, r->why);
+    else if (r->event == TRACK_FOUND)
+        warn("%s: frame %llu: face found again", name, n);
+}
