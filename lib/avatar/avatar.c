@@ -287,7 +287,8 @@ void avatar_bake(struct avatar *a, const struct avatar_source *src)
                     a->all.n);
     tilt_sample(a->tilt, &a->tilted, a->uv, a->all.neck, a->all.n);
     if (a->config.rgb_skip)
-        dynamic_branch_hold(a->tilt, dynamic.n, &a->dynamic);
+        dynamic_branch_tilt(a->tilt, a->all.neck, dynamic.n, &a->source,
+                            &a->dynamic);
     avatar_normals(a);
     avatar_views(a);
     if (!a->train)

@@ -11,6 +11,7 @@
 #include "lib/avatar/eyes.h"
 #include "lib/avatar/further.h"
 #include "lib/avatar/lip_lining.h"
+#include "lib/avatar/tilt.h"
 #include "lib/avatar/white_point.h"
 #include "lib/base/gaussians.h"
 #include "lib/base/parallel.h"
@@ -378,12 +379,18 @@ static float dynamic_branch_visibility(const struct dynamic_branch *b, size_t k)
            (1 - b->seam[k]) * (1 - b->fold[k]);
 }
 
+/* How far Gaussian k is on the side of the head that the source shows. */
+static float dynamic_branch_front(const struct dynamic_branch *b, size_t k)
+{
+    return b->seen[k] * branch_ramp(b->facing[k], -0.4f, -0.1f);
+}
+
 /* How far the photograph says what is to be seen where Gaussian k is: the side
  * of the head that it shows, and, of those behind, what would stand out beside
  * the person or the mesh.  There it shows nobody, or hair. */
 static float dynamic_branch_seen(const struct dynamic_branch *b, size_t k)
 {
-    const float front = b->seen[k] * branch_ramp(b->facing[k], -0.4f, -0.1f);
+    const float front = dynamic_branch_front(b, k);
 
     return front + (1 - front) * (1 - b->hull[k]);
 }
@@ -535,10 +542,27 @@ void dynamic_branch_backward(float *dfeatures, struct branch_set *dout,
                          b->n, b->n, Cf, b->count, false, RESAMPLE_BORDER);
 }
 
-void dynamic_branch_hold(float *tilt, size_t n, const struct dynamic_branch *b)
+void dynamic_branch_tilt(float *tilt, const float *neck, size_t n,
+                         const struct source_mesh *mesh,
+                         const struct dynamic_branch *b)
 {
-    for (size_t i = 0; i < 2 * n; i++)
-        tilt[i] *= 1 - HELD * b->first[i / 2 * 4 + 3];
+    const float *cam = mesh->cam;
+
+    for (size_t k = 0; k < n; k++) {
+        const float *to = b->normals + 3 * k;
+        const float front = dynamic_branch_front(b, k);
+        const float hold = 1 - HELD * b->first[4 * k + 3];
+        const float by = (1 - neck[k]) / fmaxf(b->facing[k], 1 / TILT_STEEPEST);
+
+        for (size_t c = 0; c < 2; c++) {
+            const float *row = cam + 4 * c;
+            const float own = by * (row[0] * to[0] + row[1] * to[1] +
+                                    row[2] * to[2]);
+
+            tilt[2 * k + c] = front * hold * tilt[2 * k + c] +
+                              (1 - front) * own;
+        }
+    }
 }
 
 void dynamic_branch_reach(float *reach, size_t n,

@@ -114,8 +114,10 @@ void dynamic_branch_backward(float *dfeatures, struct branch_set *dout,
 
 /* tilt (n,2) of the first n Gaussians, the slopes of the depth at their places:
  * less where the forward's photograph is trusted, so that it stays while the
- * surface turns (gaussian_visible). */
-void dynamic_branch_hold(float *tilt, size_t n,
+ * surface turns (gaussian_visible); the mesh's own on the side of the head that
+ * the photograph does not show.  neck (n) as tilt_sample has it. */
+void dynamic_branch_tilt(float *tilt, const float *neck, size_t n,
+                         const struct source_mesh *mesh,
                          const struct dynamic_branch *b);
 
 /* reach (n) of gaussian_seen, head units, of the first n Gaussians.  It is not

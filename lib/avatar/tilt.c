@@ -13,7 +13,6 @@
 #define SMOOTH 2.0f     /* cells */
 #define ROUND 0.6f      /* depth that an outline falls by, head units: about half
                          * of a head */
-#define STEEPEST 4.0f   /* slope: seen at 14 degrees */
 
 int tilt_init(struct tilt *t, size_t n, struct error *err)
 {
@@ -86,7 +85,7 @@ void tilt_sample(float *tilt, const struct tilt *t, const float *uv,
         grid_sample(to, t->slope, at, 1, t->n, t->n, 2, 1, false,
                     RESAMPLE_BORDER);
         const float steep = sqrtf(to[0] * to[0] + to[1] * to[1]);
-        const float by = (1 - neck[i]) * fminf(1, STEEPEST / fmaxf(steep, 1));
+        const float by = (1 - neck[i]) * fminf(1, TILT_STEEPEST / fmaxf(steep, 1));
         for (int k = 0; k < 2; k++)
             to[k] *= by;
     }

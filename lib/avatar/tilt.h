@@ -13,6 +13,8 @@
 #include "lib/avatar/source_picture.h"
 #include "lib/base/error.h"
 
+#define TILT_STEEPEST 4.0f  /* seen at 14 degrees */
+
 struct tilt {
     size_t n;               /* cells along one side of the maps */
     float *depth, *person, *smooth, *tmp;   /* (n,n) */

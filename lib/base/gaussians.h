@@ -43,7 +43,7 @@ struct gaussians {
 /* How many times the surface that the photograph shows of a Gaussian a frame
  * shows, to first order in depth's slope.
  *   tilt (2)    how depth rises at it to the photograph's right and down, less
- *               where its place is sure (dynamic_branch_hold)
+ *               where its place is sure (dynamic_branch_tilt)
  *   toward (2)  how far right and down the frame's camera is of the source's,
  *               sines (splat_place_view) */
 static inline float gaussian_more(const float tilt[2], const float toward[2])

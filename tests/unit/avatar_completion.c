@@ -5,8 +5,10 @@
 #include <string.h>
 
 #include "lib/avatar/completion.h"
+#include "lib/avatar/dynamic_branch.h"
 #include "lib/avatar/tilt.h"
 #include "lib/base/camera.h"
+#include "lib/base/gaussians.h"
 #include "tests/check.h"
 
 /* ---- colours -------------------------------------------------------------- */
@@ -145,8 +147,33 @@ static void tilt_slopes(void)
     source_picture_release(&p);
 }
 
+/* Points of the mesh that the photograph trusts, that it sees from behind and
+ * that it sees at their edges: before a flat map they are as steep as the mesh
+ * is, and a frame from their own side believes it where nobody is no more. */
+static void tilt_hidden(void)
+{
+    float first[12] = {0, 0, 0, 1}, seen[3] = {1, 0, 0};
+    float facing[3] = {1, -0.5f, 0}, tilt[6] = {0.5f, 0.5f};
+    float normals[9] = {0, 0, 1, sqrtf(0.75f), 0, -0.5f, 0, 1, 0};
+    const float neck[3] = {0, 0, 1}, toward[2] = {0.6f, 0};
+    const struct dynamic_branch b = {.first = first, .seen = seen,
+                                     .facing = facing, .normals = normals};
+    const struct source_mesh m = {.cam = {1, 0, 0, 0, 0, -1, 0, 0,
+                                          0, 0, -1, 12}};
+
+    dynamic_branch_tilt(tilt, neck, 3, &m, &b);
+    check_range("trusted: less than what was seen", tilt[0], 0.05, 0.45);
+    expect("hidden: the mesh's own slope", tilt[2], 4 * sqrt(0.75), 1e-5);
+    expect("hidden: across it", tilt[3], 0, 1e-6);
+    check_that("hidden: from its side the photograph has no say",
+               gaussian_visible(gaussian_more(tilt + 2, toward)) == 0);
+    check_that("the shoulders' does not count",
+               tilt[4] == 0 && tilt[5] == 0);
+}
+
 int main(void)
 {
+    tilt_hidden();
     completion_mirrors();
     tilt_slopes();
     return check_status();
