@@ -32,13 +32,14 @@
 #define STATIC_BRANCH_HEIGHT 0.9f
 
 struct static_branch {
-    struct plane_init init;             /* Phi_init */
+    struct plane_init init;             /* Phi_init; where it has a width */
     struct conv_decoder decoder;        /* Phi_S */
     size_t n, count, feature;           /* n, n*n, C_f */
     size_t inputs;                      /* numbers a cell the decoder gets */
     bool prior;                         /* rgb_skip */
-    bool uniform;                       /* Delta U = 0 (an ablation); set
-                                         * before the forward */
+    bool deforms;                       /* Delta U is Phi_init's and not 0;
+                                         * an ablation may say no before the
+                                         * forward */
     struct branch_prior start;          /* (n*n) */
     /* Kept by the forward; with d, of the backward only: */
     float *init_in, *dinit_in;          /* (n,n,Cf+1) [F, C] */
@@ -62,7 +63,7 @@ struct static_branch {
     struct nn_plan rows;                /* for init_in */
 };
 
-/* Declare "init." and "static." in ps. */
+/* Declare "static." in ps, and "init." if it has a width. */
 int static_branch_init(struct static_branch *b, struct params *ps,
                        const struct avatar_config *c, struct error *err);
 /* After params_randomise: see avatar_init_weights. */

@@ -66,6 +66,7 @@ const char *networks_name(enum network which)
 bool networks_have(const struct networks *n, enum network which)
 {
     return which == NETWORK_MATTE     ? n->encoders.has_matte
+           : which == NETWORK_PLANE   ? n->avatar.config.init_width > 0
            : which == NETWORK_REFINER ? n->has_refiner
                                       : true;
 }

@@ -49,7 +49,7 @@ void avatar_config_shipped(struct avatar_config *c)
     c->backbone.type = BACKBONE_SMALL;
     c->backbone.features = 32;
     c->backbone.size = c->plane;
-    c->init_width = 16;
+    c->init_width = 0;
     c->static_width = 32;
     c->dynamic_width = 64;
     c->dynamic_hidden = 32;
@@ -212,7 +212,7 @@ static int config_take_all(struct avatar_config *c, const cJSON *root,
         config_take_text(c->shape_net, sizeof c->shape_net,
                          cJSON_GetObjectItem(root, "shape"), "net", err) ||
         config_take_size(&c->init_width, cJSON_GetObjectItem(root, "init"),
-                         "width", 1, 1024, err) ||
+                         "width", 0, 1024, err) ||
         config_take_size(&c->static_width, cJSON_GetObjectItem(root, "static"),
                          "width", 1, 1024, err) ||
         config_take_size(&c->dynamic_width, dynamic, "width", 1, 4096, err) ||

@@ -42,7 +42,7 @@ struct avatar_config {
     char head_hash[17];     /* "" fits any head */
     char motion_net[64], shape_net[64];
     struct backbone_config backbone;
-    size_t init_width;      /* Phi_init */
+    size_t init_width;      /* Phi_init; 0: the plane is even */
     size_t static_width;    /* Phi_S */
     size_t dynamic_width, dynamic_hidden;   /* Phi_D */
     size_t vertex_width;    /* h_k */

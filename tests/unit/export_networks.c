@@ -121,27 +121,49 @@ static void run_encoders(struct networks *n)
 static void run_backbone(struct networks *n)
 {
     struct backbone *b = &n->avatar.backbone;
-    struct plane_init *p = &n->avatar.plane.init;
     struct error err = {0};
     size_t S = n->avatar.config.size, c = n->avatar.config.plane;
     size_t count = c * c * b->config.features;
     float *rgb = noise("source", 3 * S * S, true);
-    float *features = noise("cells", c * c * p->in, false);
+    float *features = malloc(count * sizeof *features);
 
-    REQUIRE(backbone_plan(b, 1, S, plain, &err) == 0 &&
-            plane_init_plan(p, 1, c, c, plain, &err) == 0, "%s", err.text);
-    save_network(n, NETWORK_PLANE);
-    save("plane", "features", features, c * c * p->in);
-    float *delta = malloc(2 * c * c * sizeof *delta);
-    REQUIRE(delta, "out of memory");
-    plane_init_forward(delta, features, p);
-    save("plane", "delta", delta, 2 * c * c);
+    REQUIRE(features && backbone_plan(b, 1, S, plain, &err) == 0, "%s",
+            err.text);
     backbone_forward(features, rgb, b);
     save_network(n, NETWORK_BACKBONE);
     save("backbone", "picture", rgb, 3 * S * S);
     save("backbone", "features", features, count);
     free(rgb);
-    free(delta);
+    free(features);
+}
+
+/* Phi_init, whose last layer starts at zero. */
+static void run_plane(void)
+{
+    enum { CELLS = 24, IN = 9 };
+    struct params ps;
+    struct plane_init p;
+    struct error err = {0};
+    struct graph g;
+    float *features = noise("cells", CELLS * CELLS * IN, false);
+    float delta[2 * CELLS * CELLS];
+
+    params_init(&ps);
+    REQUIRE(plane_init_init(&p, &ps, "p.", IN, 8, &err) == 0 &&
+            params_allocate(&ps, &err) == 0, "%s", err.text);
+    for (size_t t = 0; t < ps.count; t++)
+        ps.tensor[t].init = PARAM_HE;
+    params_randomise(&ps, 4);
+    REQUIRE(plane_init_plan(&p, 1, CELLS, CELLS, plain, &err) == 0, "%s",
+            err.text);
+    plane_init_forward(delta, features, &p);
+    graph_init(&g, "plane", "");
+    plane_init_graph(&g, CELLS, &p);
+    save_graph("plane", &g);
+    save("plane", "features", features, CELLS * CELLS * IN);
+    save("plane", "delta", delta, 2 * CELLS * CELLS);
+    plane_init_release(&p);
+    params_release(&ps);
     free(features);
 }
 
@@ -367,6 +389,7 @@ int main(void)
     REQUIRE(model_open(&m, MODEL, &err) == 0 &&
             head_load(&head, HEAD, &err) == 0, "%s", err.text);
     run_all(&m, &head);
+    run_plane();
     run_untrained();
     run_refused();
     fprintf(cases, "]\n");
