@@ -118,7 +118,7 @@ static int synth_write_frame(struct stream_writer *w, const struct head *head,
     float cam[12];
     struct array marks[2] = {
         motion_landmarks(f->lmk),
-        motion_points(f->points, SYNTH_POINTS)
+        motion_points(f->points, LANDMARK_FACE)
     };
     const struct imag picture = {
         .height = (size_t)size, .width = (size_t)size, .rgb = f->rgb,

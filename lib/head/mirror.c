@@ -46,26 +46,26 @@ static int mirror_by_height(const void *a, const void *b)
 }
 
 /* Square of how far vertex w is from the mirror image of v. */
-static float mirror_distance(const struct head *h, size_t v, size_t w)
+static float mirror_distance(const float *at, size_t v, size_t w)
 {
-    const float *x = h->v_template + 3 * v, *y = h->v_template + 3 * w;
+    const float *x = at + 3 * v, *y = at + 3 * w;
     float a = x[0] + y[0], b = x[1] - y[1], c = x[2] - y[2];
 
     return a * a + b * b + c * c;
 }
 
-/* The vertex of the mean head nearest to the mirror image of order[at]'s: from
- * there up and down, until the height alone is further. */
-static size_t mirror_vertex(const struct head *h, const struct place *order,
+/* The vertex nearest to the mirror image of order[at]'s: from there up and
+ * down, until the height alone is further. */
+static size_t mirror_vertex(const float *x, size_t n, const struct place *order,
                             size_t at)
 {
     size_t v = order[at].v, best = v;
-    float min = mirror_distance(h, v, v);
+    float min = mirror_distance(x, v, v);
 
     for (int way = -1; way <= 1; way += 2)
-        for (size_t i = at + (size_t)way; i < h->V; i += (size_t)way) {
+        for (size_t i = at + (size_t)way; i < n; i += (size_t)way) {
             float dy = order[i].y - order[at].y;
-            float far = mirror_distance(h, v, order[i].v);
+            float far = mirror_distance(x, v, order[i].v);
 
             if (dy * dy > min)
                 break;
@@ -77,18 +77,17 @@ static size_t mirror_vertex(const struct head *h, const struct place *order,
     return best;
 }
 
-int head_mirror_vertices(size_t *other, const struct head *h,
-                         struct error *err)
+int mirror_vertices(size_t *other, const float *x, size_t n, struct error *err)
 {
-    struct place *order = malloc(h->V * sizeof *order);
+    struct place *order = malloc(n * sizeof *order);
 
     if (!order)
-        return error_set(err, EX_OSERR, "no memory for %zu vertices", h->V);
-    for (size_t v = 0; v < h->V; v++)
-        order[v] = (struct place){h->v_template[3 * v + 1], v};
-    qsort(order, h->V, sizeof *order, mirror_by_height);
-    for (size_t at = 0; at < h->V; at++)
-        other[order[at].v] = mirror_vertex(h, order, at);
+        return error_set(err, EX_OSERR, "no memory for %zu vertices", n);
+    for (size_t v = 0; v < n; v++)
+        order[v] = (struct place){x[3 * v + 1], v};
+    qsort(order, n, sizeof *order, mirror_by_height);
+    for (size_t at = 0; at < n; at++)
+        other[order[at].v] = mirror_vertex(x, n, order, at);
     free(order);
     return 0;
 }
@@ -223,7 +222,7 @@ static int mirror_make(struct head_mirror *m, const struct head *h,
         error_set(err, EX_OSERR, "no memory for %zu directions", s.n);
         goto out;
     }
-    if (head_mirror_vertices(s.across, h, err))
+    if (mirror_vertices(s.across, h->v_template, h->V, err))
         goto out;
     for (size_t k = 0; k < s.n; k++)
         s.square[k] = mirror_square(&s, k);

@@ -7,9 +7,9 @@
 #include "lib/base/error.h"
 #include "lib/head/head.h"
 
-/* other (V): the vertex of the mean head nearest to each one's mirror image. */
-int head_mirror_vertices(size_t *other, const struct head *h,
-                         struct error *err);
+/* other (n): which of the places x (n,3) is nearest to each one's mirror
+ * image. */
+int mirror_vertices(size_t *other, const float *x, size_t n, struct error *err);
 
 /* Coefficients c of the mirrored person are sign_k c_{from_k}: a direction is
  * even or odd under mirroring, or has its partner on the other side. */

@@ -24,6 +24,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     float out[3 * ASSET_VERTICES];
     struct wavefront m;
     struct mhclo binding;
+    struct arena memory = {0};
     struct error err;
     char path[40];
     int bad = 0;
@@ -32,14 +33,12 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     if (fd < 0)
         return 0;
     for (int i = 0; i < 2; i++)
-        if (wavefront_read(&m, path, group[i], &err) == 0) {
+        if (wavefront_read(&m, path, group[i], &memory, &err) == 0)
             bad |= wavefront_outside(&m);
-            wavefront_release(&m);
-        }
-    if (mhclo_read(&binding, path, BASE_VERTICES, ASSET_VERTICES, &err) == 0) {
+    if (mhclo_read(&binding, path, BASE_VERTICES, ASSET_VERTICES, &memory,
+                   &err) == 0)
         mhclo_place(out, &binding, base);
-        mhclo_release(&binding);
-    }
+    arena_release(&memory);
     close(fd);
     return bad;
 }

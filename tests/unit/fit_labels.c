@@ -91,9 +91,9 @@ static void own_scan(struct scan *s, struct landmark_map *m,
     int n = 0;
 
     memset(s, 0, sizeof *s);
-    s->neutral = calloc(3 * SCAN_VERTS, sizeof *s->neutral);
-    s->expression = calloc((size_t)ARKIT_COUNT * 3 * SCAN_VERTS,
-                           sizeof *s->expression);
+    s->neutral = arena_take(&s->memory, 3 * SCAN_VERTS, sizeof *s->neutral);
+    s->expression = arena_take(&s->memory, (size_t)ARKIT_COUNT * 3 * SCAN_VERTS,
+                               sizeof *s->expression);
     REQUIRE(verts && s->neutral && s->expression &&
             !head_fold(&id, h, NULL, 0, NULL), "out of memory");
     for (size_t i = 0; i < 3 * h->V; i++)

@@ -11,6 +11,7 @@
 enum { N = SKIN_SIZE, PEOPLE = 6, TOP = 24, LOW = 40 };
 
 static int failures;
+static struct arena memory;
 
 static void brow_check(int ok, const char *what)
 {
@@ -47,7 +48,7 @@ static void check_add(float *log, const uint8_t *where)
     struct brow_fit t;
     struct error err = {0};
 
-    if (brow_fit_init(&t, 2, &err)) {
+    if (brow_fit_init(&t, 2, &memory, &err)) {
         brow_check(0, err.text);
         return;
     }
@@ -60,7 +61,6 @@ static void check_add(float *log, const uint8_t *where)
     brow_check(rows_mean(t.dense, TOP, LOW) > 0.95, "hair is dense");
     brow_check(rows_mean(t.dense, 0, TOP) < 0.01
                && rows_mean(t.dense, LOW, BROW_H) < 0.01, "skin is bare");
-    brow_fit_release(&t);
 }
 
 /* Rows of a painted brow that are more than half covered. */
@@ -82,7 +82,7 @@ static void check_parts(float *log, const uint8_t *where)
     struct brow_model m = {.parts = 0};
     struct error err = {0};
 
-    if (brow_fit_init(&t, PEOPLE, &err)) {
+    if (brow_fit_init(&t, PEOPLE, &memory, &err)) {
         brow_check(0, err.text);
         return;
     }
@@ -90,7 +90,7 @@ static void check_parts(float *log, const uint8_t *where)
         paint_skin(log, -1 - 0.3f * (float)i, 1, TOP + 2 * (int)i);
         brow_fit_add(&t, i, log, where);
     }
-    if (brow_fit_finish(&m, &t, &err)) {
+    if (brow_fit_finish(&m, &t, &memory, &err)) {
         brow_check(0, err.text);
     } else {
         int thin = painted_rows(&m, brow, -1.5f), mean = painted_rows(&m, brow, 0);
@@ -100,8 +100,6 @@ static void check_parts(float *log, const uint8_t *where)
         brow_check(abs(thick - thin) >= 5,
                    "thickness is the first component");
     }
-    brow_model_release(&m);
-    brow_fit_release(&t);
 }
 
 static void check_density(void)
@@ -128,5 +126,6 @@ int main(void)
     check_density();
     free(log);
     free(where);
+    arena_release(&memory);
     return failures != 0;
 }

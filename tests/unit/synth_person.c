@@ -21,13 +21,14 @@ static void person_check(int ok, const char *what)
 
 /* A face whose lips' edges, the only vertices that count, each identity moves
  * its own way. */
-static int face_make(struct scan_face *f)
+static int face_make(struct scan_face *f, struct arena *memory)
 {
     struct random r;
 
-    f->neutral = calloc(ONE, sizeof *f->neutral);
-    f->identity = calloc(ONE * SCAN_IDENTITIES, sizeof *f->identity);
-    if (!f->neutral || !f->identity)
+    f->neutral = arena_take(memory, ONE, sizeof *f->neutral);
+    f->identity = arena_take(memory, ONE * SCAN_IDENTITIES,
+                             sizeof *f->identity);
+    if (arena_check(memory, "a face", NULL))
         return -1;
     random_init(&r, 1, "lips");
     for (int k = 61; k < 68; k++) {
@@ -84,10 +85,8 @@ int main(void)
     struct scan_person p;
     struct drawn d = {0};
 
-    if (face_make(&a.face) || traits_load(&a.traits, NULL, NULL)) {
-        scan_face_release(&a.face);
+    if (face_make(&a.face, &a.memory) || traits_load(&a.traits, NULL, NULL))
         return 1;
-    }
     for (uint64_t i = 0; i < PEOPLE; i++) {
         scan_person_draw(&p, &a, 3, i, 1);
         drawn_add(&d, &p, &a.face);
@@ -105,6 +104,6 @@ int main(void)
     person_check(p.camera.blur == 0 && p.camera.noise == 0
                  && p.camera.low == 1 && !p.camera.codec && !p.camera.jpeg
                  && p.camera.balance[0] == 1, "no effects, no faults");
-    scan_face_release(&a.face);
+    arena_release(&a.memory);
     return failures != 0;
 }

@@ -19,6 +19,7 @@
 #include "lib/lab/people/vec.h"
 
 static int failures;
+static struct arena memory;
 
 static void parts_check(int ok, const char *what)
 {
@@ -46,11 +47,9 @@ static int obj_fails(const char *text, const char *word)
     struct wavefront m;
     struct error err = {0};
     const char *path = file_of("a.obj", text, strlen(text));
-    int rc = wavefront_read(&m, path, NULL, &err);
+    int rc = wavefront_read(&m, path, NULL, &memory, &err);
 
     unlink(path);
-    if (!rc)
-        wavefront_release(&m);
     return rc && err.code == EX_DATAERR && strstr(err.text, path)
            && strstr(err.text, word);
 }
@@ -64,11 +63,10 @@ static void check_obj(void)
     struct error err = {0};
     const char *path = file_of("a.obj", good, sizeof good - 1);
 
-    parts_check(!wavefront_read(&m, path, "body", &err) && m.nv == 4
+    parts_check(!wavefront_read(&m, path, "body", &memory, &err) && m.nv == 4
                     && m.nf == 2 && m.f[3] == 0 && m.f[4] == 2 && m.f[5] == 3
                     && m.ft[4] == 2 && m.vt[5] == 1,
                 "a quad is two triangles, of its group alone");
-    wavefront_release(&m);
     unlink(path);
     parts_check(obj_fails("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "corner"),
                 "a corner out of range is named");
@@ -77,7 +75,7 @@ static void check_obj(void)
     parts_check(obj_fails("v 0 0 0\nf 1 1\n", "line 2"),
                 "a face of two corners");
     parts_check(obj_fails("v 0 0 0\n", "no faces"), "a mesh without faces");
-    parts_check(wavefront_read(&m, "/nonexistent/a.obj", NULL, &err)
+    parts_check(wavefront_read(&m, "/nonexistent/a.obj", NULL, &memory, &err)
                 && err.code == EX_NOINPUT, "a missing mesh");
 }
 
@@ -93,7 +91,7 @@ static void check_mhclo(void)
     float out[6];
     const char *path = file_of("a.mhclo", good, sizeof good - 1);
 
-    parts_check(!mhclo_read(&m, path, 5, 2, &err), "a binding is read");
+    parts_check(!mhclo_read(&m, path, 5, 2, &memory, &err), "a binding is read");
     mhclo_place(out, &m, base);
     /* vertex 0 on base vertex 2; vertex 1 by weights, offset scaled by axis:
      * 4 / 2, 2 / 2, 3 / 1 */
@@ -102,11 +100,10 @@ static void check_mhclo(void)
                 "a binding places its vertices");
     parts_check(m.hidden[0] && m.hidden[1] && m.hidden[2] && !m.hidden[3]
                 && m.hidden[4], "covered vertices are known");
-    mhclo_release(&m);
-    parts_check(mhclo_read(&m, path, 5, 3, &err)
+    parts_check(mhclo_read(&m, path, 5, 3, &memory, &err)
                     && strstr(err.text, "expected 3"),
                 "a binding of another count is refused");
-    parts_check(mhclo_read(&m, path, 1, 2, &err) && err.code == EX_DATAERR,
+    parts_check(mhclo_read(&m, path, 1, 2, &memory, &err) && err.code == EX_DATAERR,
                 "a binding to another base is refused");
     unlink(path);
 }
@@ -186,7 +183,7 @@ static void check_light(void)
         memcpy(up + 3 * PW * y, rgb + 3 * PW * (PH - 1 - y),
                3 * PW * sizeof *up);
     const char *path = write_pfm(up, PW, PH, 0);
-    parts_check(!light_map_load(&m, path, &err), "a panorama becomes a light");
+    parts_check(!light_map_load(&m, path, &memory, &err), "a panorama becomes a light");
     unlink(path);
     parts_check(m.nlamp == 0, "a soft sky has no lamps");
     for (int turn = 0; turn < 4; turn++) {
@@ -221,7 +218,6 @@ static void check_light(void)
     }
     printf("light: irradiance by harmonics %.2g off (limit 0.01)\n", worst);
     parts_check(worst < 0.01, "harmonics and mirror agree at every turn");
-    light_map_release(&m);
 }
 
 /* A turned function is the function at turned directions. */
@@ -258,7 +254,7 @@ static void check_near(void)
     random_init(&r, 3, "points");
     for (int i = 0; i < 3 * N; i++)
         p[i] = (float)random_range(&r, -1, 1);
-    if (near_init(&g, p, N, 0.13f, &err)) {
+    if (near_init(&g, p, N, 0.13f, &memory, &err)) {
         parts_check(0, err.text);
         return;
     }
@@ -287,7 +283,6 @@ static void check_near(void)
                 && !memcmp(at, best, sizeof at);
     }
     parts_check(same, "the three nearest points are those of a plain search");
-    near_release(&g);
 }
 
 /* Two triangles of a quad: every sample inside is covered once. */
@@ -359,5 +354,6 @@ int main(void)
     check_near();
     check_tri();
     check_codec();
+    arena_release(&memory);
     return failures != 0;
 }

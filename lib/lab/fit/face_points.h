@@ -27,17 +27,6 @@ struct face_points {
     } eye[2];
 };
 
-/* What landmarks mean: the scan's vertex, and how loosely (cm). */
-struct landmark_map {
-    int32_t vertex[LANDMARK_FACE];
-    double spread[LANDMARK_FACE];
-};
-
-/* Read a mediapipe_to_ict.json.  -1 and *err naming file and key when a list
- * is missing, of another length, out of range or names a landmark twice. */
-int landmark_map_read(struct landmark_map *m, const char *path,
-                      struct error *err);
-
 /* For a head of the scans (lib/head/arkit.h): a landmark is the point of our
  * skin that lies nearest to its vertex and moves most like it when the jaw
  * opens and the lids close, so that lips and lids keep their own. */

@@ -1,11 +1,11 @@
 /* A head's template avatar made, and written into its file. */
 #include "lib/lab/head/avatar_make.h"
 
-#include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 
 #include "formats/safetensors.h"
+#include "lib/base/arena.h"
 #include "lib/base/half.h"
 #include "lib/lab/head/avatar_eyes.h"
 #include "lib/lab/head/avatar_points.h"
@@ -52,8 +52,7 @@ struct avatar_file {
     struct st_tensor tensor[TENSORS];
     size_t count;
     const char *meta[2 * META + 1];
-    void *made[TENSORS];
-    size_t nmade;
+    struct arena made;
 };
 
 /* What stays. */
@@ -82,9 +81,8 @@ static int avatar_file_keep(struct avatar_file *f, const struct safetensors *st,
 static void *avatar_file_add(struct avatar_file *f, const char *name,
                              enum st_dtype type, size_t count, size_t width)
 {
-    void *made = malloc(count * st_dtype_size(type));
+    void *made = arena_take(&f->made, count, st_dtype_size(type));
 
-    f->made[f->nmade++] = made;
     f->tensor[f->count++] = (struct st_tensor){
         .name = name, .dtype = type, .ndim = width > 1 ? 2 : 1,
         .dim = {count / width, width}, .count = count, .data = made
@@ -140,8 +138,7 @@ static int avatar_file_write(const char *path, const struct head_avatar *a,
     if (avatar_file_keep(&f, st, err) == 0 &&
         (!a || avatar_file_make(&f, a, err) == 0))
         rc = st_save(path, f.tensor, f.count, f.meta, err);
-    for (size_t i = 0; i < f.nmade; i++)
-        free(f.made[i]);
+    arena_release(&f.made);
     st_close(st);
     return rc;
 }

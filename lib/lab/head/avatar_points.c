@@ -316,7 +316,7 @@ int avatar_points_make(struct head_avatar *w, const struct head *h,
     int rc = points_poses(w, h, d, rest, posed, wide, err);
     free(rest);
     points_seam(w, h, d);
-    if (rc || head_mirror_vertices(w->mirror, h, err))
+    if (rc || mirror_vertices(w->mirror, h->v_template, h->V, err))
         return -1;
     completion_mirror(w->mirror, w->mirror, d);
     return 0;

@@ -2,7 +2,6 @@
 #include "lib/lab/head/compare.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 
@@ -61,11 +60,14 @@ static int compare_label_parts(int *part, const struct head *h,
                                const struct scan *s, struct error *err)
 {
     enum { NARROW = 6706 };
+    struct arena room = {0};
     struct nearest t;
     double unit = h->scale;
 
-    if (nearest_init(&t, h->v_template, h->f, h->F, err))
+    if (nearest_init(&t, h->v_template, h->f, h->F, &room, err)) {
+        arena_release(&room);
         return -1;
+    }
     for (int32_t v = 0; v < SCAN_SKIN; v++) {
         const float *q = s->neutral + 3 * v;
         double p[3] = {unit * q[0], unit * q[1], unit * q[2]};
@@ -82,7 +84,7 @@ static int compare_label_parts(int *part, const struct head *h,
                 : q[1] < -0.095 ? -1
                 : v < NARROW ? FACE : REST;
     }
-    nearest_release(&t);
+    arena_release(&room);
     return 0;
 }
 
@@ -165,22 +167,20 @@ int compare_faces(struct compare_part part[COMPARE_PARTS],
     static const char *const names[COMPARE_PARTS] = {
         "face", "lids", "lips", "head and ears" };
     size_t row = 3 * (size_t)SCAN_VERTS, all = (size_t)people * SCAN_SKIN;
-    float *ours = malloc(3 * h->V * sizeof *ours), *theirs = malloc(
-        row * sizeof *theirs), *d = malloc(COMPARE_PARTS * all * sizeof *d);
-    int32_t *skin = malloc(3 * h->F * sizeof *skin);
-    int *label = malloc(SCAN_SKIN * sizeof *label), rc = -1;
+    struct arena room = {0};
+    float *ours = arena_take(&room, 3 * h->V, sizeof *ours);
+    float *theirs = arena_take(&room, row, sizeof *theirs);
+    float *d = arena_take(&room, COMPARE_PARTS * all, sizeof *d);
+    int32_t *skin = arena_take(&room, 3 * h->F, sizeof *skin);
+    int *label = arena_take(&room, SCAN_SKIN, sizeof *label), rc = -1;
     size_t count[COMPARE_PARTS] = {0};
-    struct nearest t = {0};
+    struct nearest t;
 
-    if (compare_check_head(h, err))
+    if (compare_check_head(h, err) || arena_check(&room, "faces", err))
         goto out;
-    if (!ours || !theirs || !d || !skin || !label) {
-        error_set(err, EX_OSERR, "no memory for %d faces", people);
-        goto out;
-    }
     memcpy(ours, h->v_template, 3 * h->V * sizeof *ours);
     if (compare_label_parts(label, h, s, err) ||
-        nearest_init(&t, ours, skin, compare_skin_faces(skin, h), err))
+        nearest_init(&t, ours, skin, compare_skin_faces(skin, h), &room, err))
         goto out;
     for (int i = 0; i < people; i++) {
         if (compare_pose_both(ours, theirs, h, s, seed, i, active, err))
@@ -195,11 +195,6 @@ int compare_faces(struct compare_part part[COMPARE_PARTS],
     }
     rc = 0;
 out:
-    nearest_release(&t);
-    free(ours);
-    free(theirs);
-    free(d);
-    free(skin);
-    free(label);
+    arena_release(&room);
     return rc;
 }

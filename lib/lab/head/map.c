@@ -4,7 +4,6 @@
 
 #include <math.h>
 #include <stdbool.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 
@@ -21,16 +20,6 @@
 #define SLIP_SHAPE 0.005    /* 1 mm: what a shape may */
 #define JAW 0.2f            /* radians: a usual turn, and the step of its
                              * differences */
-
-/* Memory of n numbers. */
-static void *map_floats(size_t n, size_t size, struct error *err)
-{
-    void *p = calloc(n + 1, size);
-
-    if (!p)
-        error_set(err, EX_OSERR, "no memory for %zu numbers", n);
-    return p;
-}
 
 /* ---- points ------------------------------------------------------------- */
 
@@ -98,26 +87,22 @@ static void map_find(struct head_map *m, size_t v, const struct nearest *t,
 static int map_points(struct head_map *m, struct error *err)
 {
     const size_t n = 3 * m->from->V;
-    double *at = map_floats(n, sizeof *at, err);
-    float *bent = at ? map_floats(n, sizeof *bent, err) : NULL;
-    float *normals = bent ? map_floats(3 * m->to->V, sizeof *normals, err)
-                          : NULL;
-    struct nearest t = {0};
-    int rc = -1;
+    struct arena *a = &m->memory;
+    double *at = arena_take(a, n, sizeof *at);
+    float *bent = arena_take(a, n, sizeof *bent);
+    float *normals = arena_take(a, 3 * m->to->V, sizeof *normals);
+    struct nearest t;
 
-    if (normals && map_bend(at, m, err) == 0) {
-        for (size_t i = 0; i < n; i++)
-            bent[i] = (float)at[i];
-        head_normals(normals, m->to, m->to->v_template);
-        rc = nearest_init(&t, bent, m->from->f, m->from->F, err);
-        for (size_t v = 0; rc == 0 && v < m->to->V; v++)
-            map_find(m, v, &t, normals + 3 * v);
-    }
-    nearest_release(&t);
-    free(at);
-    free(bent);
-    free(normals);
-    return rc;
+    if (arena_check(a, "a head", err) || map_bend(at, m, err))
+        return -1;
+    for (size_t i = 0; i < n; i++)
+        bent[i] = (float)at[i];
+    head_normals(normals, m->to, m->to->v_template);
+    if (nearest_init(&t, bent, m->from->f, m->from->F, a, err))
+        return -1;
+    for (size_t v = 0; v < m->to->V; v++)
+        map_find(m, v, &t, normals + 3 * v);
+    return 0;
 }
 
 void head_map_vertices(float *out, const float *in, size_t width,
@@ -161,20 +146,17 @@ PARALLEL(map_fit_part, i, const struct map_basis *, T,
 /* out (n_to,n_from) = the least squares of sum_v w_v |T c - F|^2 + slip^2
  * |c|^2; weights (to->V) sum to POINTS.  *left: the share of F that is left
  * over, root mean square. */
-static int map_fit(float *out, double *left, const struct map_basis *T,
-                   const struct map_basis *F, const float *weight,
-                   double slip, struct error *err)
+static int map_fit(float *out, double *left, struct arena *a,
+                   const struct map_basis *T, const struct map_basis *F,
+                   const float *weight, double slip, struct error *err)
 {
     const size_t n = T->n, cols = F->n, len = T->len;
-    double *A = map_floats(n * n, sizeof *A, err);
-    double *B = A ? map_floats(n * cols, sizeof *B, err) : NULL;
+    double *A = arena_take(a, n * n, sizeof *A);
+    double *B = arena_take(a, n * cols, sizeof *B);
     double all = 1e-30, over = 0;
 
-    if (!B) {
-        free(A);
+    if (arena_check(a, "a head", err))
         return -1;
-    }
-
     parallel_each(map_fit_part, n, 1, T, F, A, B, weight, len, n, cols, slip);
     cholesky_solve_columns(B, A, n, cols);
     for (size_t i = 0; i < n * cols; i++)
@@ -190,77 +172,73 @@ static int map_fit(float *out, double *left, const struct map_basis *T,
         }
     if (left)
         *left = sqrt(over / all);
-    free(A);
-    free(B);
     return 0;
 }
 
-/* row (V,3) of h = how far a usual turn of the jaw about axis k moves it. */
-static int map_jaw(float *row, const struct head *h, int k, struct error *err)
+/* row (V,3) of h = how far a usual turn of the jaw about axis k moves it; still
+ * (V,3) is scratch. */
+static int map_jaw(float *row, float *still, const struct head *h, int k,
+                   struct error *err)
 {
     struct identity id;
     struct head_motion rest = {0}, rotated = {0};
-    float *still = map_floats(3 * h->V, sizeof *still, err);
 
-    if (!still || head_fold(&id, h, NULL, 0, err)) {
-        free(still);
+    if (head_fold(&id, h, NULL, 0, err))
         return -1;
-    }
     rotated.jaw[k] = JAW;
     head_pose(still, &id, &rest);
     head_pose(row, &id, &rotated);
     for (size_t i = 0; i < 3 * h->V; i++)
         row[i] -= still[i];
     identity_release(&id);
-    free(still);
     return 0;
 }
 
 /* The first n directions of `dirs` (of which h has `of`), then, with jaw, its
- * turns; on to's vertices. */
-static int map_columns(struct map_basis *b, const struct head_map *m,
+ * turns; on to's vertices.  There is room for one more row. */
+static int map_columns(struct map_basis *b, struct head_map *m,
                        const struct head *h, const float *dirs, size_t of,
                        size_t n, bool jaw, struct error *err)
 {
-    float *own = map_floats(3 * h->V, sizeof *own, err);
-    int rc = 0;
+    float *own = arena_take(&m->memory, 3 * h->V, sizeof *own);
+    float *still = arena_take(&m->memory, 3 * h->V, sizeof *still);
 
     b->n = n + (jaw ? HEAD_MAP_JAW : 0);
     b->len = 3 * m->to->V;
-    b->row = own ? map_floats(b->n * b->len, sizeof *b->row, err) : NULL;
-    for (size_t k = 0; b->row && k < b->n && rc == 0; k++) {
+    b->row = arena_take(&m->memory, (b->n + 1) * b->len, sizeof *b->row);
+    if (arena_check(&m->memory, "a head", err))
+        return -1;
+    for (size_t k = 0; k < b->n; k++) {
         if (k < n)
             head_direction(own, h, dirs, of, k);
-        else
-            rc = map_jaw(own, h, (int)(k - n), err);
+        else if (map_jaw(own, still, h, (int)(k - n), err))
+            return -1;
         if (h == m->to)
             memcpy(b->row + k * b->len, own, b->len * sizeof *own);
         else
             head_map_vertices(b->row + k * b->len, own, 3, m);
     }
-    free(own);
-    return b->row ? rc : -1;
+    return 0;
 }
 
 /* Expressions and jaw.  The jaw's rows and columns are of its usual turn. */
 static int map_fit_motion(struct head_map *m, const float *weight,
                           struct error *err)
 {
-    struct map_basis T = {0}, F = {0};
-    int rc = -1;
+    struct map_basis T, F;
 
     if (map_columns(&T, m, m->to, m->to->exp_dirs, m->to->nexp, m->nexp, true,
-                    err) == 0 &&
+                    err) ||
         map_columns(&F, m, m->from, m->from->exp_dirs, m->from->nexp,
-                    m->from->nexp, true, err) == 0)
-        rc = map_fit(m->motion, &m->error, &T, &F, weight, SLIP_EXP, err);
-    for (size_t i = 0; rc == 0 && i < T.n; i++)
+                    m->from->nexp, true, err) ||
+        map_fit(m->motion, &m->error, &m->memory, &T, &F, weight, SLIP_EXP,
+                err))
+        return -1;
+    for (size_t i = 0; i < T.n; i++)
         for (size_t j = 0; j < F.n; j++)
             m->motion[i * F.n + j] *= (i >= m->nexp ? JAW : 1) /
                                       (j >= m->from->nexp ? JAW : 1);
-    free(T.row);
-    free(F.row);
-    return rc;
+    return 0;
 }
 
 /* Shapes, and from's mean head, which is one more column. */
@@ -268,52 +246,38 @@ static int map_fit_shape(struct head_map *m, const float *weight,
                          struct error *err)
 {
     const size_t n = m->from->nshape;
-    struct map_basis T = {0}, F = {0};
-    float *all = map_floats(m->nshape * (n + 1), sizeof *all, err);
-    int rc = -1;
+    struct map_basis T, F;
+    float *all = arena_take(&m->memory, m->nshape * (n + 1), sizeof *all);
 
-    if (all &&
-        map_columns(&T, m, m->to, m->to->shape_dirs, m->to->nshape, m->nshape,
-                    false, err) == 0 &&
-        map_columns(&F, m, m->from, m->from->shape_dirs, n, n, false,
-                    err) == 0) {
-        float *more = realloc(F.row, (n + 1) * F.len * sizeof *more);
+    if (map_columns(&T, m, m->to, m->to->shape_dirs, m->to->nshape, m->nshape,
+                    false, err) ||
+        map_columns(&F, m, m->from, m->from->shape_dirs, n, n, false, err))
+        return -1;
+    float *mean = F.row + n * F.len;
 
-        if (more) {
-            float *mean = more + n * F.len;
-
-            F.row = more;
-            F.n = n + 1;
-            head_map_vertices(mean, m->from->v_template, 3, m);
-            for (size_t i = 0; i < F.len; i++)
-                mean[i] += m->shift[i % 3] - m->to->v_template[i];
-            rc = map_fit(all, NULL, &T, &F, weight, SLIP_SHAPE, err);
-        } else {
-            error_set(err, EX_OSERR, "no memory for %zu shapes", n);
-        }
-    }
-    for (size_t i = 0; rc == 0 && i < m->nshape; i++) {
+    F.n = n + 1;
+    head_map_vertices(mean, m->from->v_template, 3, m);
+    for (size_t i = 0; i < F.len; i++)
+        mean[i] += m->shift[i % 3] - m->to->v_template[i];
+    if (map_fit(all, NULL, &m->memory, &T, &F, weight, SLIP_SHAPE, err))
+        return -1;
+    for (size_t i = 0; i < m->nshape; i++) {
         memcpy(m->shape + i * n, all + i * (n + 1), n * sizeof *all);
         m->mean[i] = all[i * (n + 1) + n];
     }
-    free(T.row);
-    free(F.row);
-    free(all);
-    return rc;
+    return 0;
 }
 
 /* Trust times the vertices' areas would be better; FLAME's and ours are of
  * even density where a face moves. */
-static float *map_weights(const struct head_map *m, struct error *err)
+static void map_weights(float *w, const struct head_map *m)
 {
-    float *w = map_floats(m->to->V, sizeof *w, err);
     double sum = 1e-9;
 
     for (size_t v = 0; v < m->to->V; v++)
         sum += m->trust[v];
-    for (size_t v = 0; w && v < m->to->V; v++)
+    for (size_t v = 0; v < m->to->V; v++)
         w[v] = (float)(m->trust[v] * POINTS / sum);
-    return w;
 }
 
 /* ---- the whole ---------------------------------------------------------- */
@@ -322,40 +286,37 @@ int head_map_init(struct head_map *m, const struct head *from,
                   const struct head *to, size_t nexp, size_t nshape,
                   struct error *err)
 {
-    memset(m, 0, sizeof *m);
-    m->from = from;
-    m->to = to;
-    m->nexp = to->nexp < nexp ? to->nexp : nexp;
-    m->nshape = to->nshape < nshape ? to->nshape : nshape;
+    struct arena *a = &m->memory;
+
+    *m = (struct head_map){
+        .from = from, .to = to,
+        .nexp = to->nexp < nexp ? to->nexp : nexp,
+        .nshape = to->nshape < nshape ? to->nshape : nshape
+    };
     if (!from->has_landmarks || !to->has_landmarks)
         return error_set(err, EX_DATAERR, "a head without landmarks cannot be "
                          "laid on another (expected 68)");
-    m->vertex = map_floats(3 * to->V, sizeof *m->vertex, err);
-    m->weight = map_floats(3 * to->V, sizeof *m->weight, err);
-    m->trust = map_floats(to->V, sizeof *m->trust, err);
-    m->motion = map_floats((m->nexp + 3) * (from->nexp + 3),
-                           sizeof *m->motion, err);
-    m->shape = map_floats(m->nshape * from->nshape, sizeof *m->shape, err);
-    m->mean = map_floats(m->nshape, sizeof *m->mean, err);
-    float *w = NULL;
-    if (!m->vertex || !m->weight || !m->trust || !m->motion || !m->shape ||
-        !m->mean || map_points(m, err) || !(w = map_weights(m, err)) ||
-        map_fit_motion(m, w, err) || map_fit_shape(m, w, err)) {
-        free(w);
-        head_map_release(m);
-        return -1;
+    m->vertex = arena_take(a, 3 * to->V, sizeof *m->vertex);
+    m->weight = arena_take(a, 3 * to->V, sizeof *m->weight);
+    m->trust = arena_take(a, to->V, sizeof *m->trust);
+    m->motion = arena_take(a, (m->nexp + 3) * (from->nexp + 3),
+                           sizeof *m->motion);
+    m->shape = arena_take(a, m->nshape * from->nshape, sizeof *m->shape);
+    m->mean = arena_take(a, m->nshape, sizeof *m->mean);
+    float *w = arena_take(a, to->V, sizeof *w);
+    int rc = arena_check(a, "a head", err) || map_points(m, err) ? -1 : 0;
+
+    if (rc == 0) {
+        map_weights(w, m);
+        rc = map_fit_motion(m, w, err) || map_fit_shape(m, w, err) ? -1 : 0;
     }
-    free(w);
-    return 0;
+    if (rc)
+        head_map_release(m);
+    return rc;
 }
 
 void head_map_release(struct head_map *m)
 {
-    free(m->vertex);
-    free(m->weight);
-    free(m->trust);
-    free(m->motion);
-    free(m->shape);
-    free(m->mean);
-    memset(m, 0, sizeof *m);
+    arena_release(&m->memory);
+    *m = (struct head_map){.from = NULL};
 }

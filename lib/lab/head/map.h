@@ -6,13 +6,14 @@
 #ifndef SPID_LAB_HEAD_MAP_H
 #define SPID_LAB_HEAD_MAP_H
 
-#include "lib/base/error.h"
+#include "lib/base/arena.h"
 #include "lib/head/head.h"
 
 /* Expressions first, then the three axes of the jaw. */
 #define HEAD_MAP_JAW 3
 
 struct head_map {
+    struct arena memory;
     const struct head *from, *to;   /* borrowed */
     size_t nexp, nshape;            /* of to, that count: at most what was
                                      * asked for */

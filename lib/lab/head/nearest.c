@@ -3,9 +3,7 @@
 #include "lib/lab/head/nearest.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
-#include <sysexits.h>
 
 enum { LEAF = 4, DEPTH = 64 };
 
@@ -84,16 +82,13 @@ static uint32_t nearest_partition(struct nearest *t,
 }
 
 int nearest_init(struct nearest *t, const float *verts, const int32_t *faces,
-                 size_t nf, struct error *err)
+                 size_t nf, struct arena *memory, struct error *err)
 {
     *t = (struct nearest){.verts = verts, .faces = faces, .nf = nf};
-    t->order = malloc((nf + 1) * sizeof *t->order);
-    t->node = malloc((2 * nf + 1) * sizeof *t->node);
-    if (!t->order || !t->node) {
-        nearest_release(t);
-        return error_set(err, EX_OSERR, "no memory for a tree of %zu faces",
-                         nf);
-    }
+    t->order = arena_take(memory, nf, sizeof *t->order);
+    t->node = arena_take(memory, 2 * nf + 1, sizeof *t->node);
+    if (arena_check(memory, "a tree of faces", err))
+        return -1;
     for (size_t i = 0; i < nf; i++)
         t->order[i] = (int32_t)i;
     t->node[t->nodes++] = (struct nearest_node){.count = (uint32_t)nf};
@@ -111,13 +106,6 @@ int nearest_init(struct nearest *t, const float *verts, const int32_t *faces,
             .first = n->first + below, .count = n->count - below};
     }
     return 0;
-}
-
-void nearest_release(struct nearest *t)
-{
-    free(t->order);
-    free(t->node);
-    memset(t, 0, sizeof *t);
 }
 
 static double nearest_dot(const double a[3], const double b[3])

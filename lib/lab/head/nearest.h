@@ -5,7 +5,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "lib/base/error.h"
+#include "lib/base/arena.h"
 
 struct nearest_node;
 
@@ -28,9 +28,7 @@ struct nearest_hit {
 
 /* Over faces (nf,3) of verts (.,3), which are borrowed. */
 int nearest_init(struct nearest *t, const float *verts, const int32_t *faces,
-                 size_t nf, struct error *err);
-/* Free what it holds; zeroed then. */
-void nearest_release(struct nearest *t);
+                 size_t nf, struct arena *memory, struct error *err);
 /* verts have moved: the boxes are fitted to them again. */
 void nearest_update(struct nearest *t);
 

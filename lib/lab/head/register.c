@@ -1,12 +1,9 @@
 /* Rims, bending, iterated closest points, evening out: one after another. */
 #include "lib/lab/head/register.h"
 
-#include <stdlib.h>
 #include <string.h>
-#include <sysexits.h>
 
 #include "lib/lab/head/nearest.h"
-#include "lib/lab/head/smooth.h"
 
 enum { CONTROLS = 160 };
 
@@ -23,7 +20,6 @@ void match_point(double out[3], const struct match *m, const float *x)
 
 struct fit {
     struct registration *r;
-    struct smooth_mesh mesh;
     struct nearest skin;
     double *start, *d, *target, *weight, *normal, *along;
 };
@@ -170,7 +166,7 @@ static int register_step(struct fit *f, double stiff, double slide,
             f->along[v] = 1;
         }
     }
-    if (smooth_fit(f->d, &f->mesh, f->target, f->weight, f->normal, f->along,
+    if (smooth_fit(f->d, &f->r->mesh, f->target, f->weight, f->normal, f->along,
                    stiff, 400, err))
         return -1;
     register_mirror(f->d, r);
@@ -202,7 +198,7 @@ static double register_density(const double p[3])
 /* The middle of v's neighbours, each with its density. */
 static void register_dense_mean(double out[3], const struct fit *f, size_t v)
 {
-    const struct smooth_mesh *m = &f->mesh;
+    const struct smooth_mesh *m = &f->r->mesh;
     double sum = 0;
 
     memset(out, 0, 3 * sizeof *out);
@@ -323,7 +319,7 @@ static int register_fill_neck(struct fit *f, struct error *err)
             f->target[3 * v + c] = r->at[3 * v + c];
         }
     }
-    if (smooth_fit(f->d, &f->mesh, f->target, f->weight, NULL, NULL, 1, 2000,
+    if (smooth_fit(f->d, &f->r->mesh, f->target, f->weight, NULL, NULL, 1, 2000,
                    err))
         return -1;
     for (size_t i = 0; i < 3 * r->s->nv; i++)
@@ -399,24 +395,23 @@ static int register_swell(struct fit *f, struct error *err)
     enum { ROUNDS = 8 };
     struct registration *r = f->r;
     size_t nv = r->s->nv;
-    float *verts = malloc(3 * nv * sizeof *verts);
-    struct nearest ours = {0};
-    int rc = verts ? 0 : error_set(err, EX_OSERR, "no memory to swell");
+    float *verts = arena_take(&r->memory, 3 * nv, sizeof *verts);
+    struct nearest ours;
 
-    for (size_t i = 0; !rc && i < 3 * nv; i++)
+    if (arena_check(&r->memory, "a registration", err))
+        return -1;
+    for (size_t i = 0; i < 3 * nv; i++)
         verts[i] = (float)r->at[i];
-    if (!rc)
-        rc = nearest_init(&ours, verts, r->s->f, r->s->nf, err);
-    for (int round = 0; !rc && round < ROUNDS; round++) {
+    if (nearest_init(&ours, verts, r->s->f, r->s->nf, &r->memory, err))
+        return -1;
+    for (int round = 0; round < ROUNDS; round++) {
         register_swell_measure(f, &ours);
         register_swell_move(f);
         for (size_t i = 0; i < 3 * nv; i++)
             verts[i] = (float)r->at[i];
         nearest_update(&ours);
     }
-    nearest_release(&ours);
-    free(verts);
-    return rc;
+    return 0;
 }
 
 /* Towards their corners the scans' lips lie in each other by a tenth of a
@@ -488,66 +483,58 @@ static int register_bend_template(struct registration *r, struct error *err)
     return 0;
 }
 
-static void register_fit_release(struct fit *f)
-{
-    smooth_mesh_release(&f->mesh);
-    nearest_release(&f->skin);
-    free(f->start);
-}
-
 /* Memory, neighbours, and the search tree over the scans. */
 static int register_fit_init(struct fit *f, struct registration *r,
                              struct error *err)
 {
-    size_t n = 3 * r->s->nv;
+    const size_t n = 3 * r->s->nv;
+    struct arena *a = &r->memory;
 
-    memset(f, 0, sizeof *f);
-    f->r = r;
-    f->start = calloc(6 * n, sizeof *f->start);
-    if (!f->start)
-        return error_set(err, EX_OSERR, "no memory for a registration");
-    f->d = f->start + n;
-    f->target = f->d + n;
-    f->weight = f->target + n;
-    f->normal = f->weight + n;
-    f->along = f->normal + n;
+    *f = (struct fit){
+        .r = r,
+        .start = arena_take(a, n, sizeof *f->start),
+        .d = arena_take(a, n, sizeof *f->d),
+        .target = arena_take(a, n, sizeof *f->target),
+        .weight = arena_take(a, n, sizeof *f->weight),
+        .normal = arena_take(a, n, sizeof *f->normal),
+        .along = arena_take(a, n, sizeof *f->along)
+    };
+    if (arena_check(a, "a registration", err))
+        return -1;
     memcpy(f->start, r->at, n * sizeof *f->start);
     register_normals(f->normal, r->s, r->at);
-    return smooth_mesh_init(&f->mesh, r->s->f, r->s->nf, r->s->nv, err) ||
-           nearest_init(&f->skin, r->scan->neutral, r->scan->f, r->scan->nf,
+    return smooth_mesh_init(&r->mesh, r->s->f, r->s->nf, r->s->nv, a, err) ||
+           nearest_init(&f->skin, r->scan->neutral, r->scan->f, r->scan->nf, a,
                         err) ? -1 : 0;
 }
 
 int registration_init(struct registration *r, const struct template *s,
                       const struct scan *scan, struct error *err)
 {
-    struct fit f = {0};
-    int rc = -1;
+    struct arena *a = &r->memory;
+    struct fit f;
 
     *r = (struct registration){.s = s, .scan = scan};
-    r->h = malloc(sizeof *r->h);
-    r->match = calloc(s->nv, sizeof *r->match);
-    r->at = malloc(3 * s->nv * sizeof *r->at);
-    if (!r->h || !r->match || !r->at) {
+    r->h = arena_take(a, 1, sizeof *r->h);
+    r->match = arena_take(a, s->nv, sizeof *r->match);
+    r->at = arena_take(a, 3 * s->nv, sizeof *r->at);
+    if (arena_check(a, "a registration", err)) {
         registration_release(r);
-        return error_set(err, EX_OSERR, "no memory for a registration");
+        return -1;
     }
     loops_make(r->h);
     for (size_t i = 0; i < 3 * s->nv; i++)
         r->at[i] = s->v_template[i];
-    if (!register_rims(r, err) && !register_bend_template(r, err)
-        && !register_fit_init(&f, r, err))
-        rc = register_all(&f, err);
-    register_fit_release(&f);
-    if (rc)
+    if (register_rims(r, err) || register_bend_template(r, err) ||
+        register_fit_init(&f, r, err) || register_all(&f, err)) {
         registration_release(r);
-    return rc;
+        return -1;
+    }
+    return 0;
 }
 
 void registration_release(struct registration *r)
 {
-    free(r->h);
-    free(r->match);
-    free(r->at);
-    memset(r, 0, sizeof *r);
+    arena_release(&r->memory);
+    *r = (struct registration){.s = NULL};
 }

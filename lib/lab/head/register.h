@@ -18,6 +18,7 @@
 #include "lib/base/error.h"
 #include "lib/lab/head/loops.h"
 #include "lib/lab/head/scan.h"
+#include "lib/lab/head/smooth.h"
 #include "lib/lab/head/template.h"
 
 static inline double mix(double a, double b, double t)
@@ -41,16 +42,17 @@ struct match {
 };
 
 struct registration {
+    struct arena memory;
     const struct template *s;     /* borrowed */
     const struct scan *scan;
     struct loops *h;             /* our mesh's loops */
+    struct smooth_mesh mesh;     /* and neighbours */
     struct match *match;        /* (nv) */
     double *at;                 /* (nv,3) where the template came to lie */
 };
 
 /* Lay the template of s (borrowed) on the neutral face of scan (borrowed).
- * -1 and *err when
- * memory is short or the rims do not match. */
+ * -1 and *err when memory is short or the rims do not match. */
 int registration_init(struct registration *r, const struct template *s,
                       const struct scan *scan, struct error *err);
 /* Free what it holds; zeroed then. */

@@ -3,7 +3,6 @@
 #include "lib/lab/head/register.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 
@@ -54,13 +53,13 @@ int register_bend(double *at, size_t n, const struct control *c,
 {
     const double slack = 1e-4;
     size_t m = count + 4;
-    double *A = calloc(m * m, sizeof *A), *B = calloc(3 * m, sizeof *B);
+    struct arena room = {0};
+    double *A = arena_take(&room, m * m, sizeof *A);
+    double *B = arena_take(&room, 3 * m, sizeof *B);
+    int rc = arena_check(&room, "controls", err);
 
-    if (!A || !B) {
-        free(A);
-        free(B);
-        return error_set(err, EX_OSERR, "no memory for %zu controls", count);
-    }
+    if (rc)
+        goto out;
     for (size_t i = 0; i < count; i++) {
         for (size_t j = 0; j < count; j++)
             A[i * m + j] = register_distance(c[i].from, c[j].from);
@@ -71,7 +70,7 @@ int register_bend(double *at, size_t n, const struct control *c,
         for (size_t k = 0; k < 3; k++)
             B[3 * i + k] = c[i].to[k] - c[i].from[k];
     }
-    int rc = !register_solve(A, B, m) ? 0 :
+    rc = !register_solve(A, B, m) ? 0 :
              error_set(err, EX_DATAERR, "the controls do not span a space "
                        "(expected four apart)");
     for (size_t v = 0; !rc && v < n; v++) {
@@ -86,7 +85,7 @@ int register_bend(double *at, size_t n, const struct control *c,
                 x[d] += k * B[3 * i + (size_t)d];
         }
     }
-    free(A);
-    free(B);
+out:
+    arena_release(&room);
     return rc;
 }

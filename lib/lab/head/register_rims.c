@@ -275,11 +275,9 @@ int register_rims(struct registration *r, struct error *err)
 {
     struct nearest skin;
 
-    if (nearest_init(&skin, r->scan->neutral, r->scan->f, r->scan->nf, err))
-        return -1;
-    int rc = rim_match_eye(r, &skin, err) || rim_match_lips(r, err) ? -1 : 0;
-    nearest_release(&skin);
-    return rc;
+    return nearest_init(&skin, r->scan->neutral, r->scan->f, r->scan->nf,
+                        &r->memory, err) ||
+           rim_match_eye(r, &skin, err) || rim_match_lips(r, err) ? -1 : 0;
 }
 
 /* ---- controls ----------------------------------------------------------- */

@@ -9,6 +9,7 @@
 
 #include "formats/safetensors.h"
 #include "lib/head/arkit.h"
+#include "lib/head/mirror.h"
 
 /* The 68 points' vertices, as ICT-FaceKit lists them. */
 const int32_t scan_landmarks[SCAN_LANDMARKS] = {
@@ -88,41 +89,69 @@ static int scan_expression_row(const cJSON *names, const char *name)
     return -1;
 }
 
-/* Our 53 of the file's 57 expressions, in our order. */
-static int scan_read_expressions(struct scan *s, const struct safetensors *st,
-                                 struct error *err)
+/* Our 53 of the file's 57 expressions, in our order: to from all. */
+static int scan_choose_expressions(float *to, const float *all,
+                                   const cJSON *names, struct error *err)
 {
     const size_t row = 3 * (size_t)SCAN_VERTS;
-    size_t dims[3] = {57, SCAN_VERTS, 3};
+
+    if (!cJSON_IsArray(names))
+        return error_set(err, EX_DATAERR, "metadata \"expression_names\" is "
+                         "missing (expected a list of names)");
+    for (int k = 0; k < ARKIT_COUNT; k++) {
+        int from = scan_expression_row(names, arkit_name(k));
+
+        if (from < 0 || from >= SCAN_EXPRESSIONS)
+            return error_set(err, EX_DATAERR, "no expression \"%s\" (expected "
+                             "the scans' file)", arkit_name(k));
+        memcpy(to + (size_t)k * row, all + (size_t)from * row,
+               row * sizeof *all);
+    }
+    return 0;
+}
+
+static int scan_check_quads(const int32_t *quads, struct error *err)
+{
+    for (size_t i = 0; i < 4 * SCAN_QUADS; i++)
+        if (quads[i] < 0 || quads[i] >= SCAN_VERTS)
+            return error_set(err, EX_DATAERR, "quads[%zu] is %d (expected 0 to "
+                             "%d)", i / 4, quads[i], SCAN_VERTS - 1);
+    return 0;
+}
+
+int scan_read(struct scan *s, const struct safetensors *st, struct error *err)
+{
+    const size_t dims[3] = {SCAN_IDENTITIES, SCAN_VERTS, 3};
+    const size_t acts[3] = {SCAN_EXPRESSIONS, SCAN_VERTS, 3};
+    const size_t quads[2] = {SCAN_QUADS, 4};
     const char *text = st_meta(st, "expression_names");
     cJSON *names = text ? cJSON_Parse(text) : NULL;
     float *all = NULL;
     int rc = -1;
 
-    if (!cJSON_IsArray(names)) {
-        error_set(err, EX_DATAERR, "%s: metadata \"expression_names\" is "
-                  "missing (expected a list of names)", st_path(st));
-        goto out;
-    }
-    all = st_load_f32(st, "expression", 3, dims, NULL, err);
-    s->expression = malloc(ARKIT_COUNT * row * sizeof *all);
-    if (!all || !s->expression)
-        goto out;
-    for (int k = 0; k < ARKIT_COUNT; k++) {
-        int from = scan_expression_row(names, arkit_name(k));
+    *s = (struct scan){.nf = 0};
+    struct arena *a = &s->memory;
 
-        if (from < 0 || from >= (int)dims[0]) {
-            error_set(err, EX_DATAERR, "%s: no expression \"%s\" (expected "
-                      "the scans' file)", st_path(st), arkit_name(k));
-            goto out;
-        }
-        memcpy(s->expression + (size_t)k * row, all + (size_t)from * row,
-               row * sizeof *all);
-    }
-    rc = 0;
-out:
+    s->neutral = arena_keep(a, st_load_f32(st, "neutral", 2, dims + 1, NULL,
+                                           err), err);
+    if (s->neutral)
+        s->identity = arena_keep(a, st_load_f32(st, "identity", 3, dims, NULL,
+                                                err), err);
+    if (s->identity)
+        s->quads = arena_keep(a, st_load_i32(st, "quads", 2, quads, NULL, err),
+                              err);
+    if (s->quads)
+        all = st_load_f32(st, "expression", 3, acts, NULL, err);
+    s->expression = arena_take(a, ARKIT_COUNT * 3 * (size_t)SCAN_VERTS,
+                               sizeof *s->expression);
+    if (all && arena_check(a, "the scans", err) == 0)
+        rc = scan_check_quads(s->quads, err) ||
+             scan_choose_expressions(s->expression, all, names, err)
+             ? error_prefix(err, "%s", st_path(st)) : 0;
     free(all);
     cJSON_Delete(names);
+    if (rc)
+        scan_release(s);
     return rc;
 }
 
@@ -141,25 +170,22 @@ static void scan_to_metres(struct scan *s)
         s->expression[i] *= (float)SCAN_SCALE;
 }
 
+static bool scan_is_skin(const int32_t *q)
+{
+    return q[0] < SCAN_SKIN && q[1] < SCAN_SKIN && q[2] < SCAN_SKIN &&
+           q[3] < SCAN_SKIN;
+}
+
 /* The skin's quads, each as two triangles. */
 static int scan_make_triangles(struct scan *s, struct error *err)
 {
-    s->f = malloc(6 * (size_t)SCAN_QUADS * sizeof *s->f);
-    if (!s->f)
-        return error_set(err, EX_OSERR, "no memory for the scans' faces");
+    s->f = arena_take(&s->memory, 6 * SCAN_QUADS, sizeof *s->f);
+    if (arena_check(&s->memory, "the scans' faces", err))
+        return -1;
     for (size_t i = 0; i < SCAN_QUADS; i++) {
         const int32_t *q = s->quads + 4 * i;
-        int skin = 1;
 
-        for (int k = 0; k < 4; k++) {
-            if (q[k] < 0 || q[k] >= SCAN_VERTS)
-                return error_set(err, EX_DATAERR, "quads[%zu] is %d (expected "
-                                 "0 to %d)", i, q[k], SCAN_VERTS - 1);
-            skin &= q[k] < SCAN_SKIN;
-        }
-        if (!skin)
-            continue;
-        for (int t = 0; t < 2; t++) {
+        for (int t = 0; scan_is_skin(q) && t < 2; t++) {
             int32_t *f = s->f + 3 * s->nf;
 
             f[0] = q[0], f[1] = q[1 + t], f[2] = q[2 + t];
@@ -169,100 +195,51 @@ static int scan_make_triangles(struct scan *s, struct error *err)
     return 0;
 }
 
-struct place { float y; int32_t v; };
-
-static int scan_by_height(const void *a, const void *b)
-{
-    const struct place *p = a, *q = b;
-
-    return (p->y > q->y) - (p->y < q->y);
-}
-
 /* The neutral face is symmetric to within the file's rounding. */
 static int scan_find_mirror(struct scan *s, struct error *err)
 {
     const float near = 1e-4f;
-    struct place *order = malloc(SCAN_SKIN * sizeof *order);
-
-    s->mirror = malloc(SCAN_SKIN * sizeof *s->mirror);
-    if (!order || !s->mirror) {
-        free(order);
-        return error_set(err, EX_OSERR, "no memory for the scans' mirror");
-    }
-    for (int32_t v = 0; v < SCAN_SKIN; v++)
-        order[v] = (struct place){s->neutral[3 * v + 1], v};
-    qsort(order, SCAN_SKIN, sizeof *order, scan_by_height);
+    size_t *other = arena_take(&s->memory, SCAN_SKIN, sizeof *other);
     int lost = 0;
-    for (int at = 0; at < SCAN_SKIN; at++) {
-        const float *p = s->neutral + 3 * order[at].v;
-        float min = 3 * near;
-        int32_t best = -1;
 
-        for (int way = -1; way <= 1; way += 2)
-            for (int i = at + (way < 0 ? 0 : 1); i >= 0 && i < SCAN_SKIN &&
-                 fabsf(order[i].y - order[at].y) < near; i += way) {
-                const float *q = s->neutral + 3 * order[i].v;
-                float d = fabsf(p[0] + q[0]) + fabsf(p[1] - q[1]) +
-                          fabsf(p[2] - q[2]);
+    s->mirror = arena_take(&s->memory, SCAN_SKIN, sizeof *s->mirror);
+    if (arena_check(&s->memory, "the scans' mirror", err) ||
+        mirror_vertices(other, s->neutral, SCAN_SKIN, err))
+        return -1;
+    for (size_t v = 0; v < SCAN_SKIN; v++) {
+        const float *p = s->neutral + 3 * v, *q = s->neutral + 3 * other[v];
 
-                if (d < min) {
-                    min = d;
-                    best = order[i].v;
-                }
-            }
-        s->mirror[order[at].v] = best;
-        lost += best < 0;
+        s->mirror[v] = (int32_t)other[v];
+        lost += fabsf(p[0] + q[0]) + fabsf(p[1] - q[1]) + fabsf(p[2] - q[2]) >=
+                3 * near;
     }
-    free(order);
     return lost ? error_set(err, EX_DATAERR, "%d vertices of the neutral face "
                             "have no mirror image (expected none)", lost) : 0;
 }
 
 int scan_load(struct scan *s, const char *path, struct error *err)
 {
-    size_t dims[3] = {SCAN_IDENTITIES, SCAN_VERTS, 3};
-    size_t quads[2] = {SCAN_QUADS, 4};
-    int rc = -1;
-
-    memset(s, 0, sizeof *s);
     struct safetensors *st = st_open(path, err);
-    if (!st)
-        return -1;
-    s->neutral = st_load_f32(st, "neutral", 2, dims + 1, NULL, err);
-    if (s->neutral)
-        s->identity = st_load_f32(st, "identity", 3, dims, NULL, err);
-    if (s->identity)
-        s->quads = st_load_i32(st, "quads", 2, quads, NULL, err);
-    if (s->quads && !scan_read_expressions(s, st, err)) {
-        scan_to_metres(s);
-        rc = scan_make_triangles(s, err) || scan_find_mirror(s, err) ? -1 : 0;
-        if (rc)
-            error_prefix(err, "%s", path);
-    }
+    int rc = st ? scan_read(s, st, err) : -1;
+
     st_close(st);
     if (rc)
+        return -1;
+    scan_to_metres(s);
+    if (scan_make_triangles(s, err) || scan_find_mirror(s, err)) {
         scan_release(s);
-    return rc;
+        return error_prefix(err, "%s", path);
+    }
+    return 0;
 }
 
 void scan_release(struct scan *s)
 {
-    free(s->neutral);
-    free(s->identity);
-    free(s->expression);
-    free(s->quads);
-    free(s->f);
-    free(s->mirror);
-    memset(s, 0, sizeof *s);
+    arena_release(&s->memory);
+    *s = (struct scan){.nf = 0};
 }
 
 /* ---- loops of vertices --------------------------------------------------- */
-
-static bool scan_is_skin(const int32_t *q)
-{
-    return q[0] < SCAN_SKIN && q[1] < SCAN_SKIN && q[2] < SCAN_SKIN &&
-           q[3] < SCAN_SKIN;
-}
 
 /* The skin's quad with the edge a to b, *at where a stands in it; NULL when
  * there is none. */

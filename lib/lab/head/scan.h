@@ -14,7 +14,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "lib/base/error.h"
+#include "lib/base/arena.h"
+#include "formats/safetensors.h"
 
 #define SCAN_IDENTITIES 100
 #define SCAN_SCALE 0.01                     /* metres in a centimetre */
@@ -23,7 +24,7 @@
 #define SCAN_SHIFT_Z -0.013
 
 enum {
-    SCAN_VERTS = 26719, SCAN_QUADS = 26384,
+    SCAN_VERTS = 26719, SCAN_QUADS = 26384, SCAN_EXPRESSIONS = 57,
     SCAN_FACE = 9409,           /* vertices of the face, the first */
     SCAN_SKIN = 11248,          /* and of head and neck behind them */
     SCAN_TEETH = 17039, SCAN_TEETH_END = 21451,
@@ -38,6 +39,7 @@ enum {
 
 /* Lengths in metres in our world, shapes as differences in metres. */
 struct scan {
+    struct arena memory;        /* of all its arrays */
     float *neutral;             /* (SCAN_VERTS,3) */
     float *identity;            /* (100,SCAN_VERTS,3) one deviation each */
     float *expression;          /* (53,SCAN_VERTS,3) lib/head/arkit.h's order */
@@ -66,6 +68,10 @@ extern const int32_t scan_landmarks[SCAN_LANDMARKS];    /* vertices */
  * there; *s is then released. */
 int scan_load(struct scan *s, const char *path, struct error *err);
 void scan_release(struct scan *s);          /* a zeroed scan is allowed */
+
+/* neutral, identity, expression and quads alone, still in the file's
+ * centimetres. */
+int scan_read(struct scan *s, const struct safetensors *st, struct error *err);
 
 /* The border of the skin from vertex `first` on, in the order of the faces'
  * edges: its vertices and how many; 0 when first does not lie on one. */

@@ -4,9 +4,7 @@
 
 #include <math.h>
 #include <stdbool.h>
-#include <stdlib.h>
 #include <string.h>
-#include <sysexits.h>
 
 #include "lib/lab/head/scan.h"
 
@@ -207,16 +205,14 @@ static struct scan_lid_part lid_follow(const struct scan_lids *l,
 
 int scan_lids_init(struct scan_lids *l, const float *neutral,
                    const float *blink_left, const float *blink_right,
-                   double unit, struct error *err)
+                   double unit, struct arena *memory, struct error *err)
 {
     const float *const blink[2] = {blink_left, blink_right};
 
-    memset(l, 0, sizeof *l);
-    l->p = malloc(SCAN_VERTS * sizeof *l->p);
-    if (!l->p)
-        return error_set(err, EX_OSERR, "no memory for the scans' lids");
-    l->neutral = neutral;
-    l->unit = unit;
+    *l = (struct scan_lids){.neutral = neutral, .unit = unit,
+                            .p = arena_take(memory, SCAN_VERTS, sizeof *l->p)};
+    if (arena_check(memory, "the scans' lids", err))
+        return -1;
     lid_make_lines(l, neutral, blink, unit);
     for (int32_t v = 0; v < SCAN_VERTS; v++) {
         /* gums, teeth and eyeballs have no part in it */
@@ -226,12 +222,6 @@ int scan_lids_init(struct scan_lids *l, const float *neutral,
         l->n += l->p[l->n].weight > 1e-3f;
     }
     return 0;
-}
-
-void scan_lids_release(struct scan_lids *l)
-{
-    free(l->p);
-    memset(l, 0, sizeof *l);
 }
 
 /* out (SCAN_LID_LINE) = how far the vertices of line k are to go away from the

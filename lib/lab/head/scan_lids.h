@@ -13,7 +13,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "lib/base/error.h"
+#include "lib/base/arena.h"
 
 enum { SCAN_LID_LINE = 24 };    /* vertices of a lid's margin, corners too */
 
@@ -51,9 +51,7 @@ struct scan_lids {
  * for head units).  neutral is borrowed. */
 int scan_lids_init(struct scan_lids *l, const float *neutral,
                    const float *blink_left, const float *blink_right,
-                   double unit, struct error *err);
-/* Free what it holds; zeroed then. */
-void scan_lids_release(struct scan_lids *l);
+                   double unit, struct arena *memory, struct error *err);
 
 /* x (SCAN_VERTS,3) += the correction of a blink of weights left and right (0
  * to 1) of the person whose face without expression is `folded`.  To be added

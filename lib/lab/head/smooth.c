@@ -2,25 +2,19 @@
  * the stiffness times the squared differences between neighbours. */
 #include "lib/lab/head/smooth.h"
 
-#include <stdlib.h>
 #include <string.h>
-#include <sysexits.h>
 
 int smooth_mesh_init(struct smooth_mesh *m, const int32_t *faces, size_t nf,
-                     size_t nv, struct error *err)
+                     size_t nv, struct arena *memory, struct error *err)
 {
     size_t n = 0;
-    int32_t *count = calloc(nv + 1, sizeof *count);
+    int32_t *count = arena_take(memory, nv, sizeof *count);
 
     m->nv = nv;
-    m->at = calloc(nv + 1, sizeof *m->at);
-    m->link = malloc((6 * nf + 1) * sizeof *m->link);
-    if (!count || !m->at || !m->link) {
-        free(count);
-        smooth_mesh_release(m);
-        return error_set(err, EX_OSERR, "no memory for %zu neighbours",
-                         6 * nf);
-    }
+    m->at = arena_take(memory, nv + 1, sizeof *m->at);
+    m->link = arena_take(memory, 6 * nf, sizeof *m->link);
+    if (arena_check(memory, "neighbours", err))
+        return -1;
     for (size_t i = 0; i < 3 * nf; i++)
         m->at[faces[i] + 1] += 2;
     for (size_t v = 0; v < nv; v++)
@@ -45,15 +39,7 @@ int smooth_mesh_init(struct smooth_mesh *m, const int32_t *faces, size_t nf,
         n += (size_t)count[v];
     }
     m->at[nv] = (int32_t)n;
-    free(count);
     return 0;
-}
-
-void smooth_mesh_release(struct smooth_mesh *m)
-{
-    free(m->at);
-    free(m->link);
-    memset(m, 0, sizeof *m);
 }
 
 void smooth_mean(double out[3], const struct smooth_mesh *m, const double *x,
@@ -129,12 +115,18 @@ int smooth_fit(double *d, const struct smooth_mesh *m, const double *target,
                struct error *err)
 {
     size_t n = 3 * m->nv;
-    double *room = calloc(5 * n + 1, sizeof *room);
-    double *r = room, *p = r + n, *q = p + n, *z = q + n;
-    struct system s = {m, weight, normal, along, stiff, z + n};
+    struct arena room = {0};
+    double *r = arena_take(&room, n, sizeof *r);
+    double *p = arena_take(&room, n, sizeof *p);
+    double *q = arena_take(&room, n, sizeof *q);
+    double *z = arena_take(&room, n, sizeof *z);
+    struct system s = {m, weight, normal, along, stiff,
+                       arena_take(&room, n, sizeof *s.bent)};
 
-    if (!room)
-        return error_set(err, EX_OSERR, "no memory for a smooth fit");
+    if (arena_check(&room, "a smooth fit", err)) {
+        arena_release(&room);
+        return -1;
+    }
     for (size_t v = 0; v < m->nv; v++)
         smooth_pull_add(r + 3 * v, &s, v, target + 3 * v);
     double start = smooth_dot(r, r, n);
@@ -157,6 +149,6 @@ int smooth_fit(double *d, const struct smooth_mesh *m, const double *target,
             r[i] -= step * q[i];
         }
     }
-    free(room);
+    arena_release(&room);
     return 0;
 }

@@ -6,7 +6,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "lib/base/error.h"
+#include "lib/base/arena.h"
 
 /* Neighbours by edge: those of v are link[at[v]] .. link[at[v + 1] - 1]. */
 struct smooth_mesh {
@@ -15,9 +15,7 @@ struct smooth_mesh {
 };
 /* From faces (nf,3) of nv vertices. */
 int smooth_mesh_init(struct smooth_mesh *m, const int32_t *faces, size_t nf,
-                     size_t nv, struct error *err);
-/* Free what it holds; zeroed then. */
-void smooth_mesh_release(struct smooth_mesh *m);
+                     size_t nv, struct arena *memory, struct error *err);
 
 /* out (3) = mean of x (V,3) over v's neighbours; x[v] where it has none. */
 void smooth_mean(double out[3], const struct smooth_mesh *m, const double *x,

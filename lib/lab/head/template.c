@@ -73,6 +73,7 @@ static int template_read(struct template *t, const struct safetensors *st,
             ? (void *)st_load_i32(st, f->name, ndim, f->dim, &count, err)
             : (void *)st_load_f32(st, f->name, ndim, f->dim, &count, err);
 
+        x = arena_keep(&t->memory, x, err);
         if (!x)
             return -1;
         memcpy(at, &x, sizeof x);
@@ -114,10 +115,10 @@ int template_load(struct template *t, const char *path, struct error *err)
 
     *t = (struct template){ .nv = VERTICES };
     if (st && !template_read(t, st, mesh, COUNT(mesh), err) &&
-        (t->shapedirs = template_directions(st, "shapedirs",
-                                            TEMPLATE_DIRECTIONS, err)) &&
-        (t->posedirs = template_directions(st, "posedirs", TEMPLATE_POSES,
-                                           err)) &&
+        (t->shapedirs = arena_keep(&t->memory, template_directions(
+             st, "shapedirs", TEMPLATE_DIRECTIONS, err), err)) &&
+        (t->posedirs = arena_keep(&t->memory, template_directions(
+             st, "posedirs", TEMPLATE_POSES, err), err)) &&
         !template_read(t, st, rig, COUNT(rig), err))
         rc = template_read(t, st, lids, COUNT(lids), err);
     st_close(st);
@@ -126,24 +127,9 @@ int template_load(struct template *t, const char *path, struct error *err)
     return rc;
 }
 
-static void template_free(struct template *t, const struct field *list,
-                          size_t n)
-{
-    for (size_t i = 0; i < n; i++) {
-        void *x;
-
-        memcpy(&x, (char *)t + list[i].at, sizeof x);
-        free(x);
-    }
-}
-
 void template_release(struct template *t)
 {
-    template_free(t, mesh, COUNT(mesh));
-    template_free(t, rig, COUNT(rig));
-    template_free(t, lids, COUNT(lids));
-    free(t->shapedirs);
-    free(t->posedirs);
+    arena_release(&t->memory);
     *t = (struct template){ 0 };
 }
 

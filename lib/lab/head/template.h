@@ -10,7 +10,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "lib/base/error.h"
+#include "lib/base/arena.h"
 #include "lib/head/head.h"
 
 enum {
@@ -26,6 +26,7 @@ enum {
 /* lib/head/head.h's arrays, owned; sizes V vertices, F triangles.  The mesh is
  * lib/lab/head/loops.h's. */
 struct template {
+    struct arena memory;
     size_t nv, nf, nlip_inner, nlip_upper_outer, nlid;
     float *v_template, *shapedirs, *posedirs, *j_regressor, *weights;
     float *l_eyelid, *r_eyelid, *landmark_bary, *hair, *uv, *lid_shapedirs;

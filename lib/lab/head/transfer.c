@@ -7,7 +7,6 @@
 
 #include "lib/head/arkit.h"
 #include "lib/lab/head/nearest.h"
-#include "lib/lab/head/smooth.h"
 
 #define NECK_HOLD 0.85          /* share of its widening that is taken away */
 
@@ -82,13 +81,10 @@ static int transfer_shape(double *d, const struct registration *r,
 {
     enum { ROUNDS = 300 };      /* the neck below the scans is 12 rows high */
     size_t nv = r->s->nv;
-    struct smooth_mesh mesh = {0};
     float *face = calloc(3 * SCAN_VERTS, sizeof *face);
 
-    if (!face || smooth_mesh_init(&mesh, r->s->f, r->s->nf, nv, err)) {
-        free(face);
+    if (!face)
         return error_set(err, EX_OSERR, "no memory for a shape");
-    }
     for (size_t i = 0; i < 3 * SCAN_VERTS; i++)
         face[i] = r->scan->neutral[i] + shape[i];
     memset(d, 0, 3 * nv * sizeof *d);
@@ -101,14 +97,13 @@ static int transfer_shape(double *d, const struct registration *r,
 
             if (trust >= 1 || r->s->region[v] == REGION_EYEBALL)
                 continue;
-            smooth_mean(mean, &mesh, d, v);
+            smooth_mean(mean, &r->mesh, d, v);
             match_point(own, &r->match[v], shape);
             for (size_t c = 0; c < 3; c++)
                 d[3 * v + c] = pinned && r->at[3 * v + 1] < -0.16 ? 0
                              : mix(mean[c], own[c], trust);
         }
     transfer_move_balls(d, r, balls ? face : NULL);
-    smooth_mesh_release(&mesh);
     free(face);
     return 0;
 }
@@ -208,23 +203,19 @@ static int transfer_carry_landmarks(struct template *s, const struct scan *scan,
                                     struct error *err)
 {
     struct nearest t;
-    int32_t *skin = malloc(3 * s->nf * sizeof *skin);
-    int32_t *from = malloc(s->nf * sizeof *from);
+    struct arena room = {0};
+    int32_t *skin = arena_take(&room, 3 * s->nf, sizeof *skin);
+    int32_t *from = arena_take(&room, s->nf, sizeof *from);
     size_t n = 0;
-    int rc = -1;
+    int rc = arena_check(&room, "landmarks", err);
 
-    if (!skin || !from) {
-        error_set(err, EX_OSERR, "no memory for landmarks");
-        goto out;
-    }
-    for (size_t i = 0; i < s->nf; i++)
+    for (size_t i = 0; !rc && i < s->nf; i++)
         if (s->region[s->f[3 * i]] != REGION_EYEBALL) {
             memcpy(skin + 3 * n, s->f + 3 * i, 3 * sizeof *skin);
             from[n++] = (int32_t)i;
         }
-    if (nearest_init(&t, s->v_template, skin, n, err))
-        goto out;
-    for (int k = 0; k < TEMPLATE_LANDMARKS; k++) {
+    rc = rc || nearest_init(&t, s->v_template, skin, n, &room, err) ? -1 : 0;
+    for (int k = 0; !rc && k < TEMPLATE_LANDMARKS; k++) {
         struct nearest_hit hit;
         const float *q = scan->neutral + 3 * scan_landmarks[k];
         double p[3] = {q[0], q[1], q[2]};
@@ -234,11 +225,7 @@ static int transfer_carry_landmarks(struct template *s, const struct scan *scan,
         for (int c = 0; c < 3; c++)
             s->landmark_bary[3 * k + c] = (float)hit.bary[c];
     }
-    nearest_release(&t);
-    rc = 0;
-out:
-    free(skin);
-    free(from);
+    arena_release(&room);
     return rc;
 }
 

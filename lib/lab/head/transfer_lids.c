@@ -2,9 +2,7 @@
  * by identity. */
 #include "lib/lab/head/transfer.h"
 
-#include <stdlib.h>
 #include <string.h>
-#include <sysexits.h>
 
 #include "lib/head/arkit.h"
 #include "lib/lab/head/scan_lids.h"
@@ -52,16 +50,12 @@ static void lid_add_mean(struct template *s, const struct registration *r,
 /* Which of our vertices a correction moves by more than a micrometre or two:
  * those that follow the margins for the mean. */
 static int lid_list_vertices(struct template *s, const struct registration *r,
-                             const float *shape)
+                             const float *shape, struct error *err)
 {
-    free(s->lid_vertices);
-    free(s->lid_sides);
-    free(s->lid_shapedirs);
     s->nlid = 0;
-    s->lid_shapedirs = NULL;
-    s->lid_vertices = malloc(s->nv * sizeof *s->lid_vertices);
-    s->lid_sides = malloc(s->nv * sizeof *s->lid_sides);
-    if (!s->lid_vertices || !s->lid_sides)
+    s->lid_vertices = arena_take(&s->memory, s->nv, sizeof *s->lid_vertices);
+    s->lid_sides = arena_take(&s->memory, s->nv, sizeof *s->lid_sides);
+    if (arena_check(&s->memory, "lids", err))
         return -1;
     for (size_t v = 0; v < s->nv; v++) {
         double d[3];
@@ -72,9 +66,9 @@ static int lid_list_vertices(struct template *s, const struct registration *r,
         s->lid_vertices[s->nlid] = (int32_t)v;
         s->lid_sides[s->nlid++] = s->v_template[3 * v] < 0;
     }
-    s->lid_shapedirs = calloc(3 * s->nlid * TEMPLATE_LID_SHAPES + 1,
-                              sizeof *s->lid_shapedirs);
-    return s->lid_shapedirs ? 0 : -1;
+    s->lid_shapedirs = arena_take(&s->memory, 3 * s->nlid * TEMPLATE_LID_SHAPES,
+                                  sizeof *s->lid_shapedirs);
+    return arena_check(&s->memory, "lids", err);
 }
 
 int transfer_lids(struct template *s, const struct registration *r,
@@ -82,22 +76,18 @@ int transfer_lids(struct template *s, const struct registration *r,
 {
     const struct scan *scan = r->scan;
     const float *blink = scan->expression + (size_t)ROW * ARKIT_EYE_BLINK_L;
-    struct scan_lids l = {0};
-    float *shape = malloc(2 * ROW * sizeof *shape);
-    int rc = -1;
+    struct scan_lids l;
+    float *shape = arena_take(&s->memory, 2 * ROW, sizeof *shape);
 
-    if (!shape)
-        return error_set(err, EX_OSERR, "no memory for lids");
-    if (scan_lids_init(&l, scan->neutral, blink, blink + ROW, 1, err))
-        goto out;
+    if (scan_lids_init(&l, scan->neutral, blink, blink + ROW, 1, &s->memory,
+                       err))
+        return -1;
     lid_correction(shape, NULL, scan, &l, NULL);
     lid_add_mean(s, r, shape);
     /* a shape that opens both eyes moves all that ever follows */
     lid_correction(shape, shape + ROW, scan, &l, scan->identity);
-    if (lid_list_vertices(s, r, shape)) {
-        error_set(err, EX_OSERR, "no memory for lids");
-        goto out;
-    }
+    if (lid_list_vertices(s, r, shape, err))
+        return -1;
     for (size_t k = 0; k < TEMPLATE_LID_SHAPES; k++) {
         lid_correction(shape, shape + ROW, scan, &l,
                        scan->identity + k * (size_t)ROW);
@@ -110,9 +100,5 @@ int transfer_lids(struct template *s, const struct registration *r,
                     (float)d[c];
         }
     }
-    rc = 0;
-out:
-    scan_lids_release(&l);
-    free(shape);
-    return rc;
+    return 0;
 }

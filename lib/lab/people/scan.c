@@ -70,7 +70,7 @@ static void scan_list_free(char **list)
 
 /* One piece of each folder in DIR/makehuman/kind.  The picture is the PNG that
  * ends in `picture`; NULL: it has none. */
-static int scan_load_rack(struct scan_rack *r, const struct body *b,
+static int scan_load_rack(struct scan_rack *r, struct scan_assets *a,
                           const char *dir, const char *kind,
                           const char *picture, const char *only, float above,
                           struct error *err)
@@ -97,8 +97,8 @@ static int scan_load_rack(struct scan_rack *r, const struct body *b,
         rc = bind ? 0 : -1;
         for (size_t k = 0; !rc && bind[k] && r->n < SCAN_PIECES; k++) {
             bind[k][strlen(bind[k]) - 6] = 0;
-            rc = piece_load(&r->piece[r->n++], b, base, bind[k],
-                            bind[k], picture ? file : NULL, above, err);
+            rc = piece_load(&r->piece[r->n++], &a->body, base, bind[k],
+                            picture ? file : NULL, above, &a->memory, err);
         }
         scan_list_free(bind);
     }
@@ -119,7 +119,7 @@ static int scan_load_irises(struct scan_assets *a, const char *dir,
         return -1;
     for (size_t i = 0; !rc && name[i] && a->niris < SCAN_PIECES; i++) {
         snprintf(file, sizeof file, "%s/%s", path, name[i]);
-        rc = bitmap_load(&a->iris[a->niris++], file, err);
+        rc = bitmap_load(&a->iris[a->niris++], file, &a->memory, err);
     }
     scan_list_free(name);
     return rc;
@@ -138,7 +138,7 @@ static int scan_load_light(void *ctx, size_t i, struct error *err)
     char file[PATH + 300];
 
     snprintf(file, sizeof file, "%s/%s", c->path, c->name[i]);
-    return light_map_load(&c->a->light[i], file, err);
+    return light_map_load(&c->a->light[i], file, &c->a->memory, err);
 }
 
 /* All panoramas, each made ready by a thread. */
@@ -155,11 +155,11 @@ static int scan_load_lights(struct scan_assets *a, const char *dir,
         return -1;
     while (name[n])
         n++;
-    a->light = calloc(n, sizeof *a->light);
-    a->nlight = a->light ? n : 0;
-    rc = a->light ? parallel_try(a->nlight, scan_load_light,
-                                 &(struct scan_lights){a, path, name}, err)
-                  : error_set(err, EX_OSERR, "out of memory");
+    a->light = arena_take(&a->memory, n, sizeof *a->light);
+    a->nlight = n;
+    rc = arena_check(&a->memory, "lights", err) ||
+         parallel_try(n, scan_load_light, &(struct scan_lights){a, path, name},
+                      err) ? -1 : 0;
     scan_list_free(name);
     return rc;
 }
@@ -168,19 +168,20 @@ static int scan_load_lights(struct scan_assets *a, const char *dir,
 static int scan_make_torso(struct scan_assets *a, struct error *err)
 {
     const struct body *b = &a->body;
-    int32_t *f = malloc(3 * b->mesh.nf * sizeof *f);
-    float *p = malloc(3 * b->nbody * sizeof *p);
+    struct arena room = {0};
+    int32_t *f = arena_take(&room, 3 * b->mesh.nf, sizeof *f);
+    float *p = arena_take(&room, 3 * b->nbody, sizeof *p);
     size_t n = 0;
-    int rc = -1;
+    int rc = arena_check(&room, "the body", err);
 
-    for (size_t i = 0; f && p && i < b->mesh.nf; i++) {
+    for (size_t i = 0; !rc && i < b->mesh.nf; i++) {
         const int32_t *v = b->mesh.f + 3 * i;
         if (b->place[3 * v[0] + 1] < -0.72f
             || b->place[3 * v[1] + 1] < -0.72f)
             memcpy(f + 3 * n++, v, 3 * sizeof *f);
     }
     /* a little inside of clothes, and of the scans' neck */
-    for (size_t i = 0; f && p && i < b->nbody; i++) {
+    for (size_t i = 0; !rc && i < b->nbody; i++) {
         const float *q = b->place + 3 * i;
         float in = 0.006f + 0.010f * ramp(-1.1f, -1.4f, q[1]);
         float d[3] = {q[0], 0, q[2] + 0.45f};
@@ -189,12 +190,9 @@ static int scan_make_torso(struct scan_assets *a, struct error *err)
         if (l > 0.05f)
             mad3(p + 3 * i, q, d, -in / l);
     }
-    if (f && p)
-        rc = piece_make(&a->torso, b, "body", p, b->nbody, f, n, LOWEST, err);
-    else
-        error_set(err, EX_OSERR, "out of memory for the body");
-    free(f);
-    free(p);
+    rc = rc || piece_make(&a->torso, b, p, b->nbody, f, n, LOWEST, &a->memory,
+                          err) ? -1 : 0;
+    arena_release(&room);
     return rc;
 }
 
@@ -214,14 +212,14 @@ static int scan_find_labels(struct scan_assets *a, const struct head *h,
 {
     struct near_grid g;
 
-    a->label = malloc(FACE_VERTICES);
-    a->hairy = calloc(FACE_VERTICES, sizeof *a->hairy);
-    if (!a->label || !a->hairy)
-        return error_set(err, EX_OSERR, "out of memory");
+    a->label = arena_take(&a->memory, FACE_VERTICES, 1);
+    a->hairy = arena_take(&a->memory, FACE_VERTICES, sizeof *a->hairy);
+    if (arena_check(&a->memory, "the scans", err))
+        return -1;
     memset(a->label, LABEL_SKIN, FACE_VERTICES);
     if (!h->region)
         return 0;
-    if (near_init(&g, h->v_template, h->V, 0.05f, err))
+    if (near_init(&g, h->v_template, h->V, 0.05f, &a->memory, err))
         return -1;
     for (size_t i = 0; i < FACE_NECK_END; i++) {
         int32_t at = 0;
@@ -229,7 +227,6 @@ static int scan_find_labels(struct scan_assets *a, const struct head *h,
         a->hairy[i] = h->hair ? h->hair[at] : 0;
         a->label[i] = scan_label_of(h->region[at]);
     }
-    near_release(&g);
     return 0;
 }
 
@@ -237,13 +234,15 @@ static int scan_find_labels(struct scan_assets *a, const struct head *h,
 static int scan_find_points(struct scan_assets *a, const char *dir,
                             struct error *err)
 {
-    int32_t vertex[REGISTER_POINTS];
+    struct landmark_map map;
+    char path[PATH];
 
-    if (register_map_read(vertex, NULL, dir, err))
+    snprintf(path, sizeof path, "%s/labels/mediapipe_to_ict.json", dir);
+    if (landmark_map_read(&map, path, err))
         return -1;
-    for (int k = 0; k < REGISTER_POINTS; k++) {
+    for (int k = 0; k < LANDMARK_FACE; k++) {
         size_t c = 0;
-        while (c + 1 < a->face.nc && a->face.source[c] != vertex[k])
+        while (c + 1 < a->face.nc && a->face.source[c] != map.vertex[k])
             c++;
         a->point[k] = (int32_t)c;
     }
@@ -288,25 +287,27 @@ struct scan_assets *scan_open(const char *dir, const char *traits,
         error_set(err, EX_OSERR, "out of memory");
         return NULL;
     }
-    snprintf(path, sizeof path, "%s/ict", dir);
+    struct arena *memory = &a->memory;
+
+    snprintf(path, sizeof path, "%s/ict/ict.safetensors", dir);
     rc = traits_load(&a->traits, traits, err)
-         || scan_face_load(&a->face, path, err)
+         || scan_face_load(&a->face, path, memory, err)
          || scan_check_head(a, head, err) || scan_find_labels(a, head, err)
          || scan_find_points(a, dir, err)
-         || follow_map_init(&a->follow, &a->face, head, err);
+         || follow_map_init(&a->follow, &a->face, head, memory, err);
     snprintf(path, sizeof path, "%s/makehuman", dir);
-    rc = rc || body_load(&a->body, &a->face, path, err) ||
-         scan_make_torso(a, err) || hand_make(&a->hand, &a->body, err) ||
-         scan_load_rack(&a->hair, &a->body, dir, "hair", "_diffuse.png", NULL,
-                        -9, err) ||
-         scan_load_rack(&a->hat, &a->body, dir, "clothes", NULL, "fedora01", -9,
+    rc = rc || body_load(&a->body, &a->face, path, memory, err) ||
+         scan_make_torso(a, err) || hand_make(&a->hand, &a->body, memory, err) ||
+         scan_load_rack(&a->hair, a, dir, "hair", "_diffuse.png", NULL, -9,
                         err) ||
-         scan_load_rack(&a->cloth, &a->body, dir, "clothes", "_diffuse.png",
-                        NULL, LOWEST, err) ||
+         scan_load_rack(&a->hat, a, dir, "clothes", NULL, "fedora01", -9,
+                        err) ||
+         scan_load_rack(&a->cloth, a, dir, "clothes", "_diffuse.png", NULL,
+                        LOWEST, err) ||
          scan_load_irises(a, dir, err) ||
          scan_load_lights(a, dir, err) ||
          sky_measure(a, err) ||
-         skin_model_fit(&a->skin, &a->face, dir, err) ||
+         skin_model_fit(&a->skin, &a->face, dir, memory, err) ||
          act_model_fit(&a->act, dir, err);
     if (rc) {
         scan_close(a);
@@ -315,33 +316,10 @@ struct scan_assets *scan_open(const char *dir, const char *traits,
     return a;
 }
 
-static void scan_rack_release(struct scan_rack *r)
-{
-    for (size_t i = 0; i < r->n; i++)
-        piece_release(&r->piece[i]);
-}
-
 void scan_close(struct scan_assets *a)
 {
     if (!a)
         return;
-    scan_plain_release(a->plain);
-    scan_face_release(&a->face);
-    follow_map_release(&a->follow);
-    body_release(&a->body);
-    piece_release(&a->torso);
-    piece_release(&a->hand);
-    scan_rack_release(&a->hair);
-    scan_rack_release(&a->hat);
-    scan_rack_release(&a->cloth);
-    for (size_t i = 0; i < a->niris; i++)
-        free(a->iris[i].rgba);
-    for (size_t i = 0; i < a->nlight; i++)
-        light_map_release(&a->light[i]);
-    free(a->light);
-    skin_model_release(&a->skin);
-    free(a->seen);
-    free(a->label);
-    free(a->hairy);
+    arena_release(&a->memory);
     free(a);
 }

@@ -27,6 +27,7 @@ struct scan_rack {              /* pieces of one kind */
 struct scan_plain;              /* scan_plain.c */
 
 struct scan_assets {
+    struct arena memory;        /* of all that follows */
     struct scan_plain *plain;   /* of a plain figure, or NULL */
     struct scan_face face;
     struct follow_map follow;
@@ -45,7 +46,7 @@ struct scan_assets {
                                  * from, bald */
     uint8_t *label;             /* (FACE_VERTICES) enum synth_label */
     float *hairy;               /* (FACE_VERTICES) 0 bare .. 1 under hair */
-    int32_t point[REGISTER_POINTS]; /* the face's corners that the labels'
+    int32_t point[LANDMARK_FACE]; /* the face's corners that the labels'
                                      * landmarks mean */
 };
 
@@ -70,8 +71,6 @@ uint8_t scan_label_of(int32_t region);
  * (FACE_VERTICES,3): the person's at rest. */
 void scan_plain_pose(float *x, const struct scan_plain *p, const float *rest,
                      const float *verts);
-/* Free it. */
-void scan_plain_release(struct scan_plain *p);
 
 /* ---- directions of the sky, for visibility ------------------------------ */
 

@@ -4,7 +4,6 @@
 
 #include <math.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 
@@ -86,18 +85,6 @@ struct fit {
     float *normal, *d, *next, *goal, *w, *count;
 };
 
-/* All arrays of a fit in one block. */
-static int body_fit_init(struct fit *t, size_t n)
-{
-    float *p = calloc(n * 14, sizeof *p);
-
-    if (!p)
-        return -1;
-    *t = (struct fit){p, p + 3 * n, p + 6 * n, p + 9 * n, p + 12 * n,
-                      p + 13 * n};
-    return 0;
-}
-
 /* The skin's vertices come to lie on the scans, closest first. */
 static void body_draw_to_scans(struct body *b, struct fit *t)
 {
@@ -129,35 +116,30 @@ static void body_draw_to_scans(struct body *b, struct fit *t)
 }
 
 /* Helpers go with the skin near them. */
-static int body_carry_helpers(struct body *b, const float *before,
-                              struct error *err)
+static void body_carry_helpers(struct body *b, const float *before,
+                               const struct near_grid *g)
 {
-    struct near_grid g;
-
-    if (near_init(&g, before, b->nbody, 0.1f, err))
-        return -1;
     for (size_t i = b->nbody; i < b->mesh.nv; i++) {
         int32_t at[4];
         float w[4], *p = b->place + 3 * i, x[3];
         copy3(x, p);
-        near_bind(at, w, &g, x);
+        near_bind(at, w, g, x);
         for (int k = 0; k < 4; k++) {
             float d[3];
             sub3(d, b->place + 3 * at[k], before + 3 * at[k]);
             mad3(p, p, d, w[k]);
         }
     }
-    near_release(&g);
-    return 0;
 }
 
 /* The body's mesh, which has its numbers of vertices and no others. */
-static int body_read(struct body *b, const char *dir, struct error *err)
+static int body_read(struct body *b, const char *dir, struct arena *memory,
+                     struct error *err)
 {
     char path[4096];
 
     snprintf(path, sizeof path, "%s/base.obj", dir);
-    if (wavefront_read(&b->mesh, path, "body", err))
+    if (wavefront_read(&b->mesh, path, "body", memory, err))
         return -1;
     if (b->mesh.nv != BASE_VERTICES)
         return error_set(err, EX_DATAERR, "%s: %zu vertices (expected %d)",
@@ -171,46 +153,40 @@ static int body_read(struct body *b, const char *dir, struct error *err)
 }
 
 int body_load(struct body *b, const struct scan_face *f, const char *dir,
-              struct error *err)
+              struct arena *memory, struct error *err)
 {
-    struct fit t = {0};
-    float *before = NULL;
+    const size_t n = BASE_BODY;
+    struct near_grid was;
+    struct arena room = {0};
+    struct fit t = {
+        .d = arena_take(&room, 3 * n, sizeof(float)),
+        .next = arena_take(&room, 3 * n, sizeof(float)),
+        .goal = arena_take(&room, 3 * n, sizeof(float)),
+        .normal = arena_take(&room, 3 * n, sizeof(float)),
+        .w = arena_take(&room, n, sizeof(float)),
+        .count = arena_take(&room, n, sizeof(float))
+    };
+    float *before = arena_take(&room, 3 * BASE_VERTICES, sizeof *before);
+    float *normal = arena_take(&room, 3 * FACE_VERTICES, sizeof *normal);
     int rc = -1;
 
-    *b = (struct body){.nbody = BASE_BODY};
-    if (body_read(b, dir, err))
+    *b = (struct body){
+        .nbody = n, .place = arena_take(memory, 3 * BASE_VERTICES,
+                                        sizeof *b->place)
+    };
+    if (arena_check(&room, "the body", err) || body_read(b, dir, memory, err) ||
+        near_init(&b->near, f->neutral, FACE_NECK_END, 0.05f, memory, err))
         goto out;
-    b->place = malloc(3 * b->mesh.nv * sizeof *b->place);
-    before = malloc(3 * b->mesh.nv * sizeof *before);
-    if (!b->place || !before || body_fit_init(&t, b->nbody)) {
-        error_set(err, EX_OSERR, "out of memory for the body");
-        goto out;
-    }
     body_lay_on_eyes(b->place, b->mesh.v, b->mesh.nv, f);
     memcpy(before, b->place, 3 * b->mesh.nv * sizeof *before);
-    if (near_init(&b->near, f->neutral, FACE_NECK_END, 0.05f, err))
-        goto out;
-    float *normal = malloc(3 * FACE_VERTICES * sizeof *normal);
-    if (normal) {
-        piece_normals(normal, f->neutral, FACE_VERTICES, f->raw, f->nf);
-        b->near.normal = normal;
-        body_draw_to_scans(b, &t);
-        b->near.normal = NULL;
-        rc = body_carry_helpers(b, before, err);
-    }
-    free(normal);
+    piece_normals(normal, f->neutral, FACE_VERTICES, f->raw, f->nf);
+    b->near.normal = normal;
+    body_draw_to_scans(b, &t);
+    b->near.normal = NULL;
+    rc = near_init(&was, before, n, 0.1f, &room, err);
+    if (rc == 0)
+        body_carry_helpers(b, before, &was);
 out:
-    free(t.normal);
-    free(before);
-    if (rc)
-        body_release(b);
+    arena_release(&room);
     return rc;
-}
-
-void body_release(struct body *b)
-{
-    wavefront_release(&b->mesh);
-    near_release(&b->near);
-    free(b->place);
-    *b = (struct body){0};
 }

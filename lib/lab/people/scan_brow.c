@@ -4,9 +4,7 @@
 
 #include <math.h>
 #include <stdbool.h>
-#include <stdlib.h>
 #include <string.h>
-#include <sysexits.h>
 
 #include "lib/base/sort.h"
 #include "lib/lab/people/scan_skin_fit.h"
@@ -20,20 +18,15 @@
 #define BROW_LONG 0.96f         /* of its length, in the photographs */
 #define CONTRAST_MIN 0.4f     /* log luminance between hair and skin */
 
-int brow_fit_init(struct brow_fit *t, size_t n, struct error *err)
+int brow_fit_init(struct brow_fit *t, size_t n, struct arena *memory,
+                  struct error *err)
 {
-    *t = (struct brow_fit){.n = 2 * n};
-    t->dense = calloc(t->n * BROW_PLANE, sizeof *t->dense);
-    t->seen = calloc(t->n, 1);
-    return t->dense && t->seen
-           ? 0 : error_set(err, EX_OSERR, "out of memory for brows");
-}
-
-void brow_fit_release(struct brow_fit *t)
-{
-    free(t->dense);
-    free(t->seen);
-    *t = (struct brow_fit){.n = 0};
+    *t = (struct brow_fit){
+        .n = 2 * n,
+        .dense = arena_take(memory, 2 * n * BROW_PLANE, sizeof *t->dense),
+        .seen = arena_take(memory, 2 * n, 1)
+    };
+    return arena_check(memory, "brows", err);
 }
 
 /* The texel of the square under (x, y) of a brow, mirrored or not. */
@@ -100,7 +93,7 @@ void brow_fit_add(struct brow_fit *t, size_t i, const float *log,
 }
 
 int brow_fit_finish(struct brow_model *m, struct brow_fit *t,
-                    struct error *err)
+                    struct arena *memory, struct error *err)
 {
     size_t n = 0;
 
@@ -108,9 +101,9 @@ int brow_fit_finish(struct brow_model *m, struct brow_fit *t,
         if (t->seen[i])
             memmove(t->dense + BROW_PLANE * n++, t->dense + BROW_PLANE * i,
                     BROW_PLANE * sizeof *t->dense);
-    m->mean = calloc(BROW_PLANE, sizeof *m->mean);
-    if (!m->mean)
-        return error_set(err, EX_OSERR, "out of memory for brows");
+    m->mean = arena_take(memory, BROW_PLANE, sizeof *m->mean);
+    if (arena_check(memory, "brows", err))
+        return -1;
     for (size_t p = 0; p < BROW_PLANE; p++) {
         for (size_t i = 0; i < n; i++)
             m->mean[p] += t->dense[i * BROW_PLANE + p] / (float)n;
@@ -118,16 +111,9 @@ int brow_fit_finish(struct brow_model *m, struct brow_fit *t,
             t->dense[i * BROW_PLANE + p] -= m->mean[p];
     }
     m->parts = BROW_PARTS < (int)n ? BROW_PARTS : (int)n;
-    m->part = skin_find_parts(t->dense, n, BROW_PLANE, 1, m->parts,
+    m->part = skin_find_parts(t->dense, n, BROW_PLANE, 1, m->parts, memory,
                               err);
     return m->part ? 0 : -1;
-}
-
-void brow_model_release(struct brow_model *m)
-{
-    free(m->mean);
-    free(m->part);
-    *m = (struct brow_model){.parts = 0};
 }
 
 void brow_paint(uint8_t *out, const struct brow_model *m,

@@ -6,7 +6,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "lib/base/error.h"
+#include "lib/base/arena.h"
 
 /* The part of the square, texels of SKIN_SIZE: its right edge is the middle. */
 #define BROW_X 112
@@ -29,18 +29,15 @@ struct brow_fit {               /* the brows that were looked at */
 };
 
 /* Memory for the brows of n photographs, two of each. */
-int brow_fit_init(struct brow_fit *t, size_t n, struct error *err);
-/* Free what it holds. */
-void brow_fit_release(struct brow_fit *t);
+int brow_fit_init(struct brow_fit *t, size_t n, struct arena *memory,
+                  struct error *err);
 /* Photograph i, log linear colours (SKIN_SIZE,SKIN_SIZE,3); where: shares of
  * the square about the brows, 0..255.  May be called from several threads. */
 void brow_fit_add(struct brow_fit *t, size_t i, const float *log,
                   const uint8_t *where);
 /* Mean and parts of all that were added. */
 int brow_fit_finish(struct brow_model *m, struct brow_fit *t,
-                    struct error *err);
-/* Free what it holds. */
-void brow_model_release(struct brow_model *m);
+                    struct arena *memory, struct error *err);
 
 /* Density (2,BROW_H,BROW_W) of a person's brows, 0..255: the one at u below a
  * half, then the other, mirrored.  z: deviations of both. */

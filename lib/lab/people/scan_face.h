@@ -6,7 +6,6 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "lib/base/error.h"
 #include "lib/lab/head/scan.h"
 #include "lib/lab/head/scan_lids.h"
 
@@ -39,7 +38,6 @@ struct scan_face {
     float *neutral;             /* (FACE_VERTICES,3) head units */
     float *identity;            /* (SCAN_IDENTITIES,FACE_VERTICES,3) */
     float *expression;          /* (ARKIT_COUNT,FACE_VERTICES,3) head units */
-    float *dilate;              /* (2,FACE_VERTICES,3) pupils, left, right */
     float eye[2][3];            /* centres of the eyeballs, left first */
     float axis[2][3];           /* and where they look, unit */
     struct scan_lids lids;      /* what makes them close */
@@ -52,11 +50,10 @@ void scan_face_find_eyes(struct scan_face *f);
 /* Head units in a unit of the scans. */
 #define FACE_UNIT ((float)(5 * SCAN_SCALE))
 
-/* Read DIR/ict.safetensors and DIR/vertex_indices.json.  -1 and *err naming
- * file and array when one is missing, cut, of another shape or not finite. */
-int scan_face_load(struct scan_face *f, const char *dir, struct error *err);
-/* Free what it holds; zeroed then. */
-void scan_face_release(struct scan_face *f);
+/* Read an ict.safetensors into memory.  -1 and *err naming file and array when
+ * one is missing, cut, of another shape or not finite. */
+int scan_face_load(struct scan_face *f, const char *path, struct arena *memory,
+                   struct error *err);
 
 /* out (FACE_VERTICES,3): the neutral face of identity beta (n standard
  * deviations, n at most SCAN_IDENTITIES). */

@@ -10,18 +10,34 @@
 #include "lib/lab/people/label.h"
 #include "lib/lab/people/vec.h"
 
-static int figure_memory(struct error *err)
-{
-    return error_set(err, EX_OSERR, "out of memory for a person");
-}
+/* What grows with corners, or faces. */
+static const struct figure_field {
+    size_t at, size;            /* of the pointer; bytes of each item */
+    bool face;
+} fields[] = {
+#define FIELD(name, per, face) \
+    {offsetof(struct figure, name), \
+     (per) * sizeof *((struct figure *)0)->name, face}
+    FIELD(place, 3, false), FIELD(normal, 3, false), FIELD(uv, 2, false),
+    FIELD(moment, 10, false), FIELD(neck, 1, false), FIELD(extra, 1, false),
+    FIELD(bind, 4, false), FIELD(weight, 4, false),
+    FIELD(faces, 3, true), FIELD(part, 1, true), FIELD(stuff, 1, true)
+};
+#define FIELDS (sizeof fields / sizeof *fields)
 
-static bool figure_stretch(void *block, size_t count, size_t size)
+/* The field gets n more items of 0 behind its first `old`. */
+static bool figure_stretch(struct figure *f, const struct figure_field *d,
+                           size_t old, size_t n)
 {
-    void **p = block, *n = realloc(*p, (count ? count : 1) * size);
+    char *p;
 
-    if (n)
-        *p = n;
-    return n != NULL;
+    memcpy(&p, (char *)f + d->at, sizeof p);
+    p = realloc(p, (old + n) * d->size + 1);
+    if (!p)
+        return false;
+    memset(p + old * d->size, 0, n * d->size);
+    memcpy((char *)f + d->at, &p, sizeof p);
+    return true;
 }
 
 struct figure_part *figure_grow(struct figure *f, size_t nc, size_t nf,
@@ -29,28 +45,15 @@ struct figure_part *figure_grow(struct figure *f, size_t nc, size_t nf,
                                 uint8_t label, struct error *err)
 {
     size_t c = f->nc + nc, n = f->nf + nf;
+    bool ok = f->nparts < FIGURE_PARTS;
 
-    if (f->nparts == FIGURE_PARTS
-        || !figure_stretch(&f->place, 3 * c, sizeof *f->place)
-        || !figure_stretch(&f->normal, 3 * c, sizeof *f->normal)
-        || !figure_stretch(&f->uv, 2 * c, sizeof *f->uv)
-        || !figure_stretch(&f->moment, 10 * c, sizeof *f->moment)
-        || !figure_stretch(&f->neck, c, sizeof *f->neck)
-        || !figure_stretch(&f->extra, c, sizeof *f->extra)
-        || !figure_stretch(&f->bind, 4 * c, sizeof *f->bind)
-        || !figure_stretch(&f->weight, 4 * c, sizeof *f->weight)
-        || !figure_stretch(&f->faces, 3 * n, sizeof *f->faces)
-        || !figure_stretch(&f->part, n, 1)
-        || !figure_stretch(&f->stuff, n, 1)) {
-        figure_memory(err);
+    for (size_t i = 0; ok && i < FIELDS; i++)
+        ok = figure_stretch(f, &fields[i], fields[i].face ? f->nf : f->nc,
+                            fields[i].face ? nf : nc);
+    if (!ok) {
+        error_set(err, EX_OSERR, "out of memory for a person");
         return NULL;
     }
-    memset(f->extra + f->nc, 0, nc * sizeof *f->extra);
-    memset(f->neck + f->nc, 0, nc * sizeof *f->neck);
-    memset(f->uv + 2 * f->nc, 0, 2 * nc * sizeof *f->uv);
-    memset(f->bind + 4 * f->nc, 0, 4 * nc * sizeof *f->bind);
-    memset(f->weight + 4 * f->nc, 0, 4 * nc * sizeof *f->weight);
-    memset(f->moment + 10 * f->nc, 0, 10 * nc * sizeof *f->moment);
     memset(f->part + f->nf, f->nparts, nf);
     memset(f->stuff + f->nf, stuff, nf);
     struct figure_part *p = &f->parts[f->nparts++];
@@ -317,14 +320,11 @@ static void figure_find_moments(struct figure *f)
 static int figure_find_normals(struct figure *f, struct error *err)
 {
     const struct scan_face *s = &f->assets->face;
-    float *n = malloc(3 * (size_t)FACE_VERTICES * sizeof *n);
-    float *all = malloc(3 * f->nc * sizeof *all);
+    float *n = arena_take(&f->memory, 3 * FACE_VERTICES, sizeof *n);
+    float *all = arena_take(&f->memory, 3 * f->nc, sizeof *all);
 
-    if (!n || !all) {
-        free(n);
-        free(all);
-        return figure_memory(err);
-    }
+    if (arena_check(&f->memory, "a person", err))
+        return -1;
     scan_face_normals(n, f->rest, s);
     piece_normals(all, f->place, f->nc, f->faces, f->nf);
     for (int i = 0; i < f->nparts; i++) {
@@ -347,8 +347,6 @@ static int figure_find_normals(struct figure *f, struct error *err)
             unit3(o);
         }
     }
-    free(n);
-    free(all);
     return 0;
 }
 
@@ -451,13 +449,11 @@ int figure_init(struct figure *f, const struct scan_assets *a,
     int rc = 0;
 
     *f = (struct figure){.look = *p, .assets = a};
-    f->rest = malloc(3 * (size_t)FACE_VERTICES * sizeof *f->rest);
-    f->skin = malloc(4 * (size_t)SKIN_SIZE * SKIN_SIZE);
-    f->brow = malloc(2 * BROW_PLANE);
-    if (!f->rest || !f->skin || !f->brow) {
-        figure_release(f);
-        return figure_memory(err);
-    }
+    f->rest = arena_take(&f->memory, 3 * FACE_VERTICES, sizeof *f->rest);
+    f->skin = arena_take(&f->memory, SKIN_SIZE * SKIN_SIZE, 4);
+    f->brow = arena_take(&f->memory, BROW_PLANE, 2);
+    if (arena_check(&f->memory, "a person", err))
+        return -1;
     scan_face_fold(f->rest, &a->face, p->beta, SCAN_IDENTITIES);
     skin_paint(f->skin, f->tone, &a->skin, &p->skin, &a->traits);
     brow_paint(f->brow, &a->skin.brows, p->brow);
@@ -470,10 +466,8 @@ int figure_init(struct figure *f, const struct scan_assets *a,
          figure_add_front(f, err) || figure_add_hair(f, err) ||
          figure_add_veils(f, err) || figure_add_scans(f, STUFF_LASH, err) ||
          figure_add_scans(f, STUFF_TEAR, err) || figure_find_normals(f, err);
-    if (rc) {
-        figure_release(f);
+    if (rc)
         return -1;
-    }
     for (int i = 0; i < f->nparts; i++)
         for (size_t c = f->parts[i].c0; c < f->parts[i].c1; c++)
             f->neck[c] = f->parts[i].ride == RIDE_BODY
@@ -485,19 +479,12 @@ int figure_init(struct figure *f, const struct scan_assets *a,
 
 void figure_release(struct figure *f)
 {
-    free(f->rest);
-    free(f->place);
-    free(f->normal);
-    free(f->uv);
-    free(f->moment);
-    free(f->neck);
-    free(f->extra);
-    free(f->bind);
-    free(f->weight);
-    free(f->faces);
-    free(f->part);
-    free(f->stuff);
-    free(f->skin);
-    free(f->brow);
+    for (size_t i = 0; i < FIELDS; i++) {
+        void *p;
+
+        memcpy(&p, (char *)f + fields[i].at, sizeof p);
+        free(p);
+    }
+    arena_release(&f->memory);
     *f = (struct figure){0};
 }

@@ -36,6 +36,7 @@ struct figure_part {            /* a run of corners and faces */
 #define FIGURE_PARTS 24
 
 struct figure {
+    struct arena memory;        /* of what does not grow */
     struct scan_person look;
     const struct scan_assets *assets;
     struct light light;
@@ -63,7 +64,8 @@ struct figure {
     float pivot[3];             /* the head turns about it */
 };
 
-/* All that p wears and is, as meshes; a is borrowed. */
+/* All that p wears and is, as meshes; a is borrowed.  On failure what there is
+ * of it stays to be freed. */
 int figure_init(struct figure *f, const struct scan_assets *a,
                 const struct scan_person *p, struct error *err);
 /* Free what it holds; zeroed then. */

@@ -2,9 +2,7 @@
 #include "lib/lab/people/scan_film.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
-#include <sysexits.h>
 
 #include "lib/base/random.h"
 #include "lib/lab/people/label.h"
@@ -18,21 +16,15 @@ int scan_film_init(struct scan_film *f, int size, struct error *err)
     size_t n = (size_t)size * (size_t)size;
 
     *f = (struct scan_film){.size = size};
-    f->layer = malloc(8 * n * sizeof *f->layer);
-    f->wall = malloc(3 * n * sizeof *f->wall);
-    f->tmp = malloc(3 * n * sizeof *f->tmp);
-    if (f->layer && f->wall && f->tmp)
-        return 0;
-    scan_film_release(f);
-    return error_set(err, EX_OSERR, "out of memory for a picture");
+    f->layer = arena_take(&f->memory, 8 * n, sizeof *f->layer);
+    f->wall = arena_take(&f->memory, 3 * n, sizeof *f->wall);
+    f->tmp = arena_take(&f->memory, 3 * n, sizeof *f->tmp);
+    return arena_check(&f->memory, "a picture", err);
 }
 
 void scan_film_release(struct scan_film *f)
 {
-    free(f->layer);
-    free(f->wall);
-    free(f->tmp);
-    *f = (struct scan_film){0};
+    arena_release(&f->memory);
 }
 
 /* ---- background --------------------------------------------------------- */

@@ -16,6 +16,7 @@ struct scan_print {
 };
 
 struct scan_film {
+    struct arena memory;
     int size;
     float *layer;               /* (8,size,size) planes: person rgb, cover,
                                  * front rgb, cover */

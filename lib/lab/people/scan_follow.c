@@ -3,9 +3,7 @@
 #include "lib/lab/people/scan_follow.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
-#include <sysexits.h>
 
 #include "lib/head/arkit.h"
 #include "lib/lab/people/scan_near.h"
@@ -26,45 +24,35 @@ static bool follow_is_skin(const struct head *h, size_t i)
 }
 
 int follow_map_init(struct follow_map *m, const struct scan_face *f,
-                    const struct head *h, struct error *err)
+                    const struct head *h, struct arena *memory,
+                    struct error *err)
 {
     struct near_grid g;
-    float *p = malloc(3 * h->V * sizeof *p);
-    int32_t *of = malloc(h->V * sizeof *of);
+    struct arena room = {0};
+    float *p = arena_take(&room, 3 * h->V, sizeof *p);
+    int32_t *of = arena_take(&room, h->V, sizeof *of);
     size_t n = 0;
-    int rc = -1;
 
-    *m = (struct follow_map){.head = h};
-    m->bind = malloc(4 * FACE_NECK_END * sizeof *m->bind);
-    m->weight = malloc(4 * FACE_NECK_END * sizeof *m->weight);
-    for (size_t i = 0; p && of && i < h->V; i++)
+    *m = (struct follow_map){
+        .head = h,
+        .bind = arena_take(memory, 4 * FACE_NECK_END, sizeof *m->bind),
+        .weight = arena_take(memory, 4 * FACE_NECK_END, sizeof *m->weight)
+    };
+    int rc = arena_check(memory, "the scans", err) ||
+             arena_check(&room, "the scans", err);
+    for (size_t i = 0; !rc && i < h->V; i++)
         if (follow_is_skin(h, i)) {
             copy3(p + 3 * n, h->v_template + 3 * i);
             of[n++] = (int32_t)i;
         }
-    if (!p || !of || !m->bind || !m->weight || !n)
-        error_set(err, EX_OSERR, "out of memory");
-    else
-        rc = near_init(&g, p, n, 0.04f, err);
+    rc = rc || near_init(&g, p, n, 0.04f, &room, err);
     for (size_t i = 0; !rc && i < FACE_NECK_END; i++) {
         near_bind(m->bind + 4 * i, m->weight + 4 * i, &g, f->neutral + 3 * i);
         for (size_t k = 0; k < 4; k++)
             m->bind[4 * i + k] = of[m->bind[4 * i + k]];
     }
-    if (!rc)
-        near_release(&g);
-    free(p);
-    free(of);
-    if (rc)
-        follow_map_release(m);
-    return rc;
-}
-
-void follow_map_release(struct follow_map *m)
-{
-    free(m->bind);
-    free(m->weight);
-    *m = (struct follow_map){.head = NULL};
+    arena_release(&room);
+    return rc ? -1 : 0;
 }
 
 /* The head under weights w; joints: also what is a joint's. */
@@ -84,17 +72,17 @@ static void follow_pose(float *verts, const struct identity *id, const float *w,
 }
 
 int follow_init(struct follow *o, const struct follow_map *m,
-                const struct identity *id, struct error *err)
+                const struct identity *id, struct arena *memory,
+                struct error *err)
 {
     size_t n = 3 * m->head->V;
-    float *rest = malloc(n * sizeof *rest), w[ARKIT_COUNT] = {0};
+    float *rest = arena_take(memory, n, sizeof *rest), w[ARKIT_COUNT] = {0};
 
-    *o = (struct follow){.map = m, .id = id};
-    o->full = malloc(FOLLOW_RIGS * n * sizeof *o->full);
-    if (!rest || !o->full) {
-        free(rest);
-        return error_set(err, EX_OSERR, "out of memory");
-    }
+    *o = (struct follow){.map = m, .id = id,
+                         .full = arena_take(memory, FOLLOW_RIGS * n,
+                                            sizeof *o->full)};
+    if (arena_check(memory, "a person", err))
+        return -1;
     follow_pose(rest, id, w, true);
     for (int k = 0; k < FOLLOW_RIGS; k++) {
         float *d = o->full + (size_t)k * n;
@@ -104,14 +92,7 @@ int follow_init(struct follow *o, const struct follow_map *m,
         for (size_t i = 0; i < n; i++)
             d[i] -= rest[i];
     }
-    free(rest);
     return 0;
-}
-
-void follow_release(struct follow *o)
-{
-    free(o->full);
-    *o = (struct follow){.map = NULL};
 }
 
 /* Teeth, gums and tongue that the jaw carries turn with it. */

@@ -19,9 +19,8 @@ struct follow_map {
 
 /* Four vertices of h's skin, with weights, for each of f's; h is borrowed. */
 int follow_map_init(struct follow_map *m, const struct scan_face *f,
-                    const struct head *h, struct error *err);
-/* Free what it holds. */
-void follow_map_release(struct follow_map *m);
+                    const struct head *h, struct arena *memory,
+                    struct error *err);
 
 /* One person's: what each component does at weight 1. */
 struct follow {
@@ -32,9 +31,8 @@ struct follow {
 
 /* A person of m (borrowed) with the shape folded into id (borrowed). */
 int follow_init(struct follow *o, const struct follow_map *m,
-                const struct identity *id, struct error *err);
-/* Free what it holds. */
-void follow_release(struct follow *o);
+                const struct identity *id, struct arena *memory,
+                struct error *err);
 
 /* x (FACE_VERTICES,3), the expression w of the person `rest` on straight
  * lines, comes onto the arcs.  verts (V,3): the head's posed vertices; scratch

@@ -2,9 +2,7 @@
  * Modelled about the head's middle along the camera's axes (x right, y down, z
  * away), in head units. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
-#include <sysexits.h>
 
 #include "lib/base/random.h"
 #include "lib/lab/people/label.h"
@@ -93,21 +91,21 @@ static size_t front_hand_part(int32_t *part, uint8_t *in, const struct body *b,
 
 /* The body's left hand and forearm, in the hand's own axes, the wrist at the
  * origin. */
-int hand_make(struct piece *p, const struct body *b, struct error *err)
+int hand_make(struct piece *p, const struct body *b, struct arena *memory,
+              struct error *err)
 {
     const float *v = b->mesh.v;
     float wrist[3], along[3], m[9];
-    int32_t *part = malloc(b->nbody * sizeof *part);
-    int32_t *faces = malloc(3 * b->mesh.nf * sizeof *faces);
-    float *place = malloc(3 * b->nbody * sizeof *place);
-    uint8_t *in = calloc(b->nbody, 1);
+    struct arena room = {0};
+    int32_t *part = arena_take(&room, b->nbody, sizeof *part);
+    int32_t *faces = arena_take(&room, 3 * b->mesh.nf, sizeof *faces);
+    float *place = arena_take(&room, 3 * b->nbody, sizeof *place);
+    uint8_t *in = arena_take(&room, b->nbody, 1);
     size_t nf = 0;
     int rc = -1;
 
-    if (!part || !faces || !place || !in) {
-        error_set(err, EX_OSERR, "out of memory for a hand");
+    if (arena_check(&room, "a hand", err))
         goto out;
-    }
     front_hand_along(along, wrist, b);
     front_hand_axes(m, v, part, front_hand_part(part, in, b, wrist, along),
                     wrist, along);
@@ -123,12 +121,9 @@ int hand_make(struct piece *p, const struct body *b, struct error *err)
         if (in[f[0]] && in[f[1]] && in[f[2]])
             memcpy(faces + 3 * nf++, f, 3 * sizeof *f);
     }
-    rc = piece_make(p, b, "hand", place, b->nbody, faces, nf, -9, err);
+    rc = piece_make(p, b, place, b->nbody, faces, nf, -9, memory, err);
 out:
-    free(part);
-    free(faces);
-    free(place);
-    free(in);
+    arena_release(&room);
     return rc;
 }
 

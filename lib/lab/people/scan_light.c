@@ -3,9 +3,7 @@
 #include "lib/lab/people/scan_light.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
-#include <sysexits.h>
 
 #include "formats/panorama.h"
 #include "lib/lab/people/vec.h"
@@ -127,16 +125,14 @@ static float light_power_of(float x, int n)
     return p;
 }
 
-/* Mirrored by a rough surface: every direction's mean under a cosine lobe. */
+/* Mirrored by a rough surface: every direction's mean under a cosine lobe.  dir
+ * (ih,iw,4) is scratch. */
 static void light_blur_level(float *out, int w, int h, const float *in, int iw,
-                             int ih, int power)
+                             int ih, int power, float *dir)
 {
-    float *dir = malloc(4 * (size_t)(iw * ih) * sizeof *dir);
     const float min = powf(1e-4f, 1 / (float)power);
-
-    if (!dir)
-        return;
     float *area = dir + 3 * iw * ih;
+
     for (int i = 0; i < ih; i++)
         area[i] = light_solid_angle(i, iw, ih);
     for (int i = 0; i < iw * ih; i++)
@@ -155,77 +151,56 @@ static void light_blur_level(float *out, int w, int h, const float *in, int iw,
         for (int k = 0; k < 3; k++)
             out[3 * i + k] = sum[k] / maxf(all, 1e-9f);
     }
-    free(dir);
 }
 
 /* Ever smaller and blurrier panoramas, and one without its lamps. */
-static int light_make_levels(struct light_map *m, const float *rgb, int w,
-                             int h)
+int light_map_make(struct light_map *m, const float *rgb, int w, int h,
+                   struct arena *memory, struct error *err)
 {
-    int sw = level_width[1], sh = sw / 2;
-    float *small = malloc(3 * (size_t)(sw * sh) * sizeof *small);
+    const int sw = level_width[1], sh = sw / 2;
+    const size_t n = (size_t)(sw * sh);
+    struct arena room = {0};
+    float *dir = arena_take(&room, 4 * n, sizeof *dir);
 
-    m->calm = malloc(3 * (size_t)(sw * sh) * sizeof *m->calm);
+    *m = (struct light_map){.calm = arena_take(memory, 3 * n, sizeof *m->calm)};
     for (int k = 0; k < LIGHT_LEVELS; k++) {
         m->w[k] = level_width[k] < w ? level_width[k] : w;
         m->h[k] = m->w[k] / 2;
-        m->level[k] = malloc(3 * (size_t)(m->w[k] * m->h[k])
-                             * sizeof *m->level[k]);
-        if (!m->level[k])
-            break;
+        m->level[k] = arena_take(memory, 3 * (size_t)(m->w[k] * m->h[k]),
+                                 sizeof *m->level[k]);
     }
-    if (!small || !m->calm || !m->level[LIGHT_LEVELS - 1]) {
-        free(small);
-        return -1;
-    }
+    int rc = arena_check(&room, "a light", err) ||
+             arena_check(memory, "a light", err) ? -1 : 0;
+    if (rc)
+        goto out;
     light_shrink(m->level[0], m->w[0], m->h[0], rgb, w, h);
-    light_shrink(small, sw, sh, m->level[0], m->w[0], m->h[0]);
-    double mean = light_mean(small, sw, sh);
+    light_shrink(m->calm, sw, sh, m->level[0], m->w[0], m->h[0]);
+    double mean = light_mean(m->calm, sw, sh);
     for (int i = 0; i < 3 * m->w[0] * m->h[0]; i++)
         m->level[0][i] = (float)((double)m->level[0][i] / mean);
-    for (int i = 0; i < 3 * sw * sh; i++)
-        m->calm[i] = small[i] = (float)((double)small[i] / mean);
+    for (size_t i = 0; i < 3 * n; i++)
+        m->calm[i] = (float)((double)m->calm[i] / mean);
     while (m->nlamp < LIGHT_LAMPS
            && light_take_lamp(&m->lamp[m->nlamp], m->calm, sw, sh))
         m->nlamp++;
     for (int k = 1; k < LIGHT_LEVELS; k++)
         light_blur_level(m->level[k], m->w[k], m->h[k], m->calm, sw, sh,
-                         lobe[k]);
-    free(small);
-    return 0;
-}
-
-int light_map_make(struct light_map *m, const char *name, const float *rgb,
-                   int w, int h, struct error *err)
-{
-    *m = (struct light_map){0};
-    strncpy(m->name, name, sizeof m->name - 1);
-    if (!light_make_levels(m, rgb, w, h))
-        return 0;
-    light_map_release(m);
-    return error_set(err, EX_OSERR, "%s: out of memory", name);
-}
-
-int light_map_load(struct light_map *m, const char *path, struct error *err)
-{
-    struct panorama p;
-    const char *base = strrchr(path, '/');
-
-    *m = (struct light_map){0};
-    if (panorama_read(&p, path, err))
-        return -1;
-    int rc = light_map_make(m, base ? base + 1 : path, p.rgb, (int)p.width,
-                            (int)p.height, err);
-    panorama_release(&p);
+                         lobe[k], dir);
+out:
+    arena_release(&room);
     return rc;
 }
 
-void light_map_release(struct light_map *m)
+int light_map_load(struct light_map *m, const char *path, struct arena *memory,
+                   struct error *err)
 {
-    for (int k = 0; k < LIGHT_LEVELS; k++)
-        free(m->level[k]);
-    free(m->calm);
-    *m = (struct light_map){0};
+    struct panorama p;
+
+    if (panorama_read(&p, path, err))
+        return -1;
+    int rc = light_map_make(m, p.rgb, (int)p.width, (int)p.height, memory, err);
+    panorama_release(&p);
+    return rc;
 }
 
 /* ---- harmonics ---------------------------------------------------------- */

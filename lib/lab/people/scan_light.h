@@ -7,7 +7,7 @@
 #ifndef SPID_LAB_PEOPLE_SCAN_LIGHT_H
 #define SPID_LAB_PEOPLE_SCAN_LIGHT_H
 
-#include "lib/base/error.h"
+#include "lib/base/arena.h"
 
 #define LIGHT_LAMPS 3
 #define LIGHT_LEVELS 4
@@ -27,7 +27,6 @@ struct lamp {
 /* A panorama made ready: level 0 sharp, then blurred as a rough surface of
  * `rough[k]` mirrors it. */
 struct light_map {
-    char name[64];
     int w[LIGHT_LEVELS], h[LIGHT_LEVELS];
     float *level[LIGHT_LEVELS]; /* (h,w,3), mean luminance 1 */
     int nlamp;
@@ -45,12 +44,11 @@ struct light {
 };
 
 /* Prepare a panorama rgb (h,w,3), linear, first row the zenith; w = 2 h. */
-int light_map_make(struct light_map *m, const char *name, const float *rgb,
-                   int w, int h, struct error *err);
+int light_map_make(struct light_map *m, const float *rgb, int w, int h,
+                   struct arena *memory, struct error *err);
 /* Read and prepare one: see panorama_read for what is refused. */
-int light_map_load(struct light_map *m, const char *path, struct error *err);
-/* Free what it holds; zeroed then. */
-void light_map_release(struct light_map *m);
+int light_map_load(struct light_map *m, const char *path, struct arena *memory,
+                   struct error *err);
 
 /* m (borrowed) turned by `turn` radians about the vertical, times gain (3). */
 void light_init(struct light *l, const struct light_map *m, float turn,

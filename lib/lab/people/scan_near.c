@@ -4,7 +4,6 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sysexits.h>
 
 #include "lib/lab/people/vec.h"
 
@@ -23,7 +22,7 @@ static size_t near_slot_of(const struct near_grid *g, const float x[3])
 }
 
 int near_init(struct near_grid *g, const float *p, size_t n, float cell,
-              struct error *err)
+              struct arena *memory, struct error *err)
 {
     float hi[3];
     size_t cells = 1;
@@ -39,12 +38,10 @@ int near_init(struct near_grid *g, const float *p, size_t n, float cell,
         g->dim[k] = g->dim[k] > 256 ? 256 : g->dim[k];
         cells *= (size_t)g->dim[k];
     }
-    g->start = calloc(cells + 1, sizeof *g->start);
-    g->item = malloc((n + 1) * sizeof *g->item);
-    if (!g->start || !g->item) {
-        near_release(g);
-        return error_set(err, EX_OSERR, "out of memory for %zu points", n);
-    }
+    g->start = arena_take(memory, cells + 1, sizeof *g->start);
+    g->item = arena_take(memory, n, sizeof *g->item);
+    if (arena_check(memory, "points", err))
+        return -1;
     for (size_t i = 0; i < n; i++)
         g->start[near_slot_of(g, p + 3 * i) + 1]++;
     for (size_t i = 0; i < cells; i++)
@@ -55,13 +52,6 @@ int near_init(struct near_grid *g, const float *p, size_t n, float cell,
     memmove(g->start, g->start + 1, cells * sizeof *g->start);
     g->start[cells] = (int32_t)n;
     return 0;
-}
-
-void near_release(struct near_grid *g)
-{
-    free(g->start);
-    free(g->item);
-    *g = (struct near_grid){0};
 }
 
 /* Point i at squared distance d into the sorted list of at most k. */

@@ -5,7 +5,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "lib/base/error.h"
+#include "lib/base/arena.h"
 
 #define NEAR_MAX 8
 
@@ -20,9 +20,7 @@ struct near_grid {
 
 /* Over n points p (n,3) in cells of side `cell`; p is borrowed. */
 int near_init(struct near_grid *g, const float *p, size_t n, float cell,
-              struct error *err);
-/* Free what it holds; zeroed then. */
-void near_release(struct near_grid *g);
+              struct arena *memory, struct error *err);
 
 /* The k (at most NEAR_MAX) points nearest to x within `reach`, nearest first;
  * with a normal n, only points whose own normal lies within 60 degrees.

@@ -4,7 +4,6 @@
 
 #include <math.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 
@@ -28,12 +27,6 @@ void bitmap_sample(float rgba[4], const struct bitmap *t, float u, float v)
     for (int k = 0; k < 4; k++)
         rgba[k] = (w[0] * a[k] + w[1] * a[4 + k] + w[2] * c[k]
                    + w[3] * c[4 + k]) * (1 / 255.0f);
-}
-
-/* Where there is no memory for the named piece. */
-static int piece_memory(struct error *err, const char *name)
-{
-    return error_set(err, EX_OSERR, "%s: out of memory", name);
 }
 
 /* Corners by the vertex that they stand for. */
@@ -67,23 +60,24 @@ static int32_t piece_corner(struct piece *p, struct corners *k, int32_t v,
 /* Corners of faces above a height, split where texture places part. */
 static int piece_cut(struct piece *p, const float *place, size_t nv,
                      const int32_t *f, const float *vt, const int32_t *ft,
-                     size_t nf, float above, struct error *err)
+                     size_t nf, float above, struct arena *memory,
+                     struct error *err)
 {
+    struct arena room = {0};
     struct corners c = {
-        .first = malloc(nv * sizeof *c.first),
-        .next = malloc(3 * nf * sizeof *c.next),
-        .texel = malloc(3 * nf * sizeof *c.texel)
+        .first = arena_take(&room, nv, sizeof *c.first),
+        .next = arena_take(&room, 3 * nf, sizeof *c.next),
+        .texel = arena_take(&room, 3 * nf, sizeof *c.texel)
     };
-    int rc = -1;
 
-    p->place = malloc(9 * nf * sizeof *p->place);
-    p->uv = malloc(6 * nf * sizeof *p->uv);
-    p->faces = malloc(3 * nf * sizeof *p->faces);
-    p->origin = malloc(3 * nf * sizeof *p->origin);
-    if (!c.first || !c.next || !c.texel || !p->place || !p->uv || !p->faces
-        || !p->origin) {
-        piece_memory(err, p->name);
-        goto out;
+    p->place = arena_take(memory, 9 * nf, sizeof *p->place);
+    p->uv = arena_take(memory, 6 * nf, sizeof *p->uv);
+    p->faces = arena_take(memory, 3 * nf, sizeof *p->faces);
+    p->origin = arena_take(memory, 3 * nf, sizeof *p->origin);
+    if (arena_check(&room, "a piece", err) ||
+        arena_check(memory, "a piece", err)) {
+        arena_release(&room);
+        return -1;
     }
     for (size_t i = 0; i < nv; i++)
         c.first[i] = -1;
@@ -98,21 +92,17 @@ static int piece_cut(struct piece *p, const float *place, size_t nv,
                 piece_corner(p, &c, v[k], vt ? ft[3 * i + k] : 0, place, vt);
         p->nf++;
     }
-    rc = 0;
-out:
-    free(c.first);
-    free(c.next);
-    free(c.texel);
-    return rc;
+    arena_release(&room);
+    return 0;
 }
 
 static int piece_bind_corners(struct piece *p, const struct body *b,
-                              struct error *err)
+                              struct arena *memory, struct error *err)
 {
-    p->bind = malloc(4 * (p->nc + 1) * sizeof *p->bind);
-    p->weight = malloc(4 * (p->nc + 1) * sizeof *p->weight);
-    if (!p->bind || !p->weight)
-        return piece_memory(err, p->name);
+    p->bind = arena_take(memory, 4 * p->nc, sizeof *p->bind);
+    p->weight = arena_take(memory, 4 * p->nc, sizeof *p->weight);
+    if (arena_check(memory, "a piece", err))
+        return -1;
     for (size_t i = 0; i < p->nc; i++)
         near_bind(p->bind + 4 * i, p->weight + 4 * i, &b->near,
                   p->place + 3 * i);
@@ -135,97 +125,66 @@ static void piece_measure_picture(struct piece *p)
         p->mean[k] = t->rgba ? (float)(sum[k] / sum[3]) : 1;
 }
 
-int bitmap_load(struct bitmap *t, const char *path, struct error *err)
+int bitmap_load(struct bitmap *t, const char *path, struct arena *memory,
+                struct error *err)
 {
     struct image im;
 
-    *t = (struct bitmap){0};
     if (image_read(&im, path, err))
         return -1;
-    t->w = (int)im.width;
-    t->h = (int)im.height;
-    t->rgba = malloc(4 * im.width * im.height);
+    *t = (struct bitmap){
+        .w = (int)im.width, .h = (int)im.height,
+        .rgba = arena_take(memory, 4 * im.width, im.height)
+    };
     for (size_t i = 0; t->rgba && i < im.width * im.height; i++) {
         memcpy(t->rgba + 4 * i, im.rgb + 3 * i, 3);
         t->rgba[4 * i + 3] = im.alpha ? im.alpha[i] : 255;
     }
     image_release(&im);
-    if (t->w < 2 || t->h < 2) {
-        free(t->rgba);
-        t->rgba = NULL;
+    if (t->w < 2 || t->h < 2)
         return error_set(err, EX_DATAERR, "%s: %d x %d pixels (expected a "
                          "picture)", path, t->w, t->h);
-    }
-    return t->rgba ? 0 : piece_memory(err, path);
+    return arena_check(memory, path, err);
 }
 
 int piece_load(struct piece *p, const struct body *b, const char *dir,
-               const char *name, const char *mesh, const char *picture,
-               float above, struct error *err)
+               const char *name, const char *picture, float above,
+               struct arena *memory, struct error *err)
 {
-    char path[4096];
+    char mesh[4096], bind[4096], path[4096];
+    struct arena room = {0};
     struct wavefront w = {0};
-    struct mhclo m = {0};
-    float *place = NULL;
-    int rc = -1;
+    struct mhclo m;
 
-    *p = (struct piece){0};
+    *p = (struct piece){.hidden = arena_take(memory, b->mesh.nv, 1)};
     snprintf(p->name, sizeof p->name, "%s", name);
-    snprintf(path, sizeof path, "%s/%s.obj", dir, mesh);
-    if (wavefront_read(&w, path, NULL, err))
-        return -1;
-    snprintf(path, sizeof path, "%s/%s.mhclo", dir, name);
-    if (mhclo_read(&m, path, b->mesh.nv, w.nv, err))
-        goto out;
-    place = malloc(3 * w.nv * sizeof *place);
-    if (!place) {
-        piece_memory(err, name);
-        goto out;
+    snprintf(mesh, sizeof mesh, "%s/%s.obj", dir, name);
+    snprintf(bind, sizeof bind, "%s/%s.mhclo", dir, name);
+    snprintf(path, sizeof path, "%s/%s", dir, picture ? picture : "");
+    int rc = wavefront_read(&w, mesh, NULL, &room, err) ||
+             mhclo_read(&m, bind, b->mesh.nv, w.nv, &room, err) ||
+             (picture && bitmap_load(&p->picture, path, memory, err)) ||
+             arena_check(memory, name, err);
+    float *place = arena_take(&room, 3 * w.nv, sizeof *place);
+    rc = rc || arena_check(&room, name, err);
+    if (rc == 0) {
+        mhclo_place(place, &m, b->place);
+        memcpy(p->hidden, m.hidden, b->mesh.nv);
+        piece_measure_picture(p);
+        rc = piece_cut(p, place, w.nv, w.f, w.vt, w.ft, w.nf, above, memory,
+                       err) ||
+             piece_bind_corners(p, b, memory, err);
     }
-    mhclo_place(place, &m, b->place);
-    if (picture && snprintf(path, sizeof path, "%s/%s", dir, picture) > 0
-        && bitmap_load(&p->picture, path, err))
-        goto out;
-    rc = piece_cut(p, place, w.nv, w.f, w.vt, w.ft, w.nf, above, err)
-         || piece_bind_corners(p, b, err);
-    piece_measure_picture(p);
-    p->hidden = m.hidden;
-    m.hidden = NULL;
-out:
-    free(place);
-    mhclo_release(&m);
-    wavefront_release(&w);
-    if (rc)
-        piece_release(p);
-    return rc;
+    arena_release(&room);
+    return rc ? -1 : 0;
 }
 
-int piece_make(struct piece *p, const struct body *b, const char *name,
-               const float *place, size_t nv, const int32_t *faces, size_t nf,
-               float above, struct error *err)
+int piece_make(struct piece *p, const struct body *b, const float *place,
+               size_t nv, const int32_t *faces, size_t nf, float above,
+               struct arena *memory, struct error *err)
 {
     *p = (struct piece){0};
-    snprintf(p->name, sizeof p->name, "%s", name);
     piece_measure_picture(p);
-    if (piece_cut(p, place, nv, faces, NULL, NULL, nf, above, err)
-        || piece_bind_corners(p, b, err)) {
-        piece_release(p);
-        return -1;
-    }
-    return 0;
-}
-
-void piece_release(struct piece *p)
-{
-    free(p->place);
-    free(p->uv);
-    free(p->faces);
-    free(p->origin);
-    free(p->hidden);
-    free(p->bind);
-    free(p->weight);
-    free(p->seen);
-    free(p->shade);
-    free(p->picture.rgba);
-    *p = (struct piece){0};
+    return piece_cut(p, place, nv, faces, NULL, NULL, nf, above, memory, err) ||
+           piece_bind_corners(p, b, memory, err) ? -1 : 0;
 }

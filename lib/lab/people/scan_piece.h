@@ -7,7 +7,6 @@
 #include <stdint.h>
 
 #include "lib/lab/people/wavefront.h"
-#include "lib/base/error.h"
 #include "lib/lab/people/scan_face.h"
 #include "lib/lab/people/scan_near.h"
 
@@ -20,8 +19,9 @@ struct bitmap {
 /* Colour and alpha (0..1, as encoded) at (u, v), bilinear, clamped. */
 void bitmap_sample(float rgba[4], const struct bitmap *t, float u, float v);
 
-/* Read a picture of at least 2 x 2 pixels. */
-int bitmap_load(struct bitmap *t, const char *path, struct error *err);
+/* Read a picture of at least 2 x 2 pixels into memory. */
+int bitmap_load(struct bitmap *t, const char *path, struct arena *memory,
+                struct error *err);
 
 /* Unit normals n (nv,3) of places p (nv,3), each face by its area. */
 void piece_normals(float *n, const float *p, size_t nv,
@@ -54,27 +54,24 @@ struct body {
     struct near_grid near;      /* on the face and neck of the scans */
 };
 
-/* Read DIR/base.obj and lay it on the face. */
+/* Read DIR/base.obj into memory and lay it on the face. */
 int body_load(struct body *b, const struct scan_face *f, const char *dir,
-              struct error *err);
-/* Free what it holds; zeroed then. */
-void body_release(struct body *b);
+              struct arena *memory, struct error *err);
 
-/* Read DIR/NAME.mhclo with DIR/MESH.obj and DIR/PICTURE (NULL: it has none).
- * above: only faces whose corners all lie higher (head units).  -1 and *err
- * naming the file. */
+/* Read DIR/NAME.mhclo with DIR/NAME.obj and DIR/PICTURE (NULL: it has none)
+ * into memory.  above: only faces whose corners all lie higher (head units).  -1
+ * and *err naming the file. */
 int piece_load(struct piece *p, const struct body *b, const char *dir,
-               const char *name, const char *mesh, const char *picture,
-               float above, struct error *err);
+               const char *name, const char *picture, float above,
+               struct arena *memory, struct error *err);
 /* The same from arrays of ours (nv,3), (nf,3): skin of the body, a cap. */
-int piece_make(struct piece *p, const struct body *b, const char *name,
-               const float *place, size_t nv, const int32_t *faces, size_t nf,
-               float above, struct error *err);
-/* Free what it holds; zeroed then. */
-void piece_release(struct piece *p);
+int piece_make(struct piece *p, const struct body *b, const float *place,
+               size_t nv, const int32_t *faces, size_t nf, float above,
+               struct arena *memory, struct error *err);
 
 /* The body's left hand with its forearm (scan_front.c): x across, y along the
  * fingers, z out of the palm, the wrist at the origin. */
-int hand_make(struct piece *p, const struct body *b, struct error *err);
+int hand_make(struct piece *p, const struct body *b, struct arena *memory,
+              struct error *err);
 
 #endif

@@ -41,16 +41,16 @@ static bool plain_is_narrow(const struct head *h, size_t v)
 }
 
 static int plain_lay_out(struct scan_plain *p, const struct head *h,
-                         struct error *err)
+                         struct arena *memory, struct error *err)
 {
     int32_t rest = NARROW;
 
     p->head = h;
-    p->at = malloc(h->V * sizeof *p->at);
-    p->ball[0] = malloc(h->V * sizeof *p->ball[0]);
-    p->ball[1] = malloc(h->V * sizeof *p->ball[1]);
-    if (!p->at || !p->ball[0] || !p->ball[1])
-        return error_set(err, EX_OSERR, "out of memory for a figure");
+    p->at = arena_take(memory, h->V, sizeof *p->at);
+    for (int e = 0; e < 2; e++)
+        p->ball[e] = arena_take(memory, h->V, sizeof *p->ball[e]);
+    if (arena_check(memory, "a figure", err))
+        return -1;
     for (size_t v = 0; v < h->V; v++) {
         int e = h->v_template[3 * v] < 0;
         size_t n = p->nball[e];
@@ -100,6 +100,20 @@ static void plain_tooth(float o[3], const float lip[3], bool lower, int i,
     o[2] = lip[2] - (lower ? 0.085f : 0.070f) - 0.12f * (1 - cosf(t));
 }
 
+/* The middle of n vertices of the head. */
+static void plain_middle(float c[3], const float *x, const struct scan_plain *p,
+                         const int32_t *v, size_t n)
+{
+    c[0] = c[1] = c[2] = 0;
+    for (size_t i = 0; i < n; i++)
+        mad3(c, c, x + 3 * p->at[v[i]], 1 / (float)n);
+}
+
+static void plain_lip(float c[3], const float *x, const struct scan_plain *p)
+{
+    plain_middle(c, x, p, p->head->lip_inner, p->head->nlip_inner);
+}
+
 /* Of x (FACE_VERTICES,3): the hollow hangs on the lips (n,3), upper teeth on
  * the middle of the resting ones, lower ones follow the jaw (3). */
 static void plain_hang_mouth(float *x, const struct scan_plain *p,
@@ -107,10 +121,9 @@ static void plain_hang_mouth(float *x, const struct scan_plain *p,
 {
     const struct head *h = p->head;
     size_t n = h->nlip_inner;
-    float c[3] = {0, 0, 0}, o[3];
+    float c[3], o[3];
 
-    for (size_t i = 0; i < n; i++)
-        mad3(c, c, x + 3 * p->at[h->lip_inner[i]], 1 / (float)n);
+    plain_lip(c, x, p);
     for (size_t k = 0; k < BOWL_RINGS; k++) {
         float deep = (float)(k + 1) / BOWL_RINGS;
         float wide = 1.4f * sqrtf(1 - deep * deep);
@@ -133,26 +146,6 @@ static void plain_hang_mouth(float *x, const struct scan_plain *p,
         }
 }
 
-static void plain_lip(float c[3], const float *x, const struct scan_plain *p)
-{
-    const struct head *h = p->head;
-
-    c[0] = c[1] = c[2] = 0;
-    for (size_t i = 0; i < h->nlip_inner; i++)
-        mad3(c, c, x + 3 * p->at[h->lip_inner[i]],
-             1 / (float)h->nlip_inner);
-}
-
-/* The chin's middle. */
-static void plain_chin(float c[3], const float *x, const struct scan_plain *p)
-{
-    const struct head *h = p->head;
-
-    c[0] = c[1] = c[2] = 0;
-    for (size_t i = 0; i < h->nchin; i++)
-        mad3(c, c, x + 3 * p->at[h->chin[i]], 1 / (float)h->nchin);
-}
-
 void scan_plain_pose(float *x, const struct scan_plain *p, const float *rest,
                      const float *verts)
 {
@@ -160,8 +153,8 @@ void scan_plain_pose(float *x, const struct scan_plain *p, const float *rest,
 
     plain_scatter(x, p, verts);
     plain_lip(lip, rest, p);
-    plain_chin(a, rest, p);
-    plain_chin(b, x, p);
+    plain_middle(a, rest, p, p->head->chin, p->head->nchin);
+    plain_middle(b, x, p, p->head->chin, p->head->nchin);
     sub3(jaw, b, a);
     plain_hang_mouth(x, p, lip, jaw);
 }
@@ -228,20 +221,15 @@ static void plain_make_corners(struct scan_face *f)
     memcpy(f->faces, f->raw, 3 * f->nf * sizeof *f->faces);
 }
 
-/* Identities as the head has them. */
-static int plain_make_shapes(struct scan_face *f, const struct scan_plain *p)
+/* Identities as the head has them; d (V,3) is scratch. */
+static void plain_make_shapes(struct scan_face *f, const struct scan_plain *p,
+                              float *d)
 {
     const struct head *h = p->head;
     const size_t one = 3 * FACE_VERTICES;
-    float *d = malloc(3 * h->V * sizeof *d), lip[3];
     static const float still[3];
+    float lip[3];
 
-    f->neutral = calloc(one, sizeof *f->neutral);
-    f->identity = calloc(SCAN_IDENTITIES * one, sizeof *f->identity);
-    if (!d || !f->neutral || !f->identity) {
-        free(d);
-        return -1;
-    }
     plain_scatter(f->neutral, p, h->v_template);
     plain_lip(lip, f->neutral, p);
     plain_hang_mouth(f->neutral, p, lip, still);
@@ -255,8 +243,6 @@ static int plain_make_shapes(struct scan_face *f, const struct scan_plain *p)
             if (i < BOWL + BOWL_RINGS * h->nlip_inner || i >= TEETH)
                 copy3(to + 3 * i, lip);
     }
-    free(d);
-    return 0;
 }
 
 /* Vertices of the 68 landmarks: the nearest corner of each one's face. */
@@ -275,20 +261,25 @@ static void plain_find_landmarks(struct scan_face *f,
 }
 
 static int plain_make_face(struct scan_face *f, const struct scan_plain *p,
-                           struct error *err)
+                           struct arena *memory, struct error *err)
 {
     const size_t nf = p->head->F + 2 * (BOWL_RINGS * p->head->nlip_inner)
                       + 4 * (ARCH - 1);
+    const size_t one = 3 * FACE_VERTICES;
+    float *scratch = arena_take(memory, 3 * p->head->V, sizeof *scratch);
 
     scan_face_find_eyes(f);
-    f->raw = malloc(3 * nf * sizeof *f->raw);
-    f->faces = malloc(3 * nf * sizeof *f->faces);
-    f->part = malloc(nf);
-    f->source = malloc(FACE_VERTICES * sizeof *f->source);
-    f->uv = malloc(2 * FACE_VERTICES * sizeof *f->uv);
-    if (!f->raw || !f->faces || !f->part || !f->source || !f->uv
-        || plain_make_shapes(f, p))
-        return error_set(err, EX_OSERR, "out of memory for a face");
+    f->raw = arena_take(memory, 3 * nf, sizeof *f->raw);
+    f->faces = arena_take(memory, 3 * nf, sizeof *f->faces);
+    f->part = arena_take(memory, nf, 1);
+    f->source = arena_take(memory, FACE_VERTICES, sizeof *f->source);
+    f->uv = arena_take(memory, 2 * FACE_VERTICES, sizeof *f->uv);
+    f->neutral = arena_take(memory, one, sizeof *f->neutral);
+    f->identity = arena_take(memory, SCAN_IDENTITIES * one,
+                             sizeof *f->identity);
+    if (arena_check(memory, "a face", err))
+        return -1;
+    plain_make_shapes(f, p, scratch);
     plain_make_faces(f, p);
     plain_make_corners(f);
     plain_find_landmarks(f, p);
@@ -302,10 +293,10 @@ static int plain_make_labels(struct scan_assets *a, struct error *err)
 {
     const struct scan_plain *p = a->plain;
 
-    a->label = malloc(FACE_VERTICES);
-    a->hairy = calloc(FACE_VERTICES, sizeof *a->hairy);
-    if (!a->label || !a->hairy)
-        return error_set(err, EX_OSERR, "out of memory for a figure");
+    a->label = arena_take(&a->memory, FACE_VERTICES, 1);
+    a->hairy = arena_take(&a->memory, FACE_VERTICES, sizeof *a->hairy);
+    if (arena_check(&a->memory, "a figure", err))
+        return -1;
     memset(a->label, LABEL_SKIN, FACE_VERTICES);
     for (size_t v = 0; v < p->head->V; v++) {
         a->label[p->at[v]] = scan_label_of(p->head->region[v]);
@@ -330,34 +321,25 @@ struct scan_assets *scan_plain_open(const char *traits, const struct head *h,
                                     struct error *err)
 {
     struct scan_assets *a = calloc(1, sizeof *a);
-    struct scan_plain *p = calloc(1, sizeof *p);
 
-    if (!a || !p) {
-        free(a);
-        free(p);
+    if (!a) {
         error_set(err, EX_OSERR, "out of memory for a figure");
         return NULL;
     }
+    struct arena *memory = &a->memory;
+
     noise_lattice();
-    a->plain = p;
-    if (traits_load(&a->traits, traits, err) || plain_check_head(h, err)
-        || plain_lay_out(p, h, err)
-        || plain_make_face(&a->face, p, err)
-        || near_init(&a->body.near, a->face.neutral, FACE_NECK_END, 0.05f, err)
+    a->plain = arena_take(memory, 1, sizeof *a->plain);
+    if (arena_check(memory, "a figure", err)
+        || traits_load(&a->traits, traits, err) || plain_check_head(h, err)
+        || plain_lay_out(a->plain, h, memory, err)
+        || plain_make_face(&a->face, a->plain, memory, err)
+        || near_init(&a->body.near, a->face.neutral, FACE_NECK_END, 0.05f,
+                     memory, err)
         || plain_make_labels(a, err) || plain_make_looks(a, err)
         || sky_measure(a, err)) {
         scan_close(a);
         return NULL;
     }
     return a;
-}
-
-void scan_plain_release(struct scan_plain *p)
-{
-    if (!p)
-        return;
-    free(p->at);
-    free(p->ball[0]);
-    free(p->ball[1]);
-    free(p);
 }

@@ -3,9 +3,7 @@
 #include "lib/lab/people/scan_plain.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
-#include <sysexits.h>
 
 #include "lib/base/random.h"
 #include "lib/lab/people/label.h"
@@ -111,18 +109,18 @@ static void plain_make_brows(struct brow_model *b, const struct scan_assets *a)
         }
 }
 
-static int plain_make_skin(struct skin_model *s, const struct scan_assets *a)
+static int plain_make_skin(struct skin_model *s, const struct scan_assets *a,
+                           struct arena *memory, struct error *err)
 {
     s->people = 1;
-    s->mean = malloc(3 * (size_t)M * M * sizeof *s->mean);
-    s->grain = malloc((size_t)N * N);
-    s->crease = calloc((size_t)N * N, sizeof *s->crease);
-    s->lip = calloc((size_t)N * N, 1);
-    s->mouth = calloc((size_t)N * N, 1);
-    s->beard = malloc((size_t)N * N);
-    s->brows.mean = malloc(BROW_PLANE * sizeof *s->brows.mean);
-    if (!s->mean || !s->grain || !s->crease || !s->lip || !s->mouth
-        || !s->beard || !s->brows.mean)
+    s->mean = arena_take(memory, 3 * M * M, sizeof *s->mean);
+    s->grain = arena_take(memory, N * N, 1);
+    s->crease = arena_take(memory, N * N, sizeof *s->crease);
+    s->lip = arena_take(memory, N * N, 1);
+    s->mouth = arena_take(memory, N * N, 1);
+    s->beard = arena_take(memory, N * N, 1);
+    s->brows.mean = arena_take(memory, BROW_PLANE, sizeof *s->brows.mean);
+    if (arena_check(memory, "a figure", err))
         return -1;
     plain_draw_region(s->lip, a, LABEL_LIP);
     for (int i = 0; i < N * N; i++) {
@@ -143,12 +141,13 @@ static int plain_make_skin(struct skin_model *s, const struct scan_assets *a)
 }
 
 /* Iris of a colour with its pupil, on white, as MakeHuman's pictures lie. */
-static int plain_make_iris(struct bitmap *b, const float color[3])
+static void plain_make_iris(struct bitmap *b, const float color[3],
+                            struct arena *memory)
 {
     enum { SIDE = 256 };
 
     b->w = b->h = SIDE;
-    b->rgba = malloc(4 * SIDE * SIDE);
+    b->rgba = arena_take(memory, SIDE * SIDE, 4);
     for (int i = 0; b->rgba && i < SIDE * SIDE; i++) {
         float u = ((float)(i % SIDE) + 0.5f) / SIDE - 0.70f;
         float v = 1 - ((float)(i / SIDE) + 0.5f) / SIDE - 0.70f;
@@ -164,7 +163,6 @@ static int plain_make_iris(struct bitmap *b, const float color[3])
             b->rgba[4 * i + k] = (uint8_t)(255 * clampf(c[k], 0, 1));
         b->rgba[4 * i + 3] = 255;
     }
-    return b->rgba ? 0 : -1;
 }
 
 /* ---- clothes and light -------------------------------------------------- */
@@ -204,18 +202,19 @@ static int plain_make_shirt(struct scan_assets *a, struct error *err)
             n += 6;
         }
     a->cloth.n = 1;
-    return piece_make(&a->cloth.piece[0], &a->body, "shirt", place,
-                      SIDES * RINGS, faces, n / 3, -9, err);
+    return piece_make(&a->cloth.piece[0], &a->body, place, SIDES * RINGS, faces,
+                      n / 3, -9, &a->memory, err);
 }
 
-/* A room: walls, floor, things along them, a window and a lamp. */
-static int plain_make_room(struct light_map *m, uint64_t seed,
-                           struct error *err)
+enum { ROOM_W = 256, ROOM_H = 128 };
+
+/* A room (ROOM_H,ROOM_W,3): walls, floor, things along them, a window and a
+ * lamp. */
+static void plain_make_room(float *rgb, uint64_t seed)
 {
-    enum { W = 256, H = 128 };
-    float *rgb = malloc(3 * W * H * sizeof *rgb), wall[3], box[2][3];
+    enum { W = ROOM_W, H = ROOM_H };
+    float wall[3], box[2][3];
     struct random r;
-    int rc = -1;
 
     random_init(&r, seed, "room");
     for (int k = 0; k < 3; k++)
@@ -226,7 +225,7 @@ static int plain_make_room(struct light_map *m, uint64_t seed,
                            : random_float(&r, 0.3, 0.42));
         box[k][2] = k ? 5 : 14;
     }
-    for (int i = 0; rgb && i < W * H; i++) {
+    for (int i = 0; i < W * H; i++) {
         float x = (float)(i % W), y = (float)(i / W), t = 2 * PI_F * x / W;
         float up = ramp(0.75f, 0.25f, y / H);
         float thing = noise_sum(2.5f * cosf(t) + (float)seed, 2.5f * sinf(t),
@@ -246,27 +245,25 @@ static int plain_make_room(struct light_map *m, uint64_t seed,
             mad3(rgb + 3 * i, rgb + 3 * i, glow[k], in);
         }
     }
-    if (rgb)
-        rc = light_map_make(m, "room", rgb, W, H, err);
-    else
-        error_set(err, EX_OSERR, "out of memory for a room");
-    free(rgb);
-    return rc;
 }
 
 int plain_make_looks(struct scan_assets *a, struct error *err)
 {
     enum { IRISES = 3, ROOMS = 4 };
+    struct arena *memory = &a->memory;
+    float *room = arena_take(memory, 3 * ROOM_W, ROOM_H * sizeof *room);
 
-    a->light = calloc(ROOMS, sizeof *a->light);
-    bool ok = a->light && !plain_make_skin(&a->skin, a);
-    for (; ok && a->niris < IRISES; a->niris++)
-        ok = !plain_make_iris(&a->iris[a->niris],
-                              a->traits.plain_iris[a->niris]);
-    if (!ok)
-        return error_set(err, EX_OSERR, "out of memory for a figure");
-    for (a->nlight = 0; a->nlight < ROOMS; a->nlight++)
-        if (plain_make_room(&a->light[a->nlight], a->nlight + 1, err))
+    a->light = arena_take(memory, ROOMS, sizeof *a->light);
+    if (plain_make_skin(&a->skin, a, memory, err))
+        return -1;
+    for (; a->niris < IRISES; a->niris++)
+        plain_make_iris(&a->iris[a->niris], a->traits.plain_iris[a->niris],
+                        memory);
+    for (; a->nlight < ROOMS; a->nlight++) {
+        plain_make_room(room, a->nlight + 1);
+        if (light_map_make(&a->light[a->nlight], room, ROOM_W, ROOM_H, memory,
+                           err))
             return -1;
+    }
     return plain_make_shirt(a, err);
 }

@@ -2,75 +2,43 @@
  * together as a ridge regression under that pose. */
 #include "lib/lab/people/scan_register.h"
 
-#include <cjson/cJSON.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sysexits.h>
 
 #include "lib/base/cholesky.h"
-#include "lib/lab/people/scan_json.h"
 #include "lib/lab/people/vec.h"
 
 #define ROUNDS 3
 #define SIGMA 2.5f              /* pixels that a landmark may be off */
 
-int register_map_read(int32_t *vertex, float *spread, const char *dir,
-                      struct error *err)
+int register_map_load(struct register_map *m, const struct scan_face *f,
+                      const char *dir, struct arena *memory, struct error *err)
 {
+    const size_t one = 3 * (size_t)FACE_VERTICES;
+    struct landmark_map map;
     char path[4096];
-    int32_t landmark[REGISTER_POINTS], at[REGISTER_POINTS];
 
     snprintf(path, sizeof path, "%s/labels/mediapipe_to_ict.json", dir);
-    cJSON *j = scan_json_read(path, err);
-    if (!j)
+    if (landmark_map_read(&map, path, err))
         return -1;
-    int rc = scan_json_ints(landmark, REGISTER_POINTS, REGISTER_POINTS, j,
-                            "landmark", err)
-             || scan_json_ints(at, REGISTER_POINTS, FACE_VERTICES, j,
-                               "vertex", err);
-    const cJSON *cm = cJSON_GetObjectItemCaseSensitive(j, "spread_cm");
-    const cJSON *s = cm ? cm->child : NULL;
-    for (int i = 0; !rc && i < REGISTER_POINTS; i++) {
-        vertex[landmark[i]] = at[i];
-        if (spread)
-            spread[landmark[i]] = s && cJSON_IsNumber(s)
-                ? (float)s->valuedouble : 0.15f;
-        s = s ? s->next : NULL;
+    m->basis = arena_take(memory, 3 * LANDMARK_FACE * REGISTER_TERMS,
+                          sizeof *m->basis);
+    if (arena_check(memory, "landmarks", err))
+        return -1;
+    for (int i = 0; i < LANDMARK_FACE; i++) {
+        m->vertex[i] = map.vertex[i];
+        m->weight[i] = 1 / (0.1f + (float)map.spread[i]);
     }
-    cJSON_Delete(j);
-    return rc ? error_prefix(err, "%s", path) : 0;
-}
-
-int register_map_load(struct register_map *m, const struct scan_face *f,
-                      const char *dir, struct error *err)
-{
-    size_t one = 3 * (size_t)FACE_VERTICES;
-
-    *m = (struct register_map){.basis = NULL};
-    if (register_map_read(m->vertex, m->weight, dir, err))
-        return -1;
-    for (int i = 0; i < REGISTER_POINTS; i++)
-        m->weight[i] = 1 / (0.1f + m->weight[i]);
-    m->basis = malloc(3 * (size_t)REGISTER_POINTS * REGISTER_TERMS
-                      * sizeof *m->basis);
-    if (!m->basis)
-        return error_set(err, EX_OSERR, "out of memory");
     for (size_t t = 0; t < REGISTER_TERMS; t++)
-        for (size_t i = 0; i < REGISTER_POINTS; i++)
-            copy3(m->basis + 3 * (t * REGISTER_POINTS + i),
+        for (size_t i = 0; i < LANDMARK_FACE; i++)
+            copy3(m->basis + 3 * (t * LANDMARK_FACE + i),
                   (t < SCAN_IDENTITIES
                    ? f->identity + t * one
                    : f->expression + (t - SCAN_IDENTITIES) * one)
                   + 3 * m->vertex[i]);
     return 0;
-}
-
-void register_map_release(struct register_map *m)
-{
-    free(m->basis);
-    m->basis = NULL;
 }
 
 void register_project(float o[3], const struct registration *r,
@@ -90,11 +58,11 @@ static void register_place(float *p, const struct registration *r,
                            const struct register_map *m,
                            const struct scan_face *f)
 {
-    for (int i = 0; i < REGISTER_POINTS; i++)
+    for (int i = 0; i < LANDMARK_FACE; i++)
         copy3(p + 3 * i, f->neutral + 3 * m->vertex[i]);
     for (size_t t = 0; t < REGISTER_TERMS; t++)
-        for (size_t i = 0; r->term[t] != 0 && i < 3 * REGISTER_POINTS; i++)
-            p[i] += r->term[t] * m->basis[3 * t * REGISTER_POINTS + i];
+        for (size_t i = 0; r->term[t] != 0 && i < 3 * LANDMARK_FACE; i++)
+            p[i] += r->term[t] * m->basis[3 * t * LANDMARK_FACE + i];
 }
 
 /* A step of the pose: small rotation, shift, relative scale. */
@@ -104,7 +72,7 @@ static void register_step_pose(struct registration *r,
 {
     double a[36] = {0}, b[6] = {0};
 
-    for (int i = 0; i < REGISTER_POINTS; i++) {
+    for (int i = 0; i < LANDMARK_FACE; i++) {
         float o[3], q[3], w = m->weight[i];
         register_project(o, r, p + 3 * i);
         rot3(q, r->rot, p + 3 * i);
@@ -150,14 +118,14 @@ static int register_step_terms(struct registration *r,
         return -1;
     }
     double *b = a + N * N;
-    for (int i = 0; i < REGISTER_POINTS; i++) {
+    for (int i = 0; i < LANDMARK_FACE; i++) {
         float o[3], q[3], t[3], w = m->weight[i] * 0.25f;
         const float *p = f->neutral + 3 * m->vertex[i];
         register_project(o, r, p);
         rot3(q, r->rot, p);
         float g = r->scale / (1 - q[2] / REGISTER_DEPTH) / SIGMA;
         for (size_t k = 0; k < N; k++) {
-            rot3(t, r->rot, m->basis + 3 * (k * REGISTER_POINTS + (size_t)i));
+            rot3(t, r->rot, m->basis + 3 * (k * LANDMARK_FACE + (size_t)i));
             row[k] = g * t[0];
             row[N + k] = -g * t[1];
         }
@@ -187,16 +155,16 @@ static int register_step_terms(struct registration *r,
 int register_fit(struct registration *r, const struct register_map *m,
                  const struct scan_face *f, const float *point, bool calm)
 {
-    float p[3 * REGISTER_POINTS], sum = 0;
+    float p[3 * LANDMARK_FACE], sum = 0;
     float x = 0, y = 0, sx = 0;
 
     *r = (struct registration){.rot = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
-    for (int i = 0; i < REGISTER_POINTS; i++) {
-        x += point[3 * i] / REGISTER_POINTS;
-        y += point[3 * i + 1] / REGISTER_POINTS;
+    for (int i = 0; i < LANDMARK_FACE; i++) {
+        x += point[3 * i] / LANDMARK_FACE;
+        y += point[3 * i + 1] / LANDMARK_FACE;
     }
-    for (int i = 0; i < REGISTER_POINTS; i++)
-        sx += fabsf(point[3 * i] - x) / REGISTER_POINTS;
+    for (int i = 0; i < LANDMARK_FACE; i++)
+        sx += fabsf(point[3 * i] - x) / LANDMARK_FACE;
     r->at[0] = x;
     r->at[1] = y;
     r->scale = sx / 0.2f;
@@ -208,13 +176,13 @@ int register_fit(struct registration *r, const struct register_map *m,
             return -1;
     }
     register_place(p, r, m, f);
-    for (int i = 0; i < REGISTER_POINTS; i++) {
+    for (int i = 0; i < LANDMARK_FACE; i++) {
         float o[3];
         register_project(o, r, p + 3 * i);
         sum += (o[0] - point[3 * i]) * (o[0] - point[3 * i])
                + (o[1] - point[3 * i + 1]) * (o[1] - point[3 * i + 1]);
     }
-    r->rms = sqrtf(sum / REGISTER_POINTS);
+    r->rms = sqrtf(sum / LANDMARK_FACE);
     return 0;
 }
 

@@ -6,16 +6,16 @@
 #include <stdbool.h>
 
 #include "lib/head/arkit.h"
+#include "lib/lab/people/landmark_map.h"
 #include "lib/lab/people/scan_face.h"
 
-#define REGISTER_POINTS 468
 #define REGISTER_TERMS (SCAN_IDENTITIES + ARKIT_COUNT)
 
 /* Landmarks and the vertices they mean. */
 struct register_map {
-    int32_t vertex[REGISTER_POINTS];
-    float weight[REGISTER_POINTS];
-    float *basis;               /* (REGISTER_TERMS, REGISTER_POINTS, 3) */
+    int32_t vertex[LANDMARK_FACE];
+    float weight[LANDMARK_FACE];
+    float *basis;               /* (REGISTER_TERMS, LANDMARK_FACE, 3) */
 };
 
 /* The fitted face, as a nearly parallel camera sees it: x = at[0] + scale
@@ -27,17 +27,12 @@ struct registration {
     float rms;                  /* pixels */
 };
 
-/* Read DIR/labels/mediapipe_to_ict.json. */
+/* From DIR/labels/mediapipe_to_ict.json, into memory. */
 int register_map_load(struct register_map *m, const struct scan_face *f,
-                      const char *dir, struct error *err);
-/* vertex and spread (REGISTER_POINTS, cm; NULL: not wanted) alone, by
- * landmark. */
-int register_map_read(int32_t *vertex, float *spread, const char *dir,
+                      const char *dir, struct arena *memory,
                       struct error *err);
-/* Free what it holds. */
-void register_map_release(struct register_map *m);
 
-/* Fit to points (REGISTER_POINTS,3: x, y, unused) of a picture; calm: the
+/* Fit to points (LANDMARK_FACE,3: x, y, unused) of a picture; calm: the
  * expression hardly differs from rest.  0, or -1 when memory is short. */
 int register_fit(struct registration *r, const struct register_map *m,
                  const struct scan_face *f, const float *point, bool calm);

@@ -3,7 +3,6 @@
 #include "lib/lab/people/scan_scene.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 
@@ -14,12 +13,14 @@
 int scan_worker_init(struct scan_worker *c, const struct head *h, int size,
                    struct error *err)
 {
-    *c = (struct scan_worker){.verts = malloc(3 * h->V * sizeof *c->verts),
-                            .bend = malloc(3 * h->V * sizeof *c->bend),
-                            .exact = malloc(3 * h->V * sizeof *c->exact)};
-    if (!c->verts || !c->bend || !c->exact)
-        return error_set(err, EX_OSERR, "out of memory");
-    return scan_stage_init(&c->stage, size, err)
+    struct arena *a = &c->memory;
+
+    *c = (struct scan_worker){0};
+    c->verts = arena_take(a, 3 * h->V, sizeof *c->verts);
+    c->bend = arena_take(a, 3 * h->V, sizeof *c->bend);
+    c->exact = arena_take(a, 3 * h->V, sizeof *c->exact);
+    return arena_check(a, "a head", err)
+           || scan_stage_init(&c->stage, size, err)
            || scan_film_init(&c->film, size, err) ? -1 : 0;
 }
 
@@ -27,10 +28,7 @@ void scan_worker_release(struct scan_worker *c)
 {
     scan_stage_release(&c->stage);
     scan_film_release(&c->film);
-    free(c->verts);
-    free(c->bend);
-    free(c->exact);
-    *c = (struct scan_worker){0};
+    arena_release(&c->memory);
 }
 
 int scan_scene_init(struct scan_scene *c, const struct scan_assets *a,
@@ -38,44 +36,36 @@ int scan_scene_init(struct scan_scene *c, const struct scan_assets *a,
                    float effects, int size, struct error *err)
 {
     struct scan_person p;
-    size_t n = 3 * (size_t)size * (size_t)size;
-    float *tmp = malloc(n * sizeof *tmp);
-    int rc = -1;
+    const size_t n = 3 * (size_t)size * (size_t)size;
+    const size_t shapes = h->nshape < SCAN_IDENTITIES ? h->nshape
+                                                      : SCAN_IDENTITIES;
+    float *tmp;
 
     *c = (struct scan_scene){.size = size};
-    if (h->nshape > SCENE_SHAPES) {
-        error_set(err, EX_DATAERR, "head of %zu shapes (expected at most %d)",
-                  h->nshape, SCENE_SHAPES);
-        goto out;
-    }
-    c->wall = malloc(n * sizeof *c->wall);
-    if (!c->wall || !tmp) {
-        error_set(err, EX_OSERR, "out of memory");
-        goto out;
-    }
+    if (h->nshape > SCENE_SHAPES)
+        return error_set(err, EX_DATAERR, "head of %zu shapes (expected at "
+                         "most %d)", h->nshape, SCENE_SHAPES);
+    c->wall = arena_take(&c->memory, n, sizeof *c->wall);
+    tmp = arena_take(&c->memory, n, sizeof *tmp);
     scan_person_draw(&p, a, seed, index, effects);
-    size_t shapes = h->nshape < SCAN_IDENTITIES ? h->nshape
-                                                : SCAN_IDENTITIES;
     memcpy(c->beta, p.beta, shapes * sizeof *c->beta);
-    if (head_fold(&c->id, h, c->beta, shapes, err)
-        || (!a->plain && follow_init(&c->follow, &a->follow, &c->id, err))
-        || figure_init(&c->figure, a, &p, err))
-        goto out;
-    scan_backdrop(c->wall, tmp, &c->figure, size);
-    rc = 0;
-out:
-    free(tmp);
-    if (rc)
+    if (arena_check(&c->memory, "a picture", err)
+        || head_fold(&c->id, h, c->beta, shapes, err)
+        || (!a->plain
+            && follow_init(&c->follow, &a->follow, &c->id, &c->memory, err))
+        || figure_init(&c->figure, a, &p, err)) {
         scan_scene_release(c);
-    return rc;
+        return -1;
+    }
+    scan_backdrop(c->wall, tmp, &c->figure, size);
+    return 0;
 }
 
 void scan_scene_release(struct scan_scene *c)
 {
     figure_release(&c->figure);
-    follow_release(&c->follow);
     identity_release(&c->id);
-    free(c->wall);
+    arena_release(&c->memory);
     *c = (struct scan_scene){0};
 }
 
@@ -286,7 +276,7 @@ int scan_scene_render(const struct scan_print *out, struct synth_motion *m,
         mad3(p, p, v.trans, 1);
         scene_project(lmk[k], p, &v, c->size);
     }
-    for (int k = 0; !f->assets->plain && k < REGISTER_POINTS; k++)
+    for (int k = 0; !f->assets->plain && k < LANDMARK_FACE; k++)
         scene_project(points[k], worker->stage.place
                       + 3 * f->assets->point[k], &v, c->size);
     return 0;

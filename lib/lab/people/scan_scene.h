@@ -10,6 +10,7 @@
 
 /* A person ready to be rendered, with the background behind them. */
 struct scan_scene {
+    struct arena memory;
     struct figure figure;
     struct identity id;
     struct follow follow;
@@ -19,6 +20,7 @@ struct scan_scene {
 };
 
 struct scan_worker {              /* one worker's */
+    struct arena memory;
     struct scan_stage stage;
     struct scan_film film;
     float *verts, *bend;        /* (V,3) */
@@ -41,7 +43,7 @@ void scan_scene_release(struct scan_scene *c);
 
 /* The scene at `time` seconds, the head as it turns or (not NULL) at `turn`:
  * the print, the true motion, the head's 68
- * landmarks and the labels' REGISTER_POINTS on the scans' own skin in pixels,
+ * landmarks and the labels' LANDMARK_FACE on the scans' own skin in pixels,
  * and the driven vertices (worker->verts). */
 int scan_scene_render(const struct scan_print *out, struct synth_motion *m,
                float lmk[68][2], float (*points)[2],

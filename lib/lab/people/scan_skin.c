@@ -23,25 +23,18 @@
 #define N SKIN_SIZE
 #define M SKIN_SLOW
 
-static int skin_memory(struct error *err)
-{
-    return error_set(err, EX_OSERR, "out of memory for skin");
-}
-
 /* ---- the texture square ------------------------------------------------- */
 
 /* Which triangle of the skin each texel lies on. */
 static int skin_chart_init(struct skin_chart *c, const struct scan_face *f,
-                           struct error *err)
+                           struct arena *room, struct error *err)
 {
-    struct raster_vertex *at = malloc(f->nc * sizeof *at);
+    struct raster_vertex *at = arena_take(room, f->nc, sizeof *at);
 
-    c->face = malloc(N * N * sizeof *c->face);
-    c->b = malloc(2 * N * N * sizeof *c->b);
-    if (!at || !c->face || !c->b) {
-        free(at);
-        return skin_memory(err);
-    }
+    c->face = arena_take(room, N * N, sizeof *c->face);
+    c->b = arena_take(room, 2 * N * N, sizeof *c->b);
+    if (arena_check(room, "skin", err))
+        return -1;
     for (size_t i = 0; i < f->nc; i++)
         at[i] = (struct raster_vertex){f->uv[2 * i] * N,
                                        (1 - f->uv[2 * i + 1]) * N, 1};
@@ -66,7 +59,6 @@ static int skin_chart_init(struct skin_chart *c, const struct scan_face *f,
             }
         }
     }
-    free(at);
     return 0;
 }
 
@@ -151,7 +143,8 @@ static void skin_make_beard(struct skin_model *s, const struct scan_face *f,
 /* Shares of brows, lids, lips and beard on the chart, from the landmarks that
  * outline them. */
 static int skin_make_masks(struct skin_model *s, const struct scan_face *f,
-                           const struct register_map *m, struct error *err)
+                           const struct register_map *m, struct arena *memory,
+                           struct error *err)
 {
     static const int brow[2][10] = {
         {70, 63, 105, 66, 107, 55, 65, 52, 53, 46},
@@ -169,13 +162,12 @@ static int skin_make_masks(struct skin_model *s, const struct scan_face *f,
                                   324, 308, 415, 310, 311, 312, 13, 82, 81,
                                   80, 191};
 
-    s->brow = calloc(N * N, 1);
-    s->lip = calloc(N * N, 1);
-    s->beard = calloc(N * N, 1);
-    s->eye = calloc(N * N, 1);
-    s->mouth = calloc(N * N, 1);
-    if (!s->brow || !s->lip || !s->mouth || !s->beard || !s->eye)
-        return skin_memory(err);
+    uint8_t **const mask[] = {&s->brow, &s->lip, &s->beard, &s->eye, &s->mouth};
+
+    for (size_t i = 0; i < sizeof mask / sizeof *mask; i++)
+        *mask[i] = arena_take(memory, N * N, 1);
+    if (arena_check(memory, "skin", err))
+        return -1;
     for (int i = 0; i < 2; i++) {
         skin_fill_polygon(s->brow, f, m, brow[i], 10, 9);
         skin_fill_polygon(s->eye, f, m, lid[i], 16, 5);
@@ -239,14 +231,10 @@ static void skin_unwrap(struct skin_sample *o, const struct image *im,
 
 /* Texels that are no skin lose their weight: hair, which is far darker than
  * the person's skin or of another colour.  Returns the person's mean log
- * colour in `mean`. */
-static int skin_drop_hair(struct skin_sample *o, const struct skin_model *s,
-                          float mean[3])
+ * colour in `mean`; v (N,N) is scratch. */
+static void skin_drop_hair(struct skin_sample *o, const struct skin_model *s,
+                           float *v, float mean[3])
 {
-    float *v = malloc(N * N * sizeof *v);
-
-    if (!v)
-        return -1;
     for (int k = 0; k < 3; k++) {
         size_t n = 0;
         /* cheeks, nose and forehead's middle */
@@ -258,7 +246,6 @@ static int skin_drop_hair(struct skin_sample *o, const struct skin_model *s,
         sort_floats(v, n);
         mean[k] = n ? v[n / 2] : -1;
     }
-    free(v);
     for (int i = 0; i < N * N; i++) {
         float d = 0, *l = o->log + 3 * i;
         for (int k = 0; k < 3; k++)
@@ -272,7 +259,6 @@ static int skin_drop_hair(struct skin_sample *o, const struct skin_model *s,
         if (s->brow[i] || s->eye[i] > 60)
             o->weight[i] = 0;
     }
-    return 0;
 }
 
 /* JPEG readers make grey of what is missing: a photograph must end as one
@@ -299,28 +285,30 @@ int skin_sample_take(struct skin_sample *o, const struct skin_model *s,
                      const struct register_map *m, const char *path,
                      const float *point, struct error *err)
 {
+    const size_t one = 3 * (size_t)FACE_VERTICES;
     struct image im;
     struct registration r;
-    float *shape = malloc(6 * (size_t)FACE_VERTICES * sizeof *shape);
-    float table[256], mean[3] = {0, 0, 0};
+    float *shape = malloc((2 * one + N * N) * sizeof *shape);
+    float table[256];
     int rc = -1;
 
     for (int i = 0; i < 256; i++)
         table[i] = skin_decode((uint8_t)i);
     if (!shape)
-        return skin_memory(err);
+        return error_set(err, EX_OSERR, "out of memory for skin");
     if (skin_check_whole(path, err) || image_read(&im, path, err))
         goto out;
     if (register_fit(&r, m, f, point, true)) {
-        skin_memory(err);
+        error_set(err, EX_OSERR, "out of memory for skin");
     } else {
-        float *normal = shape + 3 * (size_t)FACE_VERTICES;
+        float *normal = shape + one;
+
         register_shape(shape, f, &r);
         scan_face_normals(normal, shape, f);
         skin_unwrap(o, &im, f, c, &r, shape, normal, table);
-        rc = skin_drop_hair(o, s, mean) ? skin_memory(err) : 0;
-        copy3(o->mean, mean);
+        skin_drop_hair(o, s, normal + one, o->mean);
         o->rms = r.rms;
+        rc = 0;
     }
     image_release(&im);
 out:
@@ -332,7 +320,7 @@ out:
 
 /* Names and points of the neutral London photographs. */
 static int skin_list_photographs(struct skin_list *l, const char *dir,
-                                 struct error *err)
+                                 struct arena *room, struct error *err)
 {
     char path[4096];
     size_t dims[3] = {0, 478, 3}, n;
@@ -341,7 +329,8 @@ static int skin_list_photographs(struct skin_list *l, const char *dir,
     struct safetensors *st = st_open(path, err);
     if (!st)
         return -1;
-    l->point = st_load_f32(st, "landmarks", 3, dims, &n, err);
+    l->point = arena_keep(room, st_load_f32(st, "landmarks", 3, dims, &n, err),
+                          err);
     const char *text = st_meta(st, "names");
     l->names = text ? cJSON_Parse(text) : NULL;
     st_close(st);
@@ -351,9 +340,9 @@ static int skin_list_photographs(struct skin_list *l, const char *dir,
     if ((size_t)cJSON_GetArraySize(l->names) != n)
         return error_set(err, EX_DATAERR, "%s: names: expected a list of "
                          "%zu", path, n);
-    l->row = malloc((n + 1) * sizeof *l->row);
-    if (!l->row)
-        return skin_memory(err);
+    l->row = arena_take(room, n, sizeof *l->row);
+    if (arena_check(room, "skin", err))
+        return -1;
     for (size_t i = 0; i < n; i++) {
         const cJSON *e = cJSON_GetArrayItem(l->names, (int)i);
         if (cJSON_IsString(e) && strstr(e->valuestring, "london/")
@@ -402,41 +391,24 @@ static int skin_take_all(struct skin_fit *t, const struct skin_model *s,
 }
 
 int skin_model_fit(struct skin_model *s, const struct scan_face *f,
-                   const char *dir, struct error *err)
+                   const char *dir, struct arena *memory, struct error *err)
 {
-    struct register_map m = {.basis = NULL};
+    struct arena room = {0};
+    struct register_map m;
     struct skin_list l = {0};
     struct skin_fit t = {0};
 
     *s = (struct skin_model){0};
-    int rc = register_map_load(&m, f, dir, err) ||
-             skin_list_photographs(&l, dir, err) ||
-             skin_make_masks(s, f, &m, err) ||
-             skin_chart_init(&t.chart, f, err) || skin_fit_init(&t, l.n, err) ||
-             skin_take_all(&t, s, f, &m, &l, dir, err) ||
-             skin_fit_finish(s, &t, err);
-    skin_fit_release(&t);
-    register_map_release(&m);
-    free(l.row);
-    free(l.point);
+    int rc = register_map_load(&m, f, dir, &room, err) ||
+             skin_list_photographs(&l, dir, &room, err) ||
+             skin_make_masks(s, f, &m, memory, err) ||
+             skin_chart_init(&t.chart, f, &room, err);
+    t.grain = arena_take(memory, l.n, N * N);
+    rc = rc || arena_check(memory, "skin", err) ||
+         skin_fit_init(&t, l.n, &room, err) ||
+         skin_take_all(&t, s, f, &m, &l, dir, err) ||
+         skin_fit_finish(s, &t, memory, err);
     cJSON_Delete(l.names);
-    if (rc)
-        skin_model_release(s);
+    arena_release(&room);
     return rc ? -1 : 0;
-}
-
-void skin_model_release(struct skin_model *s)
-{
-    free(s->mean);
-    free(s->part);
-    free(s->grain);
-    free(s->brow);
-    free(s->lip);
-    free(s->mouth);
-    free(s->beard);
-    free(s->line);
-    free(s->crease);
-    free(s->eye);
-    brow_model_release(&s->brows);
-    *s = (struct skin_model){0};
 }

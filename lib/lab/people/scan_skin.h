@@ -6,7 +6,6 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "lib/base/error.h"
 #include "lib/lab/people/scan_brow.h"
 
 #define SKIN_SIZE 512           /* side of a person's texture */
@@ -26,8 +25,6 @@ struct skin_model {
     uint8_t *brow, *lip, *beard;    /* (SKIN_SIZE,SKIN_SIZE) where they are */
     uint8_t *mouth;             /* what lies between the lips, likewise */
     uint8_t *eye;               /* lids and what lies between them */
-    uint8_t *line;              /* wrinkles: (SKIN_SIZE,SKIN_SIZE,4) heights
-                                 * of brow, frown, crow's feet, nose folds */
     struct brow_model brows;
     float tone[3];              /* mean albedo of the face, linear */
 };
@@ -42,11 +39,9 @@ struct skin_look {
 };
 
 /* Fit to the photographs under DIR/photos/london with the landmarks of
- * DIR/labels. */
+ * DIR/labels; its arrays come from memory. */
 int skin_model_fit(struct skin_model *m, const struct scan_face *f,
-                   const char *dir, struct error *err);
-/* Free what it holds; zeroed then. */
-void skin_model_release(struct skin_model *m);
+                   const char *dir, struct arena *memory, struct error *err);
 
 struct traits;
 

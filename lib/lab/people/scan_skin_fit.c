@@ -16,35 +16,15 @@
 #define STEP (N / M)
 #define PLANE ((size_t)M * M)
 
-static int skin_fit_memory(struct error *err)
-{
-    return error_set(err, EX_OSERR, "out of memory for skin");
-}
-
-int skin_fit_init(struct skin_fit *t, size_t n, struct error *err)
+int skin_fit_init(struct skin_fit *t, size_t n, struct arena *memory,
+                  struct error *err)
 {
     t->n = n;
-    t->slow = malloc(3 * n * PLANE * sizeof *t->slow);
-    t->weight = malloc(n * PLANE * sizeof *t->weight);
-    t->normal = calloc(3 * n * PLANE, sizeof *t->normal);
-    t->grain = malloc(n * N * N);
-    t->mean = malloc(n * sizeof *t->mean);
-    if (!t->slow || !t->weight || !t->normal || !t->grain || !t->mean)
-        return skin_fit_memory(err);
-    return brow_fit_init(&t->brows, n, err);
-}
-
-void skin_fit_release(struct skin_fit *t)
-{
-    free(t->chart.face);
-    free(t->chart.b);
-    free(t->slow);
-    free(t->weight);
-    free(t->normal);
-    free(t->grain);
-    free(t->mean);
-    brow_fit_release(&t->brows);
-    *t = (struct skin_fit){.n = 0};
+    t->slow = arena_take(memory, 3 * n * PLANE, sizeof *t->slow);
+    t->weight = arena_take(memory, n * PLANE, sizeof *t->weight);
+    t->normal = arena_take(memory, 3 * n * PLANE, sizeof *t->normal);
+    t->mean = arena_take(memory, n, sizeof *t->mean);
+    return brow_fit_init(&t->brows, n, memory, err);
 }
 
 /* ---- one photograph ----------------------------------------------------- */
@@ -84,14 +64,12 @@ static void skin_box(float *v, float *tmp, int r)
     }
 }
 
-/* What is finer than about a centimetre in the luminance. */
-static int skin_take_grain(int8_t *grain, const struct skin_sample *o)
+/* What is finer than about a centimetre in the luminance; room (3,N,N). */
+static void skin_take_grain(int8_t *grain, float *room,
+                            const struct skin_sample *o)
 {
-    float *v = malloc(3 * N * N * sizeof *v);
+    float *v = room, *w = v + N * N, *tmp = w + N * N;
 
-    if (!v)
-        return -1;
-    float *w = v + N * N, *tmp = w + N * N;
     for (int i = 0; i < N * N; i++) {
         const float *l = o->log + 3 * i;
         w[i] = o->weight[i];
@@ -108,8 +86,6 @@ static int skin_take_grain(int8_t *grain, const struct skin_sample *o)
             ? (g - v[i] / w[i]) * ramp(0.3f, 0.9f, o->weight[i]) : 0;
         grain[i] = (int8_t)lrintf(clampf(g, -0.49f, 0.49f) * 256);
     }
-    free(v);
-    return 0;
 }
 
 /* Weighted means over STEP x STEP texels, against the person's mean. */
@@ -138,10 +114,10 @@ int skin_fit_add(struct skin_fit *t, size_t i, const struct skin_model *s,
                  const struct scan_face *f, const struct register_map *m,
                  const char *path, const float *point, struct error *err)
 {
-    float *room = calloc(7 * N * N, sizeof *room);
+    float *room = calloc(10 * N * N, sizeof *room);
 
     if (!room)
-        return skin_fit_memory(err);
+        return error_set(err, EX_OSERR, "out of memory for skin");
     struct skin_sample o = {room, room + 3 * N * N, room + 6 * N * N,
                             {0, 0, 0}, 0};
     int rc = skin_sample_take(&o, s, &t->chart, f, m, path, point, err);
@@ -149,8 +125,7 @@ int skin_fit_add(struct skin_fit *t, size_t i, const struct skin_model *s,
         skin_take_slow(t, i, &o);
         brow_fit_add(&t->brows, i, o.log, s->brow);
         copy3(t->mean[i], o.mean);
-        if (skin_take_grain(t->grain + i * N * N, &o))
-            rc = skin_fit_memory(err);
+        skin_take_grain(t->grain + i * N * N, room + 7 * N * N, &o);
     }
     free(room);
     return rc;
@@ -346,19 +321,14 @@ PARALLEL(skin_find_parts_part, i, const float *, x, double *, g, size_t, d,
 }
 
 float *skin_find_parts(const float *x, size_t n, size_t d, size_t every,
-                       int parts, struct error *err)
+                       int parts, struct arena *memory, struct error *err)
 {
-    double *g = malloc(2 * n * n * sizeof *g);
-    float *part = calloc((size_t)parts * d, sizeof *part);
+    double *g = arena_take(memory, n * n, sizeof *g);
+    double *v = arena_take(memory, n * n, sizeof *v);
+    float *part = arena_take(memory, (size_t)parts * d, sizeof *part);
 
-    if (!g || !part) {
-        free(g);
-        free(part);
-        skin_fit_memory(err);
+    if (arena_check(memory, "skin", err))
         return NULL;
-    }
-    double *v = g + n * n;
-
     parallel_each(skin_find_parts_part, n, 1, x, g, d, every, n);
     skin_eigen(g, v, n);
     for (int k = 0; k < parts; k++) {
@@ -374,7 +344,6 @@ float *skin_find_parts(const float *x, size_t n, size_t d, size_t every,
                 o[p] += w * x[i * d + p];
         }
     }
-    free(g);
     return part;
 }
 
@@ -407,12 +376,8 @@ static void skin_center(struct skin_model *s, float *x, size_t n,
 
 /* What the grain of all has in common, evened over the sides, comes off it
  * into s->crease. */
-static int skin_split_grain(struct skin_model *s, struct skin_fit *t,
-                            struct error *err)
+static void skin_split_grain(struct skin_model *s, const struct skin_fit *t)
 {
-    s->crease = calloc(N * N, sizeof *s->crease);
-    if (!s->crease)
-        return skin_fit_memory(err);
     for (size_t i = 0; i < t->n; i++)
         for (int p = 0; p < N * N; p++)
             s->crease[p] += 0.5f / 256 / (float)t->n
@@ -427,23 +392,22 @@ static int skin_split_grain(struct skin_model *s, struct skin_fit *t,
                 *g = (int8_t)lrintf(clampf((float)*g - 256 * s->crease[p],
                                            -126, 126));
         }
-    return 0;
 }
 
 int skin_fit_finish(struct skin_model *s, struct skin_fit *t,
-                    struct error *err)
+                    struct arena *memory, struct error *err)
 {
     double light[3][LIGHT_TERMS];
-    float *x = malloc(2 * t->n * 3 * PLANE * sizeof *x);
-    float *mean = malloc(3 * PLANE * sizeof *mean);
-    float *weight = malloc(PLANE * sizeof *weight);
+    struct arena room = {0};
+    float *x = arena_take(&room, 2 * t->n * 3 * PLANE, sizeof *x);
+    float *mean = arena_take(&room, 3 * PLANE, sizeof *mean);
+    float *weight = arena_take(&room, PLANE, sizeof *weight);
     int rc = -1;
 
-    s->mean = malloc(3 * PLANE * sizeof *s->mean);
-    if (!x || !mean || !weight || !s->mean) {
-        skin_fit_memory(err);
+    s->mean = arena_take(memory, 3 * PLANE, sizeof *s->mean);
+    s->crease = arena_take(memory, N * N, sizeof *s->crease);
+    if (arena_check(&room, "skin", err) || arena_check(memory, "skin", err))
         goto out;
-    }
     skin_find_mean(mean, weight, t);
     skin_find_light(light, mean, weight, t, s);
     skin_divide_light(t, light);
@@ -453,18 +417,14 @@ int skin_fit_finish(struct skin_model *s, struct skin_fit *t,
     skin_center(s, x, 2 * t->n, mean);
     s->parts = SKIN_PARTS < (int)(2 * t->n) ? SKIN_PARTS : (int)(2 * t->n);
     /* every third texel will do */
-    s->part = skin_find_parts(x, 2 * t->n, 3 * PLANE, 3, s->parts,
+    s->part = skin_find_parts(x, 2 * t->n, 3 * PLANE, 3, s->parts, memory,
                               err);
-    rc = !s->part || skin_split_grain(s, t, err)
-                 || brow_fit_finish(&s->brows, &t->brows, err)
-             ? -1
-             : 0;
+    skin_split_grain(s, t);
+    rc = !s->part || brow_fit_finish(&s->brows, &t->brows, memory, err) ? -1
+                                                                        : 0;
     s->people = t->n;
     s->grain = t->grain;
-    t->grain = NULL;
 out:
-    free(x);
-    free(mean);
-    free(weight);
+    arena_release(&room);
     return rc;
 }

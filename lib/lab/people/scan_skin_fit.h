@@ -42,10 +42,9 @@ int skin_sample_take(struct skin_sample *o, const struct skin_model *s,
                      const struct register_map *m, const char *path,
                      const float *point, struct error *err);
 
-/* Memory for n samples. */
-int skin_fit_init(struct skin_fit *t, size_t n, struct error *err);
-/* Free what it holds. */
-void skin_fit_release(struct skin_fit *t);
+/* Memory for n samples, but for their grain. */
+int skin_fit_init(struct skin_fit *t, size_t n, struct arena *memory,
+                  struct error *err);
 /* Photograph i; may be called from several threads. */
 int skin_fit_add(struct skin_fit *t, size_t i, const struct skin_model *s,
                  const struct scan_face *f, const struct register_map *m,
@@ -54,9 +53,9 @@ int skin_fit_add(struct skin_fit *t, size_t i, const struct skin_model *s,
  * taken off: per deviation, largest first.  One of `every` triples of columns
  * tells how alike rows are.  NULL and *err when memory is short. */
 float *skin_find_parts(const float *x, size_t n, size_t d, size_t every,
-                       int parts, struct error *err);
-/* Mean, parts and grain into s. */
+                       int parts, struct arena *memory, struct error *err);
+/* Mean, parts and grain into s, whose arrays come from memory. */
 int skin_fit_finish(struct skin_model *s, struct skin_fit *t,
-                    struct error *err);
+                    struct arena *memory, struct error *err);
 
 #endif

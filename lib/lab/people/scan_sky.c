@@ -1,9 +1,7 @@
 /* From which directions of the sky a point of a resting head is seen, by
  * parallel projections with a depth buffer. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
-#include <sysexits.h>
 
 #include "lib/base/parallel.h"
 #include "lib/lab/people/scan.h"
@@ -123,23 +121,6 @@ struct look {
     struct raster_vertex *face, *worn;
 };
 
-static int sky_look_init(struct look *l, size_t worn)
-{
-    l->bald = malloc(MAP * MAP * sizeof *l->bald);
-    l->map = malloc(MAP * MAP * sizeof *l->map);
-    l->face = malloc(FACE_VERTICES * sizeof *l->face);
-    l->worn = malloc((worn + 1) * sizeof *l->worn);
-    return l->bald && l->map && l->face && l->worn ? 0 : -1;
-}
-
-static void sky_look_release(struct look *l)
-{
-    free(l->bald);
-    free(l->map);
-    free(l->face);
-    free(l->worn);
-}
-
 /* Direction k of a piece: what it shuts off, and what it sees itself. */
 static void sky_look_at_piece(struct look *l, struct piece *p, int k)
 {
@@ -156,13 +137,6 @@ static void sky_look_at_piece(struct look *l, struct piece *p, int k)
         if (sky_is_free(l->map, &l->worn[i]) &&
             sky_is_free(l->bald, &l->worn[i]))
             __atomic_fetch_or(&p->seen[i], bit, __ATOMIC_RELAXED);
-}
-
-static int sky_piece_room(struct piece *p)
-{
-    p->seen = calloc(p->nc + 1, sizeof *p->seen);
-    p->shade = calloc(FACE_VERTICES, sizeof *p->shade);
-    return p->seen && p->shade ? 0 : -1;
 }
 
 /* Direction k of everything. */
@@ -195,35 +169,49 @@ PARALLEL(sky_measure_part, k, struct look *, look, struct scan_assets *, a,
     sky_look_along(&look[parallel_slot()], a, rack, 3, (int)k);
 }
 
+/* One thread's maps, of pieces of up to `worn` corners. */
+static struct look sky_look_take(struct arena *room, size_t worn)
+{
+    return (struct look){
+        .bald = arena_take(room, MAP * MAP, sizeof(float)),
+        .map = arena_take(room, MAP * MAP, sizeof(float)),
+        .face = arena_take(room, FACE_VERTICES, sizeof(struct raster_vertex)),
+        .worn = arena_take(room, worn, sizeof(struct raster_vertex))
+    };
+}
+
+/* What is measured of a piece; the most corners that one has. */
+static size_t sky_piece_take(struct piece *p, struct arena *memory, size_t max)
+{
+    p->seen = arena_take(memory, p->nc, sizeof *p->seen);
+    p->shade = arena_take(memory, FACE_VERTICES, sizeof *p->shade);
+    return p->nc > max ? p->nc : max;
+}
+
 int sky_measure(struct scan_assets *a, struct error *err)
 {
     struct scan_rack *const rack[] = {&a->hair, &a->hat, &a->cloth};
-    size_t max = a->torso.nc;
-    bool failed = false;
+    const size_t threads = (size_t)parallel_width();
+    struct arena room = {0};
+    struct look *look = arena_take(&room, threads, sizeof *look);
+    size_t max = sky_piece_take(&a->torso, &a->memory, 0);
 
     for (int k = 0; k < SKY_DIRECTIONS; k++) {
         sky_make_direction(sky[k], k);
         sky_make_terms(sky_terms[k], sky[k]);
     }
-    a->seen = calloc(FACE_VERTICES, sizeof *a->seen);
-    failed = !a->seen || sky_piece_room(&a->torso);
+    a->seen = arena_take(&a->memory, FACE_VERTICES, sizeof *a->seen);
     for (int r = 0; r < 3; r++)
-        for (size_t i = 0; i < rack[r]->n; i++) {
-            struct piece *p = &rack[r]->piece[i];
-            failed = failed || sky_piece_room(p);
-            max = p->nc > max ? p->nc : max;
-        }
-    const size_t threads = (size_t)parallel_width();
-    struct look *look = calloc(threads, sizeof *look);
-    failed = failed || !look;
+        for (size_t i = 0; i < rack[r]->n; i++)
+            max = sky_piece_take(&rack[r]->piece[i], &a->memory, max);
     for (size_t i = 0; look && i < threads; i++)
-        failed = sky_look_init(&look[i], max) || failed;
-    if (!failed)
+        look[i] = sky_look_take(&room, max);
+    int rc = arena_check(&a->memory, "the sky", err) ||
+             arena_check(&room, "the sky", err) ? -1 : 0;
+    if (rc == 0)
         parallel_each(sky_measure_part, SKY_DIRECTIONS, 1, look, a, rack);
-    for (size_t i = 0; look && i < threads; i++)
-        sky_look_release(&look[i]);
-    free(look);
-    return failed ? error_set(err, EX_OSERR, "out of memory for the sky") : 0;
+    arena_release(&room);
+    return rc;
 }
 
 void sky_moments(float m[10], uint64_t mask, const float n[3])

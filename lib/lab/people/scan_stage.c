@@ -1,89 +1,43 @@
 /* The figure posed, drawn into the z-buffer and shaded sample by sample. */
 #include "lib/lab/people/scan_stage.h"
 
-#include <stdlib.h>
 #include <string.h>
-#include <sysexits.h>
 
 #include "lib/lab/people/label.h"
 #include "lib/lab/people/vec.h"
-
-static int stage_memory(struct error *err)
-{
-    return error_set(err, EX_OSERR, "out of memory for a picture");
-}
 
 int scan_stage_init(struct scan_stage *s, int size, struct error *err)
 {
     size_t n = (size_t)size * (size_t)size;
     size_t m = n * SCAN_GRID * SCAN_GRID;
     size_t t = (size_t)SCAN_SHADOW * SCAN_SHADOW;
-    bool ok = true;
+    struct arena *a = &s->memory;
 
     *s = (struct scan_stage){.size = size, .grid = size * SCAN_GRID};
-    s->face = malloc(3 * FACE_VERTICES * sizeof *s->face);
-    s->face_normal = malloc(3 * FACE_VERTICES * sizeof *s->face_normal);
-    s->q = malloc(m * sizeof *s->q);
-    s->b1 = malloc(m * sizeof *s->b1);
-    s->b2 = malloc(m * sizeof *s->b2);
-    s->id = malloc(m * sizeof *s->id);
-    s->color = malloc(3 * m * sizeof *s->color);
-    s->cover = malloc(m * sizeof *s->cover);
-    s->label = malloc(m);
-    s->flat = malloc(t * sizeof *s->flat);
-    for (int i = 0; i < LIGHT_LAMPS; i++) {
-        s->shadow[i].map = malloc(t * sizeof *s->shadow[i].map);
-        ok = ok && s->shadow[i].map;
-    }
-    s->light = malloc(3 * n * sizeof *s->light);
-    s->alpha = malloc(n * sizeof *s->alpha);
-    s->front = malloc(3 * n * sizeof *s->front);
-    s->block = malloc(n * sizeof *s->block);
-    s->tag = malloc(n);
-    if (ok && s->face && s->face_normal && s->q && s->b1 && s->b2 && s->id
-        && s->color && s->cover && s->label && s->flat && s->light && s->alpha
-        && s->front && s->block && s->tag)
-        return 0;
-    scan_stage_release(s);
-    return stage_memory(err);
-}
-
-/* What was sized by the last figure. */
-static void stage_release_figure(struct scan_stage *s)
-{
-    free(s->head);
-    free(s->place);
-    free(s->normal);
-    free(s->bright);
-    free(s->fold);
-    free(s->spot);
-    free(s->sun);
-    s->head = s->place = s->normal = s->bright = s->fold = NULL;
-    s->spot = s->sun = NULL;
-    s->room = 0;
+    s->face = arena_take(a, 3 * FACE_VERTICES, sizeof *s->face);
+    s->face_normal = arena_take(a, 3 * FACE_VERTICES, sizeof *s->face_normal);
+    s->q = arena_take(a, m, sizeof *s->q);
+    s->b1 = arena_take(a, m, sizeof *s->b1);
+    s->b2 = arena_take(a, m, sizeof *s->b2);
+    s->id = arena_take(a, m, sizeof *s->id);
+    s->color = arena_take(a, 3 * m, sizeof *s->color);
+    s->cover = arena_take(a, m, sizeof *s->cover);
+    s->label = arena_take(a, m, 1);
+    s->flat = arena_take(a, t, sizeof *s->flat);
+    for (int i = 0; i < LIGHT_LAMPS; i++)
+        s->shadow[i].map = arena_take(a, t, sizeof *s->shadow[i].map);
+    s->light = arena_take(a, 3 * n, sizeof *s->light);
+    s->alpha = arena_take(a, n, sizeof *s->alpha);
+    s->front = arena_take(a, 3 * n, sizeof *s->front);
+    s->block = arena_take(a, n, sizeof *s->block);
+    s->tag = arena_take(a, n, 1);
+    return arena_check(a, "a picture", err);
 }
 
 void scan_stage_release(struct scan_stage *s)
 {
-    stage_release_figure(s);
-    free(s->order);
-    free(s->face);
-    free(s->face_normal);
-    free(s->q);
-    free(s->b1);
-    free(s->b2);
-    free(s->id);
-    free(s->color);
-    free(s->cover);
-    free(s->label);
-    free(s->flat);
-    for (int i = 0; i < LIGHT_LAMPS; i++)
-        free(s->shadow[i].map);
-    free(s->light);
-    free(s->alpha);
-    free(s->front);
-    free(s->block);
-    free(s->tag);
+    arena_release(&s->memory);
+    arena_release(&s->corners);
     *s = (struct scan_stage){0};
 }
 
@@ -91,29 +45,23 @@ void scan_stage_release(struct scan_stage *s)
 static int stage_fit_figure(struct scan_stage *s, const struct figure *f,
                             struct error *err)
 {
-    if (f->nc > s->room) {
-        size_t n = f->nc + f->nc / 8;
-        stage_release_figure(s);
-        s->head = malloc(3 * n * sizeof *s->head);
-        s->place = malloc(3 * n * sizeof *s->place);
-        s->normal = malloc(3 * n * sizeof *s->normal);
-        s->bright = malloc(3 * n * sizeof *s->bright);
-        s->fold = malloc(n * sizeof *s->fold);
-        s->spot = malloc(n * sizeof *s->spot);
-        s->sun = malloc(n * sizeof *s->sun);
-        if (!s->head || !s->place || !s->normal || !s->bright || !s->fold
-            || !s->spot || !s->sun)
-            return stage_memory(err);
-        s->room = n;
-    }
-    if (f->nveil > s->veil_room) {
-        uint64_t *o = realloc(s->order, f->nveil * sizeof *o);
-        if (!o)
-            return stage_memory(err);
-        s->order = o;
-        s->veil_room = f->nveil;
-    }
-    return 0;
+    struct arena *a = &s->corners;
+    const size_t n = f->nc + f->nc / 8, veils = f->nveil + f->nveil / 8;
+
+    if (f->nc <= s->room && f->nveil <= s->veil_room)
+        return 0;
+    arena_release(a);
+    s->head = arena_take(a, 3 * n, sizeof *s->head);
+    s->place = arena_take(a, 3 * n, sizeof *s->place);
+    s->normal = arena_take(a, 3 * n, sizeof *s->normal);
+    s->bright = arena_take(a, 3 * n, sizeof *s->bright);
+    s->fold = arena_take(a, n, sizeof *s->fold);
+    s->spot = arena_take(a, n, sizeof *s->spot);
+    s->sun = arena_take(a, n, sizeof *s->sun);
+    s->order = arena_take(a, veils, sizeof *s->order);
+    s->room = n;
+    s->veil_room = veils;
+    return arena_check(a, "a picture", err);
 }
 
 int scan_stage_render(struct scan_stage *s, const struct figure *f,

@@ -23,6 +23,7 @@ struct scan_shadow {            /* blurred exp(SHARP height) seen from a lamp */
 };
 
 struct scan_stage {
+    struct arena memory;
     int size, grid;             /* pixels, samples of a side */
     const struct figure *figure;
     const struct act *act;
@@ -31,6 +32,7 @@ struct scan_stage {
     float *bend;                /* (V,3) scratch */
     struct scan_view view;
     /* by corner */
+    struct arena corners;       /* memory of so many, and */
     size_t room;
     float *face;                /* (FACE_VERTICES,3) posed, head frame */
     float *face_normal;         /* (FACE_VERTICES,3) head frame */
@@ -40,7 +42,7 @@ struct scan_stage {
     float *fold;                /* (nc) compression of the skin, 0..1 */
     struct raster_vertex *spot; /* (nc) */
     /* by veil face */
-    size_t veil_room;
+    size_t veil_room;           /* of so many */
     uint64_t *order;
     /* by sample */
     float *q, *b1, *b2;

@@ -22,13 +22,14 @@ struct synth_picture {          /* a finished frame */
     uint64_t number;            /* person * frames + frame */
     struct synth_motion motion;
     struct synth_scene *scene;
-    float lmk[68][2], points[SYNTH_POINTS][2];
+    float lmk[68][2], points[LANDMARK_FACE][2];
     float crop[3];
     float *verts;
     uint8_t *rgb, *mask, *label, *alone;
 };
 
 struct synth {
+    struct arena memory;
     struct synth_options opt;
     struct scan_assets *plain;  /* of our own, when none are given */
     const struct head *head;
@@ -41,17 +42,45 @@ struct synth {
 };
 
 /* Room for a frame and what is to be known of it. */
-static int synth_picture_init(struct synth_picture *t, const struct synth *s)
+static void synth_picture_take(struct synth_picture *t, struct synth *s)
 {
     size_t n = (size_t)s->opt.size * (size_t)s->opt.size;
 
-    t->rgb = malloc(3 * n);
-    t->mask = malloc(n);
-    t->label = malloc(n);
-    t->alone = malloc(3 * n);
-    t->verts = s->opt.mesh ? malloc(3 * s->head->V * sizeof(float)) : NULL;
-    return t->rgb && t->mask && t->label && t->alone
-           && (t->verts || !s->opt.mesh) ? 0 : -1;
+    t->rgb = arena_take(&s->memory, n, 3);
+    t->mask = arena_take(&s->memory, n, 1);
+    t->label = arena_take(&s->memory, n, 1);
+    t->alone = arena_take(&s->memory, n, 3);
+    if (s->opt.mesh)
+        t->verts = arena_take(&s->memory, 3 * s->head->V, sizeof *t->verts);
+}
+
+/* Everything but people, who come by themselves. */
+static int synth_open_all(struct synth *s, struct error *err)
+{
+    const char *traits = s->opt.traits;
+    struct arena *a = &s->memory;
+
+    if (!s->opt.assets)
+        s->opt.assets = s->plain = scan_plain_open(traits, s->head, err);
+    if (!s->opt.assets)
+        return -1;
+    s->slots = s->threads * 2;
+    s->batch = s->threads * 4;
+    s->total = s->opt.people * s->opt.frames;
+    s->scene = arena_take(a, s->slots, sizeof *s->scene);
+    s->picture = arena_take(a, s->batch, sizeof *s->picture);
+    s->worker = arena_take(a, s->threads, sizeof *s->worker);
+    if (arena_check(a, "pictures", err))
+        return -1;
+    for (size_t i = 0; i < s->slots; i++)
+        s->scene[i].index = UINT64_MAX;
+    for (size_t i = 0; i < s->batch; i++)
+        synth_picture_take(&s->picture[i], s);
+    for (size_t i = 0; i < s->threads; i++)
+        if (scan_worker_init(&s->worker[i], s->head, s->opt.size, err))
+            return -1;
+    noise_lattice();
+    return arena_check(a, "pictures", err);
 }
 
 struct synth *synth_open(const struct head *head,
@@ -59,39 +88,15 @@ struct synth *synth_open(const struct head *head,
 {
     struct synth *s = calloc(1, sizeof *s);
 
-    if (!s)
-        goto memory;
-    s->opt = *opt;
-    if (!opt->assets) {
-        s->opt.assets = s->plain = scan_plain_open(opt->traits, head,
-                                                     err);
-        if (!s->plain)
-            goto out;
+    if (!s) {
+        error_set(err, EX_OSERR, "out of memory");
+        return NULL;
     }
+    s->opt = *opt;
     s->head = head;
     s->threads = (size_t)parallel_width();
-    s->slots = s->threads * 2;
-    s->batch = s->threads * 4;
-    s->total = opt->people * opt->frames;
-    s->scene = calloc(s->slots, sizeof *s->scene);
-    s->picture = calloc(s->batch, sizeof *s->picture);
-    s->worker = calloc(s->threads, sizeof *s->worker);
-    if (!s->scene || !s->picture || !s->worker)
-        goto memory;
-    for (size_t i = 0; i < s->slots; i++)
-        s->scene[i].index = UINT64_MAX;
-    for (size_t i = 0; i < s->batch; i++)
-        if (synth_picture_init(&s->picture[i], s))
-            goto memory;
-    for (size_t i = 0; i < s->threads; i++)
-        if (scan_worker_init(&s->worker[i], head, opt->size, err))
-            goto out;
-    noise_lattice();
-    return s;
-memory:
-    error_set(err, EX_OSERR, "out of memory for pictures of %d pixels",
-              opt->size);
-out:
+    if (synth_open_all(s, err) == 0)
+        return s;
     synth_close(s);
     return NULL;
 }
@@ -102,19 +107,10 @@ void synth_close(struct synth *s)
         return;
     for (size_t i = 0; s->scene && i < s->slots; i++)
         scan_scene_release(&s->scene[i].scan);
-    for (size_t i = 0; s->picture && i < s->batch; i++) {
-        free(s->picture[i].rgb);
-        free(s->picture[i].mask);
-        free(s->picture[i].label);
-        free(s->picture[i].alone);
-        free(s->picture[i].verts);
-    }
     for (size_t i = 0; s->worker && i < s->threads; i++)
         scan_worker_release(&s->worker[i]);
     scan_close(s->plain);
-    free(s->worker);
-    free(s->scene);
-    free(s->picture);
+    arena_release(&s->memory);
     free(s);
 }
 

@@ -8,11 +8,11 @@
 
 #include "lib/base/error.h"
 #include "lib/head/head.h"
+#include "lib/lab/people/landmark_map.h"
 #include "lib/lab/people/motion.h"
 
 struct scan_assets;
 
-#define SYNTH_POINTS 468        /* of mediapipe_to_ict.json */
 #define SYNTH_SIZE_MIN 32
 #define SYNTH_SIZE_MAX 2048
 
@@ -42,7 +42,7 @@ struct synth_frame {
     float light[3];             /* l, camera frame, see light_slope */
     float crop[3];              /* face crop: x, y, size, pixels */
     const float *lmk;           /* (68,2) pixels of the picture */
-    const float *points;        /* (SYNTH_POINTS,2) where the labels'
+    const float *points;        /* (LANDMARK_FACE,2) where the labels'
                                  * landmarks lie on the scans' skin, pixels;
                                  * NULL without scans */
     const float *verts;         /* (V,3) driven, head frame; NULL: no mesh */

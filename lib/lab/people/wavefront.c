@@ -170,7 +170,7 @@ static int wavefront_check_corners(const struct mesh_lists *l, const char *path,
 }
 
 int wavefront_read(struct wavefront *m, const char *path, const char *group,
-                   struct error *err)
+                   struct arena *memory, struct error *err)
 {
     struct lines in;
     struct mesh_lists l = {.v = {.size = 12}, .vt = {.size = 8},
@@ -178,7 +178,6 @@ int wavefront_read(struct wavefront *m, const char *path, const char *group,
                            .skip = group != NULL};
     int rc = 0;
 
-    *m = (struct wavefront){0};
     if (wavefront_open(&in, path, err))
         return -1;
     while (!rc && wavefront_next(&in))
@@ -190,21 +189,12 @@ int wavefront_read(struct wavefront *m, const char *path, const char *group,
         rc = wavefront_check_corners(&l, path, err);
     *m = (struct wavefront){
         .nv = l.v.count, .nt = l.vt.count, .nf = l.f.count,
-        .v = (float *)(void *)l.v.data, .vt = (float *)(void *)l.vt.data,
-        .f = (int32_t *)(void *)l.f.data, .ft = (int32_t *)(void *)l.ft.data
+        .v = arena_keep(memory, l.v.data, err),
+        .vt = arena_keep(memory, l.vt.data, err),
+        .f = arena_keep(memory, l.f.data, err),
+        .ft = arena_keep(memory, l.ft.data, err)
     };
-    if (rc)
-        wavefront_release(m);
-    return rc;
-}
-
-void wavefront_release(struct wavefront *m)
-{
-    free(m->v);
-    free(m->vt);
-    free(m->f);
-    free(m->ft);
-    *m = (struct wavefront){0};
+    return rc || !m->v || !m->f || !m->ft || (l.vt.count && !m->vt) ? -1 : 0;
 }
 
 /* ---- .mhclo ------------------------------------------------------------- */
@@ -316,36 +306,22 @@ static int wavefront_parse_mhclo(struct mhclo *m, struct lines *in,
 }
 
 int mhclo_read(struct mhclo *m, const char *path, size_t nbase, size_t n,
-               struct error *err)
+               struct arena *memory, struct error *err)
 {
     struct lines in;
     int rc;
 
-    *m = (struct mhclo){0};
-    if (wavefront_open(&in, path, err))
+    *m = (struct mhclo){
+        .index = arena_take(memory, 3 * n, sizeof *m->index),
+        .weight = arena_take(memory, 3 * n, sizeof *m->weight),
+        .offset = arena_take(memory, 3 * n, sizeof *m->offset),
+        .hidden = arena_take(memory, nbase, 1)
+    };
+    if (arena_check(memory, path, err) || wavefront_open(&in, path, err))
         return -1;
-    m->index = malloc((n + 1) * 3 * sizeof *m->index);
-    m->weight = malloc((n + 1) * 3 * sizeof *m->weight);
-    m->offset = malloc((n + 1) * 3 * sizeof *m->offset);
-    m->hidden = calloc(nbase, 1);
-    if (!m->index || !m->weight || !m->offset || !m->hidden)
-        rc = error_set(err, EX_OSERR, "%s: no memory for %zu vertices", path,
-                       n);
-    else
-        rc = wavefront_parse_mhclo(m, &in, nbase, n, err);
+    rc = wavefront_parse_mhclo(m, &in, nbase, n, err);
     fclose(in.f);
-    if (rc)
-        mhclo_release(m);
     return rc;
-}
-
-void mhclo_release(struct mhclo *m)
-{
-    free(m->index);
-    free(m->weight);
-    free(m->offset);
-    free(m->hidden);
-    *m = (struct mhclo){0};
 }
 
 void mhclo_place(float *out, const struct mhclo *m, const float *base)

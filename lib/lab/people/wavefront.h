@@ -6,7 +6,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "lib/base/error.h"
+#include "lib/base/arena.h"
 
 /* Quads are split; texture coordinates may be missing (nt = 0, ft NULL). */
 struct wavefront {
@@ -16,13 +16,11 @@ struct wavefront {
     int32_t *f, *ft;        /* (nf,3) corners in v and in vt, from 0 */
 };
 
-/* Read a mesh; group: only faces of that `g` (NULL: all of them).  Refused
- * by name and line: indices out of range, numbers that are not finite, faces
- * of fewer than three corners, no faces.  On failure *m is zeroed. */
+/* Read a mesh into memory; group: only faces of that `g` (NULL: all of them).
+ * Refused by name and line: indices out of range, numbers that are not finite,
+ * faces of fewer than three corners, no faces. */
 int wavefront_read(struct wavefront *m, const char *path, const char *group,
-                   struct error *err);
-/* Free what it holds; zeroed then. */
-void wavefront_release(struct wavefront *m);
+                   struct arena *memory, struct error *err);
 
 /* Vertex i lies at sum_k weight[k] base[index[k]] + scale * offset. */
 struct mhclo {
@@ -34,12 +32,11 @@ struct mhclo {
     uint8_t *hidden;        /* (nbase) 1: the asset covers that vertex */
 };
 
-/* Read a binding; nbase vertices of the base mesh, n of the asset.  Refused by
- * name: other counts, indices out of range, numbers that are not finite. */
+/* Read a binding into memory; nbase vertices of the base mesh, n of the asset.
+ * Refused by name: other counts, indices out of range, numbers that are not
+ * finite. */
 int mhclo_read(struct mhclo *m, const char *path, size_t nbase, size_t n,
-               struct error *err);
-/* Free what it holds; zeroed then. */
-void mhclo_release(struct mhclo *m);
+               struct arena *memory, struct error *err);
 
 /* out (n,3): the asset on base (nbase,3). */
 void mhclo_place(float *out, const struct mhclo *m, const float *base);

@@ -1,7 +1,9 @@
 /* Reading mediapipe_to_ict.json. */
+#include "lib/lab/people/landmark_map.h"
+
 #include <sysexits.h>
 
-#include "lib/lab/fit/face_points.h"
+#include "lib/lab/head/scan.h"
 #include "lib/lab/people/scan_json.h"
 
 /* spread (468) by landmark from the list of numbers. */
