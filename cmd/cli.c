@@ -224,7 +224,11 @@ struct stream_writer *cli_create_stream(const char *path, struct error *err)
 /* What the shared options ask for. */
 static void cli_option_apply_shared(void)
 {
+    struct error err = { 0 };
+
     signal(SIGPIPE, SIG_DFL); /* the next program has seen enough: end */
+    if (cpu_check(&err))
+        die_error(&err);
     cli_use_threads(threads);
     if (max_bytes)
         stream_set_limit(max_bytes);

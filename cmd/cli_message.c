@@ -1,5 +1,6 @@
 /* What a program says on standard error: how it ends, warnings, and a progress
  * bar that makes room for both. */
+#include <ctype.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -24,12 +25,15 @@ static void cli_bar_erase(void)
     bar.width = 0;
 }
 
-/* "program: KIND text" on a line of its own. */
+/* "program: KIND text" on a line of its own, whatever names are in the text. */
 static void cli_message_print(const char *kind, const char *format, va_list ap)
 {
     char text[1024];
 
     vsnprintf(text, sizeof text, format, ap);
+    for (char *c = text; *c; c++)
+        if (iscntrl((unsigned char)*c))
+            *c = '?';
     cli_bar_erase();
     fprintf(stderr, "%s: %s%s\n", cli.program, kind, text);
 }

@@ -8,6 +8,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sysexits.h>
 #include <time.h>
 
 #include "lib/base/isa.h"
@@ -48,16 +49,30 @@ static enum cpu_level cpu_detect(void)
 #endif
 }
 
+/* What $SPID_CPU allows; -1: no level. */
+static int cpu_cap(void)
+{
+    const char *cap = getenv("SPID_CPU");
+    int i = CPU_AVX512;
+
+    while (cap && *cap && i >= 0 && strcmp(cap, level_names[i]))
+        i--;
+    return i;
+}
+
+int cpu_check(struct error *err)
+{
+    return cpu_cap() >= 0 ? 0
+        : error_set(err, EX_USAGE, "SPID_CPU=%s: not a level (expected "
+                    "baseline, avx2 or avx512)", getenv("SPID_CPU"));
+}
+
 /* The level found, or $SPID_CPU's when that is lower. */
 static enum cpu_level cpu_capped(void)
 {
-    enum cpu_level found = cpu_detect();
-    const char *cap = getenv("SPID_CPU");
+    const int found = (int)cpu_detect(), cap = cpu_cap();
 
-    for (int i = 0; cap && i < 3; i++)
-        if (strcmp(cap, level_names[i]) == 0 && i < (int)found)
-            found = (enum cpu_level)i;
-    return found;
+    return (enum cpu_level)(cap >= 0 && cap < found ? cap : found);
 }
 
 enum cpu_level cpu_level(void)

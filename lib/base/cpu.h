@@ -4,6 +4,7 @@
 
 #include <stdbool.h>
 
+#include "lib/base/error.h"
 #include "lib/base/isa.h"
 
 enum cpu_level { CPU_BASELINE, CPU_AVX2, CPU_AVX512 };
@@ -20,6 +21,9 @@ enum cpu_level { CPU_BASELINE, CPU_AVX2, CPU_AVX512 };
 /* Highest level this processor and system support, capped by $SPID_CPU
  * ("baseline", "avx2", "avx512") so that tests can run every version. */
 enum cpu_level cpu_level(void);
+
+/* EX_USAGE where $SPID_CPU is none of these, which is as if it was not set. */
+int cpu_check(struct error *err);
 
 /* As $SPID_CPU writes it. */
 const char *cpu_level_name(enum cpu_level level);

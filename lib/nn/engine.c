@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
+#include <sys/mman.h>
 #include <sysexits.h>
 
 #include "lib/base/cpu.h"
@@ -98,13 +99,24 @@ bool nn_type_native(enum nn_type type)
            : type != NN_BF16 || nn_has(dnnl_cpu_isa_avx512_core_bf16);
 }
 
+/* Whether there is memory for the instructions of a primitive, which oneDNN
+ * writes without asking whether it got any. */
+static bool engine_has_room(void)
+{
+    const size_t room = 4 << 20;        /* of the largest, several times */
+    void *p = mmap(NULL, room, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+
+    return p != MAP_FAILED && munmap(p, room) == 0;
+}
+
 void nn_call_init(struct nn_call *c, const_dnnl_primitive_desc_t pd,
                   struct nn_plan *p)
 {
     memset(c, 0, sizeof *c);
     if (p->err.code)
         return;
-    if (dnnl_primitive_create(&c->prim, pd) != dnnl_success)
+    if (!engine_has_room() ||
+        dnnl_primitive_create(&c->prim, pd) != dnnl_success)
         nn_plan_fail(p, EX_OSERR, "oneDNN could not make a primitive");
 }
 

@@ -50,3 +50,16 @@ prepare() {
     status 64 spid-dump -Z
     has '-Z is not an option'
 }
+
+@test "a message is one line whatever is in a name" {
+    status 66 spid-dump $'two\nlines.spid'
+    one_line
+    has 'two?lines.spid: cannot open'
+}
+
+@test "SPID_CPU names a level" {
+    SPID_CPU=avx1024 status 64 spid-dump motion.spid
+    one_line
+    has 'SPID_CPU=avx1024: not a level (expected baseline, avx2 or avx512)'
+    SPID_CPU= status 0 spid-dump -q motion.spid
+}

@@ -261,3 +261,15 @@ END
     fi
     refused 0 "$PWD/full/take"      # no right to mount: files may not grow
 }
+
+@test "too little memory at any place is a line, not a crash" {
+    # as much as it is of addresses: not under a sanitizer
+    [ "${BUILD:-build}" = build ] || return 0
+    for kb in $(seq 100000 10000 180000); do
+        run bash -c "ulimit -c 0 -v $kb; exec spid-shape -q -j 2 \
+            '$TOP/examples/photo.jpg' -o least.spid"
+        echo "$kb: $status $output"
+        [ "$status" -lt 128 ]
+        one_line
+    done
+}
