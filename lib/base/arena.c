@@ -2,6 +2,7 @@
 #include "lib/base/arena.h"
 
 #include <stdlib.h>
+#include <string.h>
 #include <sysexits.h>
 
 struct arena_block {
@@ -34,6 +35,14 @@ void *arena_take(struct arena *a, size_t count, size_t size)
     if (!memory)
         __atomic_store_n(&a->failed, true, __ATOMIC_RELAXED);
     return memory;
+}
+
+char *arena_text(struct arena *a, const char *text)
+{
+    const size_t n = strlen(text) + 1;
+    char *copy = arena_take(a, n, 1);
+
+    return copy ? memcpy(copy, text, n) : NULL;
 }
 
 int arena_check(const struct arena *a, const char *what, struct error *err)

@@ -17,6 +17,8 @@ struct arena {                  /* zeroed: nothing is taken */
  * allowed, and several threads are.  NULL when there is no memory, which
  * arena_check tells of: nothing taken is to be touched before it was asked. */
 void *arena_take(struct arena *a, size_t count, size_t size);
+/* A copy of the text, as arena_take gives memory. */
+char *arena_text(struct arena *a, const char *text);
 /* What malloc gave becomes the arena's.  NULL and *err without memory, and for
  * NULL, of which whoever made it has told. */
 void *arena_keep(struct arena *a, void *memory, struct error *err);

@@ -10,22 +10,15 @@
 #include "formats/glb.h"
 #include "formats/ply.h"
 #include "formats/splatfile.h"
+#include "lib/base/arena.h"
 #include "lib/splat/splat.h"
 
 /* What a file gave back, in head units. */
 struct back {
     struct gaussians g;
     struct ply_scene ply;
-    void *block;                /* of the other formats */
-    float *scaled;              /* GLB: mean and scale out of metres */
+    struct arena memory;        /* of the other formats */
 };
-
-static void drawn_back_release(struct back *b)
-{
-    ply_release(&b->ply);
-    free(b->block);
-    free(b->scaled);
-}
 
 /* As a viewer would read it: degree 0, three channels. */
 static int drawn_read_ply(struct back *b, const char *path, bool turned,
@@ -46,18 +39,22 @@ static int drawn_read_glb(struct back *b, const char *path, float unit,
                           struct error *err)
 {
     struct glb_splats s;
+    float *mean, *scale;
+    void *block;
 
-    if (glb_read_splats(&s, &b->block, path, err))
+    if (glb_read_splats(&s, &block, path, err) ||
+        !arena_keep(&b->memory, block, err))
         return -1;
-    b->scaled = malloc((6 * s.n + 1) * sizeof *b->scaled);
-    if (!b->scaled)
-        return error_set(err, EX_OSERR, "%s: out of memory", path);
+    mean = arena_take(&b->memory, 3 * s.n, sizeof *mean);
+    scale = arena_take(&b->memory, 3 * s.n, sizeof *scale);
+    if (arena_check(&b->memory, path, err))
+        return -1;
     for (size_t i = 0; i < 3 * s.n; i++) {
-        b->scaled[i] = s.mean[i] * unit;
-        b->scaled[3 * s.n + i] = s.scale[i] * unit;
+        mean[i] = s.mean[i] * unit;
+        scale[i] = s.scale[i] * unit;
     }
-    b->g = (struct gaussians){.n = s.n, .channels = 3, .mean = b->scaled,
-                              .scale = b->scaled + 3 * s.n, .quat = s.quat,
+    b->g = (struct gaussians){.n = s.n, .channels = 3, .mean = mean,
+                              .scale = scale, .quat = s.quat,
                               .opacity = s.opacity, .color = s.color};
     return 0;
 }
@@ -148,13 +145,15 @@ int drawn_compare(struct drawn *d, enum drawn_format format, const char *path,
                   struct error *err)
 {
     struct back b = {0};
+    void *block;
     int rc;
 
     switch (format) {
     case DRAWN_PLY:
     case DRAWN_PLY_PACKED: rc = drawn_read_ply(&b, path, turned, err); break;
     case DRAWN_SPLAT:
-        rc = splatfile_read(&b.g, &b.block, path, err);
+        rc = splatfile_read(&b.g, &block, path, err) ||
+             !arena_keep(&b.memory, block, err) ? -1 : 0;
         break;
     default: rc = drawn_read_glb(&b, path, unit, err); break;
     }
@@ -163,7 +162,8 @@ int drawn_compare(struct drawn *d, enum drawn_format format, const char *path,
                        "(expected %zu)", path, b.g.n, s->g.n);
     if (rc == 0)
         rc = drawn_measure(d, format, path, &b.g, s, err);
-    drawn_back_release(&b);
+    ply_release(&b.ply);
+    arena_release(&b.memory);
     return rc;
 }
 
@@ -246,18 +246,17 @@ int drawn_head_compare(struct drawn_head *d, const char *path,
                        const float *verts, const struct head *h,
                        struct error *err)
 {
-    float *back = malloc(3 * h->V * sizeof *back);
-    int32_t *faces = malloc(3 * h->F * sizeof *faces);
-    int rc = -1;
+    struct arena room = {0};
+    float *back = arena_take(&room, 3 * h->V, sizeof *back);
+    int32_t *faces = arena_take(&room, 3 * h->F, sizeof *faces);
+    int rc = arena_check(&room, "a head", err) ||
+             glb_read_posed(back, faces, h->V, h->F, path, err) ? -1 : 0;
 
-    if (!back || !faces)
-        error_set(err, EX_OSERR, "out of memory");
-    else if (glb_read_posed(back, faces, h->V, h->F, path, err) == 0)
+    if (rc == 0)
         rc = memcmp(faces, h->f, 3 * h->F * sizeof *faces)
                  ? error_set(err, EX_SOFTWARE, "%s: the faces read back are "
                              "others", path)
                  : drawn_measure_mesh(d, path, back, verts, h, err);
-    free(back);
-    free(faces);
+    arena_release(&room);
     return rc;
 }

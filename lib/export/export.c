@@ -51,15 +51,9 @@ static bool export_wanted(char *path, size_t size, const struct export *x,
 
 /* Scene values as plain float arrays in metres (unit 1 / head scale). */
 struct flat {
+    struct arena memory;
     float *mean, *scale, *color;
 };
-
-static void export_flat_release(struct flat *f)
-{
-    free(f->mean);
-    free(f->scale);
-    free(f->color);
-}
 
 /* The scene in the file's unit, with the first three channels as colours. */
 static int export_flat_init(struct flat *f, const struct scene *s, float unit,
@@ -67,12 +61,11 @@ static int export_flat_init(struct flat *f, const struct scene *s, float unit,
 {
     size_t n = s->g.n;
 
-    f->mean = malloc((3 * n + 1) * sizeof(float));
-    f->scale = malloc((3 * n + 1) * sizeof(float));
-    f->color = malloc((3 * n + 1) * sizeof(float));
-    if (!f->mean || !f->scale || !f->color)
-        return error_set(err, EX_OSERR, "out of memory for %zu Gaussians",
-                         n);
+    f->mean = arena_take(&f->memory, 3 * n, sizeof *f->mean);
+    f->scale = arena_take(&f->memory, 3 * n, sizeof *f->scale);
+    f->color = arena_take(&f->memory, 3 * n, sizeof *f->color);
+    if (arena_check(&f->memory, "Gaussians", err))
+        return -1;
     for (size_t i = 0; i < 3 * n; i++) {
         f->mean[i] = s->mean[i] * unit;
         f->scale[i] = s->scale[i] * unit;
@@ -107,7 +100,7 @@ static int export_write_splat(struct export *x, const char *path,
         rc = splatfile_write(path, x->scene.g.n, f.mean, f.scale,
                              x->scene.quat, x->scene.opacity, f.color, 3,
                              err);
-    export_flat_release(&f);
+    arena_release(&f.memory);
     return rc;
 }
 
@@ -131,7 +124,7 @@ static int export_write_glb(struct export *x, const char *path,
 
         rc = glb_write_splats(path, &g, err);
     }
-    export_flat_release(&f);
+    arena_release(&f.memory);
     return rc;
 }
 

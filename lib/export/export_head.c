@@ -76,14 +76,13 @@ int export_head_init(struct export_head *e, const struct identity *id,
         return error_set(err, EX_USAGE,
                          "%zu morph targets (expected at most %d)",
                          e->targets, GLB_MAX_TARGETS);
-    e->position = malloc(3 * h->V * sizeof(float));
-    e->normal = malloc(3 * h->V * sizeof(float));
-    e->delta = malloc(e->targets * 3 * h->V * sizeof(float));
-    e->name = malloc(e->targets * sizeof *e->name);
-    if (!e->position || !e->normal || !e->delta || !e->name) {
+    e->position = arena_take(&e->memory, 3 * h->V, sizeof *e->position);
+    e->normal = arena_take(&e->memory, 3 * h->V, sizeof *e->normal);
+    e->delta = arena_take(&e->memory, e->targets * 3 * h->V, sizeof *e->delta);
+    e->name = arena_take(&e->memory, e->targets, sizeof *e->name);
+    if (arena_check(&e->memory, "morph targets", err)) {
         export_head_release(e);
-        return error_set(err, EX_OSERR, "out of memory for %zu targets",
-                         e->targets);
+        return -1;
     }
     export_target_unblock(e->position, h, id->shaped, 1, 0);
     head_normals(e->normal, h, e->position);
@@ -101,12 +100,7 @@ int export_head_init(struct export_head *e, const struct identity *id,
 
 void export_head_release(struct export_head *e)
 {
-    free(e->position);
-    free(e->normal);
-    free(e->delta);
-    free(e->name);
-    free(e->uv);
-    free(e->png);
+    arena_release(&e->memory);
     free(e->time);
     free(e->weight);
     free(e->rotation);
@@ -120,13 +114,11 @@ int export_head_texture(struct export_head *e, const float *verts,
 {
     size_t V = e->head->V;
 
-    free(e->png);
-    e->png = png;
+    e->png = arena_keep(&e->memory, png, err);
     e->png_bytes = bytes;
-    if (!e->uv)
-        e->uv = malloc(2 * V * sizeof *e->uv);
-    if (!e->uv)
-        return error_set(err, EX_OSERR, "out of memory for the texture");
+    e->uv = arena_take(&e->memory, 2 * V, sizeof *e->uv);
+    if (!e->png || arena_check(&e->memory, "the texture", err))
+        return -1;
     /* in a picture of size 1 a pixel position is a texture coordinate */
     camera_project(e->uv, NULL, cam, 1, verts, V);
     return 0;
@@ -230,14 +222,9 @@ int export_head_write(const struct export_head *e, const char *path,
                       struct error *err)
 {
     const struct head *h = e->head;
-    const float **delta = malloc((e->targets + 1) * sizeof *delta);
-    const char **name = malloc((e->targets + 1) * sizeof *name);
-    int rc = -1;
+    const float *delta[GLB_MAX_TARGETS];
+    const char *name[GLB_MAX_TARGETS];
 
-    if (!delta || !name) {
-        error_set(err, EX_OSERR, "%s: out of memory", path);
-        goto out;
-    }
     for (size_t k = 0; k < e->targets; k++) {
         delta[k] = e->delta + 3 * h->V * k;
         name[k] = e->name[k];
@@ -252,9 +239,5 @@ int export_head_write(const struct export_head *e, const char *path,
         .time = e->time, .target_weight = e->weight,
         .rotation = e->rotation, .translation = e->translation,
         .yfov = 2 * atanf(1 / CAMERA_FOCAL)};
-    rc = glb_write_head(path, &g, err);
-out:
-    free(delta);
-    free(name);
-    return rc;
+    return glb_write_head(path, &g, err);
 }

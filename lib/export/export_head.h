@@ -8,7 +8,7 @@
 #include <stdint.h>
 
 #include "formats/glb.h"
-#include "lib/base/error.h"
+#include "lib/base/arena.h"
 #include "lib/head/head.h"
 #include "lib/head/lbs.h"
 
@@ -26,6 +26,7 @@ struct export_motion {
 };
 
 struct export_head {
+    struct arena memory;                /* but of what grows */
     const struct head *head;
     struct export_head_options opt;
     size_t targets;

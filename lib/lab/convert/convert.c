@@ -27,6 +27,7 @@ void convert_note(struct convert *c, enum convert_problem what,
                   const char *format, ...)
 {
     void *more = realloc(c->problem, (c->problems + 1) * sizeof *c->problem);
+    char text[2 * TENSORFILE_NAME + 400];
     va_list args;
 
     if (what == CONVERT_MISSING || what == CONVERT_SHAPE)
@@ -35,10 +36,11 @@ void convert_note(struct convert *c, enum convert_problem what,
         return;
     c->problem = more;
     va_start(args, format);
-    c->problem[c->problems].what = what;
-    if (vasprintf(&c->problem[c->problems].text, format, args) >= 0)
-        c->problems++;
+    vsnprintf(text, sizeof text, format, args);
     va_end(args);
+    c->problem[c->problems].what = what;
+    c->problem[c->problems].text = arena_text(&c->memory, text);
+    c->problems += c->problem[c->problems].text != NULL;
 }
 
 /* "[3, any, 4]": a dimension of 0 is "any". */
@@ -69,8 +71,8 @@ void convert_set_meta(struct convert *c, const char *key, const char *value)
 {
     if (c->nmeta + 2 > 2 * CONVERT_META)
         return;
-    c->meta[c->nmeta++] = strdup(key);
-    c->meta[c->nmeta++] = strdup(value);
+    c->meta[c->nmeta++] = arena_text(&c->memory, key);
+    c->meta[c->nmeta++] = arena_text(&c->memory, value);
 }
 
 /* ---- looking up --------------------------------------------------------- */
@@ -83,8 +85,8 @@ int convert_open(struct convert *c, const char *path, struct error *err)
         c->file[i] = tensorfile_open(path, err);
         if (!c->file[i])
             return -1;
-        c->used[i] = calloc(tensorfile_count(c->file[i]) + 1, 1);
-        return c->used[i] ? i : error_set(err, EX_OSERR, "out of memory");
+        c->used[i] = arena_take(&c->memory, tensorfile_count(c->file[i]), 1);
+        return arena_check(&c->memory, path, err) ? -1 : i;
     }
     return error_set(err, EX_USAGE, "%s: too many files", path);
 }
@@ -154,20 +156,12 @@ static struct convert_tensor *convert_add_tensor(struct convert *c,
         return NULL;
     }
     c->tensor = t;
-    t += c->count;
-    memset(t, 0, sizeof *t);
-    t->name = strdup(name);
-    if (!t->name) {
-        error_set(err, EX_OSERR, "out of memory");
-        return NULL;
-    }
-    c->count++;
-    t->dtype = dtype;
-    t->ndim = ndim;
-    t->count = 1;
+    t += c->count++;
+    *t = (struct convert_tensor){.name = arena_text(&c->memory, name),
+                                 .dtype = dtype, .ndim = ndim, .count = 1};
     for (int i = 0; i < ndim; i++)
         t->count *= t->dim[i] = dims[i];
-    return t;
+    return arena_check(&c->memory, name, err) ? NULL : t;
 }
 
 void *convert_add(struct convert *c, const char *name, enum st_dtype dtype,
@@ -176,9 +170,10 @@ void *convert_add(struct convert *c, const char *name, enum st_dtype dtype,
     struct convert_tensor *t = convert_add_tensor(c, name, dtype, ndim, dims,
                                                   err);
 
-    if (t && !(t->data = calloc(t->count + 1, st_dtype_size(dtype))))
-        error_set(err, EX_OSERR, "out of memory");
-    return t ? t->data : NULL;
+    if (!t)
+        return NULL;
+    t->data = arena_take(&c->memory, t->count, st_dtype_size(dtype));
+    return arena_check(&c->memory, name, err) ? NULL : t->data;
 }
 
 int convert_take(struct convert *c, int file, const char *prefix,
@@ -222,15 +217,15 @@ int convert_take_params(struct convert *c, int file, const char *prefix,
 }
 
 double *convert_numbers(struct convert *c, int file, size_t index,
-                        struct error *err)
+                        struct arena *room, struct error *err)
 {
     const struct tensorfile_tensor *t = tensorfile_at(c->file[file], index);
     const void *data = tensorfile_data(c->file[file], index, err);
-    double *out = data ? malloc((t->count + 1) * sizeof *out) : NULL;
+    double *out = arena_take(room, t->count, sizeof *out);
 
-    if (data && !out)
-        error_set(err, EX_OSERR, "out of memory");
-    for (size_t i = 0; out && i < t->count; i++)
+    if (!data || arena_check(room, t->name, err))
+        return NULL;
+    for (size_t i = 0; i < t->count; i++)
         out[i] = array_view_number(t->dtype, data, i);
     return out;
 }
@@ -243,11 +238,11 @@ static int convert_begin(struct convert *c, struct tensorfile *f,
 {
     memset(c, 0, sizeof *c);
     c->file[0] = f;
-    c->used[0] = calloc(tensorfile_count(f) + 1, 1);
+    c->used[0] = arena_take(&c->memory, tensorfile_count(f), 1);
     convert_set_meta(c, "producer", "spid-import " SPID_VERSION);
     convert_set_meta(c, "source_format", tensorfile_format(f));
     convert_set_meta(c, "source_xxh128", tensorfile_hash(f));
-    return c->used[0] ? 0 : error_set(err, EX_OSERR, "out of memory");
+    return arena_check(&c->memory, tensorfile_path(f), err);
 }
 
 int convert_all(struct convert *c, struct tensorfile *f, struct error *err)
@@ -338,41 +333,29 @@ static const void *convert_fetch(void *context, size_t i, struct error *err)
 
 int convert_save(struct convert *c, const char *path, struct error *err)
 {
-    struct st_tensor *t = calloc(c->count + 1, sizeof *t);
-    int rc;
+    struct st_tensor *t = arena_take(&c->memory, c->count, sizeof *t);
 
-    if (!t)
-        return error_set(err, EX_OSERR, "out of memory");
+    if (arena_check(&c->memory, path, err))
+        return -1;
     for (size_t i = 0; i < c->count; i++) {
-        t[i].name = c->tensor[i].name;
-        t[i].dtype = c->tensor[i].dtype;
-        t[i].ndim = c->tensor[i].ndim;
-        memcpy(t[i].dim, c->tensor[i].dim, sizeof t[i].dim);
-        t[i].count = c->tensor[i].count;
-        t[i].data = c->tensor[i].data;
+        const struct convert_tensor *from = &c->tensor[i];
+
+        t[i] = (struct st_tensor){.name = from->name, .dtype = from->dtype,
+                                  .ndim = from->ndim, .count = from->count,
+                                  .data = from->data};
+        memcpy(t[i].dim, from->dim, sizeof t[i].dim);
     }
-    rc = st_save_from(path, t, c->count, (const char *const *)c->meta,
-                      convert_fetch, c, err);
-    free(t);
-    return rc;
+    return st_save_from(path, t, c->count, (const char *const *)c->meta,
+                        convert_fetch, c, err);
 }
 
 void convert_release(struct convert *c)
 {
-    for (size_t i = 0; i < c->count; i++) {
-        free(c->tensor[i].name);
-        free(c->tensor[i].data);
-    }
-    for (size_t i = 0; i < c->problems; i++)
-        free(c->problem[i].text);
-    for (size_t i = 0; i < c->nmeta; i++)
-        free(c->meta[i]);
-    for (int i = 0; i < CONVERT_FILES; i++)
-        free(c->used[i]);
     for (int i = 1; i < CONVERT_FILES; i++)
         tensorfile_close(c->file[i]);
+    arena_release(&c->memory);
     free(c->tensor);
     free(c->problem);
     free(c->scratch);
-    memset(c, 0, sizeof *c);
+    *c = (struct convert){.count = 0};
 }

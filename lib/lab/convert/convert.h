@@ -10,7 +10,7 @@
 
 #include "formats/safetensors.h"
 #include "lib/lab/import/tensorfile.h"
-#include "lib/base/error.h"
+#include "lib/base/arena.h"
 
 #define CONVERT_FILES 4
 #define CONVERT_META 16
@@ -32,6 +32,7 @@ struct convert_tensor {
 };
 
 struct convert {
+    struct arena memory;        /* of names, texts and data */
     struct tensorfile *file[CONVERT_FILES];   /* borrowed; [0] is FILE */
     bool *used[CONVERT_FILES];
     struct convert_tensor *tensor;

@@ -4,23 +4,11 @@
 
 #include <math.h>
 #include <stdbool.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 
 #define FAR 20000       /* vertices that a search may pass */
 #define REACH 0.45      /* of an eye's width: skin that a lid takes along */
-
-struct face_paths {
-    struct face_mesh mesh;
-    size_t *first;      /* (V+1) into next: neighbours of a vertex */
-    int32_t *next;      /* (6F) */
-    double *cost;       /* (V) from the start; < 0: not seen */
-    int32_t *from;      /* (V) */
-    bool *done;         /* (V) */
-    int32_t *open;      /* (V) seen, not done; then all seen, to reset */
-    bool *face;         /* (V) connected to the corner of an eye */
-};
 
 static const float *facepath_vertex(const struct face_paths *p, int32_t v)
 {
@@ -34,70 +22,18 @@ static double facepath_distance(const float *a, const float *b)
     return sqrt(x * x + y * y + z * z);
 }
 
-/* ---- the graph ---------------------------------------------------------- */
-
-/* Both directions of every edge; edges of two triangles stand there twice. */
-static void facepath_link_vertices(struct face_paths *p)
+int face_paths_init(struct face_paths *p, const struct face_mesh *m,
+                    struct arena *memory, struct error *err)
 {
-    const struct face_mesh *m = &p->mesh;
-    size_t *first = p->first;
-
-    for (size_t i = 0; i < 3 * m->F; i++)
-        first[m->f[i]] += 2;
-    for (size_t v = 0, sum = 0; v <= m->V; v++) {
-        size_t n = v < m->V ? first[v] : 0;
-
-        first[v] = sum;
-        sum += n;
-    }
-    for (size_t t = 0; t < m->F; t++)
-        for (int k = 0; k < 3; k++) {
-            int32_t a = m->f[3 * t + k];
-
-            p->next[first[a]++] = m->f[3 * t + (k + 1) % 3];
-            p->next[first[a]++] = m->f[3 * t + (k + 2) % 3];
-        }
-    memmove(first + 1, first, m->V * sizeof *first);
-    first[0] = 0;
-}
-
-struct face_paths *face_paths_open(const struct face_mesh *m,
-                                   struct error *err)
-{
-    struct face_paths *p = calloc(1, sizeof *p);
-
-    if (p) {
-        p->mesh = *m;
-        p->first = calloc(m->V + 2, sizeof *p->first);
-        p->next = malloc((6 * m->F + 1) * sizeof *p->next);
-        p->cost = malloc((m->V + 1) * sizeof *p->cost);
-        p->from = malloc((m->V + 1) * sizeof *p->from);
-        p->done = malloc((m->V + 1) * sizeof *p->done);
-        p->open = malloc((m->V + 1) * sizeof *p->open);
-        p->face = malloc((m->V + 1) * sizeof *p->face);
-    }
-    if (!p || !p->first || !p->next || !p->cost || !p->from || !p->done ||
-        !p->open || !p->face) {
-        face_paths_close(p);
-        error_set(err, EX_OSERR, "out of memory");
-        return NULL;
-    }
-    facepath_link_vertices(p);
-    return p;
-}
-
-void face_paths_close(struct face_paths *p)
-{
-    if (!p)
-        return;
-    free(p->first);
-    free(p->next);
-    free(p->cost);
-    free(p->from);
-    free(p->done);
-    free(p->open);
-    free(p->face);
-    free(p);
+    *p = (struct face_paths){
+        .mesh = *m, .memory = memory,
+        .cost = arena_take(memory, m->V, sizeof *p->cost),
+        .from = arena_take(memory, m->V, sizeof *p->from),
+        .done = arena_take(memory, m->V, sizeof *p->done),
+        .open = arena_take(memory, m->V, sizeof *p->open),
+        .face = arena_take(memory, m->V, sizeof *p->face)
+    };
+    return smooth_mesh_init(&p->near, m->f, m->F, m->V, memory, err);
 }
 
 /* The vertex that a landmark is nearest to in its triangle. */
@@ -146,8 +82,8 @@ static bool facepath_search(struct face_paths *p, int32_t start,
         if (v == goal)
             return true;
         p->done[v] = true;
-        for (size_t i = p->first[v]; i < p->first[v + 1]; i++) {
-            int32_t w = p->next[i];
+        for (int32_t i = p->near.at[v]; i < p->near.at[v + 1]; i++) {
+            int32_t w = p->near.link[i];
             double cost = p->cost[v] +
                           facepath_distance(facepath_vertex(p, v),
                                             facepath_vertex(p, w));
@@ -163,46 +99,30 @@ static bool facepath_search(struct face_paths *p, int32_t start,
     return false;
 }
 
-/* Append the way from start to goal, without the start, to list (V+..). */
-static int facepath_append_way(int32_t **list, size_t *n, struct face_paths *p,
-                               int32_t start, int32_t goal, struct error *err)
-{
-    int32_t *more;
-    size_t steps = 0;
-
-    if (!facepath_search(p, start, goal))
-        return error_set(err, EX_DATAERR, "vertices %d and %d of the "
-                         "landmarks are not connected", start, goal);
-    for (int32_t v = goal; v != start; v = p->from[v])
-        steps++;
-    more = realloc(*list, (*n + steps + 1) * sizeof *more);
-    if (!more)
-        return error_set(err, EX_OSERR, "out of memory");
-    *list = more;
-    *n += steps;
-    for (int32_t v = goal, *at = more + *n; v != start; v = p->from[v])
-        *--at = v;
-    return 0;
-}
-
 int face_paths_trace(int32_t **out, size_t *count, struct face_paths *p,
                      const int *landmarks, size_t n, struct error *err)
 {
+    /* a way passes a vertex once at most */
+    int32_t *list = arena_take(p->memory, n * p->mesh.V, sizeof *list);
     int32_t at = facepath_landmark_vertex(p, landmarks[0]);
 
+    if (arena_check(p->memory, "a path", err))
+        return -1;
+    *out = list;
     *count = 1;
-    *out = malloc(sizeof **out);
-    if (!*out)
-        return error_set(err, EX_OSERR, "out of memory");
-    **out = at;
+    list[0] = at;
     for (size_t i = 1; i < n; i++) {
         int32_t to = facepath_landmark_vertex(p, landmarks[i]);
+        size_t steps = 0;
 
-        if (facepath_append_way(out, count, p, at, to, err)) {
-            free(*out);
-            *out = NULL;
-            return -1;
-        }
+        if (!facepath_search(p, at, to))
+            return error_set(err, EX_DATAERR, "vertices %d and %d of the "
+                             "landmarks are not connected", at, to);
+        for (int32_t v = to; v != at; v = p->from[v])
+            steps++;
+        *count += steps;
+        for (int32_t v = to, *end = list + *count; v != at; v = p->from[v])
+            *--end = v;
         at = to;
     }
     if (landmarks[0] == landmarks[n - 1] && *count > 1)
@@ -313,10 +233,10 @@ static void facepath_mark_connected(struct face_paths *p, int32_t v)
     while (n) {
         int32_t a = p->open[--n];
 
-        for (size_t i = p->first[a]; i < p->first[a + 1]; i++)
-            if (!p->face[p->next[i]]) {
-                p->face[p->next[i]] = true;
-                p->open[n++] = p->next[i];
+        for (int32_t i = p->near.at[a]; i < p->near.at[a + 1]; i++)
+            if (!p->face[p->near.link[i]]) {
+                p->face[p->near.link[i]] = true;
+                p->open[n++] = p->near.link[i];
             }
     }
 }
@@ -326,32 +246,26 @@ int face_paths_eyelid(float *out, struct face_paths *p, int side,
 {
     static const int upper[2][4] = {{42, 43, 44, 45}, {39, 38, 37, 36}};
     static const int lower[2][4] = {{42, 47, 46, 45}, {39, 40, 41, 36}};
-    struct eye e = {0};
-    int rc = -1;
+    struct eye e;
 
     memset(out, 0, 3 * p->mesh.V * sizeof *out);
     if (face_paths_trace(&e.upper, &e.nupper, p, upper[side], 4, err) ||
         face_paths_trace(&e.lower, &e.nlower, p, lower[side], 4, err))
-        goto out;
+        return -1;
     e.corner = facepath_vertex(p, e.upper[0]);
     const float *other = facepath_vertex(p, e.upper[e.nupper - 1]);
 
     e.width = facepath_distance(e.corner, other);
     for (int c = 0; c < 3; c++)
         e.axis[c] = other[c] - e.corner[c];
-    if (!(e.width > 0) || e.nlower < 2) {
-        error_set(err, EX_DATAERR, "the corners of an eye are one vertex");
-        goto out;
-    }
+    if (!(e.width > 0) || e.nlower < 2)
+        return error_set(err, EX_DATAERR, "the corners of an eye are one "
+                         "vertex");
     facepath_mark_connected(p, e.upper[0]);
     for (size_t v = 0; v < p->mesh.V; v++)
         if (p->face[v])
             facepath_close_vertex(out + 3 * v, p, &e,
                                   facepath_vertex(p, (int32_t)v),
                                   p->mesh.eye[side]);
-    rc = 0;
-out:
-    free(e.upper);
-    free(e.lower);
-    return rc;
+    return 0;
 }

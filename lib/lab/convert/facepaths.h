@@ -3,10 +3,11 @@
 #ifndef SPID_LAB_CONVERT_FACEPATHS_H
 #define SPID_LAB_CONVERT_FACEPATHS_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
-#include "lib/base/error.h"
+#include "lib/lab/head/smooth.h"
 
 #define FACE_LANDMARKS 68
 
@@ -20,17 +21,23 @@ struct face_mesh {
     float eye[2][3];                /* joints of the eyes: left, right */
 };
 
-struct face_paths;
+struct face_paths {
+    struct face_mesh mesh;
+    struct arena *memory;       /* borrowed */
+    struct smooth_mesh near;    /* neighbours */
+    double *cost;       /* (V) from the start; < 0: not seen */
+    int32_t *from;      /* (V) */
+    bool *done;         /* (V) */
+    int32_t *open;      /* (V) seen, not done */
+    bool *face;         /* (V) connected to the corner of an eye */
+};
 
-/* NULL and *err when memory is short. */
-struct face_paths *face_paths_open(const struct face_mesh *m,
-                                   struct error *err);
-/* NULL is allowed. */
-void face_paths_close(struct face_paths *p);
+/* Everything comes from memory, which is borrowed.  -1 when it is short. */
+int face_paths_init(struct face_paths *p, const struct face_mesh *m,
+                    struct arena *memory, struct error *err);
 
 /* Vertices from landmark to landmark along the shortest edges, a ring when
- * the last is the first again.  -1 and *err when two are not connected.  The
- * caller frees *out. */
+ * the last is the first again.  -1 and *err when two are not connected. */
 int face_paths_trace(int32_t **out, size_t *count, struct face_paths *p,
                      const int *landmarks, size_t n, struct error *err);
 

@@ -16,6 +16,7 @@
 /* What is made of the files' numbers; outputs are owned by the conversion. */
 struct flame {
     struct convert *c;
+    struct arena room;
     char prefix[TENSORFILE_NAME];
     size_t V, F, K;
     float *verts;               /* (V,3) */
@@ -69,14 +70,10 @@ static int flame_take_faces(struct flame *m, struct error *err)
 {
     const size_t dim[2] = {m->F, 3};
     size_t i = convert_find(m->c, 0, m->prefix, "f", 2, dim, false);
-    double *in = convert_numbers(m->c, 0, i, err);
-    int rc = -1;
+    double *in = convert_numbers(m->c, 0, i, &m->room, err);
 
     m->f = in ? convert_add(m->c, "f", ST_I32, 2, dim, err) : NULL;
-    if (m->f)
-        rc = flame_whole_numbers(m->f, in, 3 * m->F, m->V, "f", err);
-    free(in);
-    return rc;
+    return m->f ? flame_whole_numbers(m->f, in, 3 * m->F, m->V, "f", err) : -1;
 }
 
 /* kintree_table [2,joints]: the first row are the parents, the root's is
@@ -86,7 +83,8 @@ static int flame_take_parents(struct flame *m, struct error *err)
     const size_t dim[2] = {2, HEAD_JOINTS}, n = HEAD_JOINTS;
     size_t i = convert_find(m->c, 0, m->prefix, "kintree_table", 2, dim,
                             false);
-    double *in = i != SIZE_MAX ? convert_numbers(m->c, 0, i, err) : NULL;
+    double *in = i != SIZE_MAX ? convert_numbers(m->c, 0, i, &m->room, err)
+                               : NULL;
     int32_t *out;
 
     if (!in)
@@ -94,7 +92,6 @@ static int flame_take_parents(struct flame *m, struct error *err)
     out = convert_add(m->c, "parents", ST_I32, 1, &n, err);
     for (size_t k = 0; out && k < n; k++)
         out[k] = k ? (int32_t)fmin(fmax(in[k], -1), 100) : -1;
-    free(in);
     return out ? 0 : -1;
 }
 
@@ -132,20 +129,19 @@ static int flame_load_mesh(struct flame *m, struct error *err)
     const size_t verts[2] = {m->V, 3}, joints[2] = {HEAD_JOINTS, m->V};
     size_t v = convert_find(c, 0, m->prefix, "v_template", 2, verts, true);
     size_t j = convert_find(c, 0, m->prefix, "J_regressor", 2, joints, true);
-    double *in = convert_numbers(c, 0, v, err);
+    double *in = convert_numbers(c, 0, v, &m->room, err);
 
-    m->verts = malloc((3 * m->V + 1) * sizeof *m->verts);
-    for (size_t i = 0; in && m->verts && i < 3 * m->V; i++)
+    m->joints = in ? convert_numbers(c, 0, j, &m->room, err) : NULL;
+    m->verts = arena_take(&m->room, 3 * m->V, sizeof *m->verts);
+    if (!m->joints || arena_check(&m->room, "v_template", err))
+        return -1;
+    for (size_t i = 0; i < 3 * m->V; i++) {
         m->verts[i] = (float)in[i];
-    m->joints = in && m->verts ? convert_numbers(c, 0, j, err) : NULL;
-    free(in);
-    if (!m->verts)
-        return error_set(err, EX_OSERR, "out of memory");
-    for (size_t i = 0; m->joints && i < 3 * m->V; i++)
         if (!isfinite(m->verts[i]))
             return error_set(err, EX_DATAERR, "tensor 'v_template' is not "
                              "finite at index %zu", i);
-    return m->joints ? 0 : -1;
+    }
+    return 0;
 }
 
 /* ---- landmarks ---------------------------------------------------------- */
@@ -156,19 +152,16 @@ static int flame_take_embedding(struct flame *m, int file, size_t faces,
                                 size_t bary, size_t skip, size_t at, size_t n,
                                 struct error *err)
 {
-    double *f = convert_numbers(m->c, file, faces, err);
-    double *b = f ? convert_numbers(m->c, file, bary, err) : NULL;
-    int rc = -1;
+    double *f = convert_numbers(m->c, file, faces, &m->room, err);
+    double *b = f ? convert_numbers(m->c, file, bary, &m->room, err) : NULL;
 
-    if (b)
-        rc = flame_whole_numbers(m->faces + at, f + skip, n, m->F,
-                                 tensorfile_at(m->c->file[file], faces)->name,
-                                 err);
-    for (size_t i = 0; !rc && i < 3 * n; i++)
+    if (!b ||
+        flame_whole_numbers(m->faces + at, f + skip, n, m->F,
+                            tensorfile_at(m->c->file[file], faces)->name, err))
+        return -1;
+    for (size_t i = 0; i < 3 * n; i++)
         m->bary[3 * at + i] = (float)b[3 * skip + i];
-    free(f);
-    free(b);
-    return rc;
+    return 0;
 }
 
 /* Frontal row of the contour, which depends on how the head is turned. */
@@ -231,7 +224,6 @@ static int flame_take_ring(struct flame *m, struct face_paths *p,
     out = convert_add(m->c, name, ST_I32, 1, &count, err);
     if (out)
         memcpy(out, list, count * sizeof *out);
-    free(list);
     return out ? 0 : -1;
 }
 
@@ -260,8 +252,7 @@ static int flame_derive(struct flame *m, bool lids, struct error *err)
     static const int outer[] = {54, 53, 52, 51, 50, 49, 48};
     struct face_mesh mesh = {m->V, m->F, m->verts, m->f, m->faces, m->bary,
                              {{0}}};
-    struct face_paths *p;
-    int rc = -1;
+    struct face_paths p;
 
     for (int side = 0; side < 2; side++)
         for (int k = 0; k < 3; k++) {
@@ -273,14 +264,10 @@ static int flame_derive(struct flame *m, bool lids, struct error *err)
                 sum += w[v] * m->verts[3 * v + (size_t)k];
             mesh.eye[side][k] = (float)sum;
         }
-    p = face_paths_open(&mesh, err);
-    if (!p)
-        return -1;
-    if (!flame_take_ring(m, p, "lip_inner", inner, 9, err) &&
-        !flame_take_ring(m, p, "lip_upper_outer", outer, 7, err))
-        rc = lids ? flame_derive_eyelids(m, p, err) : 0;
-    face_paths_close(p);
-    return rc;
+    return face_paths_init(&p, &mesh, &m->room, err) ||
+           flame_take_ring(m, &p, "lip_inner", inner, 9, err) ||
+           flame_take_ring(m, &p, "lip_upper_outer", outer, 7, err) ||
+           (lids && flame_derive_eyelids(m, &p, err)) ? -1 : 0;
 }
 
 /* ---- eyelids from files ------------------------------------------------- */
@@ -308,11 +295,10 @@ static int flame_take_eyelid(struct flame *m, int file, const char *name,
             : convert_find(c, file, prefix, from, 2, flat, false);
     if (i == SIZE_MAX)
         return 0;
-    in = convert_numbers(c, file, i, err);
+    in = convert_numbers(c, file, i, &m->room, err);
     out = in ? convert_add(c, name, ST_F32, 2, flat, err) : NULL;
     for (size_t k = 0; out && k < 3 * m->V; k++)
         out[k] = (float)in[k];
-    free(in);
     return out ? 0 : -1;
 }
 
@@ -376,7 +362,6 @@ int convert_flame(struct convert *c, const struct convert_options *o,
     struct flame m = {.c = c};
     int rc = flame_convert(&m, o, err);
 
-    free(m.verts);
-    free(m.joints);
+    arena_release(&m.room);
     return rc;
 }

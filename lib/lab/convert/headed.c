@@ -204,7 +204,8 @@ static int headed_vertices(struct convert *c, const struct headed *h,
 {
     const size_t want[2] = {h->from.V, 0};
     const size_t i = convert_find(c, 0, "", name, 2, want, false);
-    double *in = i == SIZE_MAX ? NULL : convert_numbers(c, 0, i, err);
+    double *in = i == SIZE_MAX ? NULL
+                               : convert_numbers(c, 0, i, &c->memory, err);
     float *own, *out;
 
     if (!in)
@@ -212,15 +213,14 @@ static int headed_vertices(struct convert *c, const struct headed *h,
     const size_t wide = tensorfile_at(c->file[0], i)->dim[1];
     const size_t dim[2] = {h->to.V, wide};
 
-    own = malloc((h->from.V * wide + 1) * sizeof *own);
-    out = own ? convert_add(c, name, ST_F32, 2, dim, err) : NULL;
-    for (size_t k = 0; out && k < h->from.V * wide; k++)
+    own = arena_take(&c->memory, h->from.V * wide, sizeof *own);
+    out = convert_add(c, name, ST_F32, 2, dim, err);
+    if (!out)
+        return -1;
+    for (size_t k = 0; k < h->from.V * wide; k++)
         own[k] = (float)in[k];
-    if (out)
-        head_map_vertices(out, own, wide, &h->map);
-    free(own);
-    free(in);
-    return out ? 0 : error_set(err, EX_OSERR, "out of memory");
+    head_map_vertices(out, own, wide, &h->map);
+    return 0;
 }
 
 /* Tensor i of the model, unless it is an encoder's. */

@@ -2,7 +2,6 @@
  * standardised weights are made once, queries, keys and values are one layer. */
 #include <math.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "lib/lab/convert/table.h"
@@ -30,6 +29,7 @@ static int musiq_take(struct convert *c, const char *prefix,
                       size_t parts, bool standard, struct error *err)
 {
     size_t dim[5], index[3], part = to->count / parts;
+    struct arena room = {0};
     float *out;
 
     memcpy(dim, to->dim, sizeof dim);
@@ -42,17 +42,16 @@ static int musiq_take(struct convert *c, const char *prefix,
     out = convert_add(c, to->name, ST_F32, to->ndim, to->dim, err);
     for (size_t i = 0; out && i < parts; i++) {
         const size_t n = standard ? part / dim[0] : 1;
-        double *w = convert_numbers(c, 0, index[i], err);
+        double *w = convert_numbers(c, 0, index[i], &room, err);
 
-        if (!w)
-            return -1;
-        for (size_t k = 0; k < part; k += n)
+        for (size_t k = 0; w && k < part; k += n)
             if (standard)
                 musiq_standardise(out + i * part + k, w + k, n);
             else
                 out[i * part + k] = (float)w[k];
-        free(w);
+        out = w ? out : NULL;
     }
+    arena_release(&room);
     return out ? 0 : -1;
 }
 

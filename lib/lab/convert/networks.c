@@ -113,13 +113,13 @@ static int network_smirk_motion(struct convert *c, const char *prefix,
     size_t b = convert_find(c, 0, prefix,
                             "expression_encoder.expression_layers.0.bias", 1,
                             wd, false);
-    double *weight = NULL, *bias = NULL;
+    const double *weight, *bias;
     int rc = -1;
 
     if (w == SIZE_MAX || b == SIZE_MAX)
         return 0;
-    if ((weight = convert_numbers(c, 0, w, err)) &&
-        (bias = convert_numbers(c, 0, b, err)) &&
+    if ((weight = convert_numbers(c, 0, w, &c->memory, err)) &&
+        (bias = convert_numbers(c, 0, b, &c->memory, err)) &&
         !network_smirk_head(c, ps, "rot", NULL, NULL, 0, 0, 1, 0, err) &&
         !network_smirk_head(c, ps, "trans", NULL, NULL, 0, 0, 1, 0, err) &&
         !network_smirk_head(c, ps, "exp", weight, bias, 0, SMIRK_EXP, 1, 0,
@@ -130,8 +130,6 @@ static int network_smirk_motion(struct convert *c, const char *prefix,
                             err) &&
         !network_smirk_head(c, ps, "eye", NULL, NULL, 0, 0, 1, 0, err))
         rc = 0;
-    free(weight);
-    free(bias);
     convert_note(c, CONVERT_REMARK, "head pose, translation and gaze start "
                  "untrained: SMIRK has no layers for them that fit");
     return rc;
@@ -388,8 +386,8 @@ static int network_squeeze_first(struct convert *c, const char *prefix,
 
     if (wi == SIZE_MAX || bi == SIZE_MAX)
         return 0;
-    w = convert_numbers(c, 0, wi, err);
-    b = w ? convert_numbers(c, 0, bi, err) : NULL;
+    w = convert_numbers(c, 0, wi, &c->memory, err);
+    b = w ? convert_numbers(c, 0, bi, &c->memory, err) : NULL;
     out = b ? convert_add(c, "features.0.weight", ST_F32, 4, dim, err) : NULL;
     shift = out ? convert_add(c, "features.0.bias", ST_F32, 1, dim, err)
                 : NULL;
@@ -404,8 +402,6 @@ static int network_squeeze_first(struct convert *c, const char *prefix,
         }
         shift[o] = (float)sum;
     }
-    free(w);
-    free(b);
     return shift ? 0 : -1;
 }
 

@@ -30,9 +30,9 @@ size_t convert_find(struct convert *c, int file, const char *prefix,
 int convert_take(struct convert *c, int file, const char *prefix,
                  const char *from, const char *to, int ndim,
                  const size_t *dims, struct error *err);
-/* Numbers of a tensor as doubles; the caller frees.  NULL and *err. */
+/* Numbers of a tensor as doubles, in room.  NULL and *err. */
 double *convert_numbers(struct convert *c, int file, size_t index,
-                        struct error *err);
+                        struct arena *room, struct error *err);
 /* Add an output tensor to fill in, zeroed; owned by c.  NULL and *err. */
 void *convert_add(struct convert *c, const char *name, enum st_dtype dtype,
                   int ndim, const size_t *dims, struct error *err);

@@ -4,10 +4,10 @@
 #include "lib/lab/eval/image.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/arena.h"
 #include "lib/lab/eval/filter.h"
 
 #define C1 1e-4 /* (0.01 L)^2 with L = 1 */
@@ -91,30 +91,24 @@ double metric_flicker(const float *a0, const float *a1, const float *b0,
 
 /* ---- one plane at one scale ------------------------------------------- */
 
-/* Buffers for planes of up to H*W values, in one block. */
+/* Planes of up to H*W values. */
 struct work {
-    double *block;
+    struct arena memory;
     double *tmp, *prod;            /* scratch of metric_blur; a product */
     double *mu_a, *mu_b;           /* means, then ... */
     double *aa, *bb, *ab;          /* ... second moments, [h,w] */
     double *spread;
 };
 
-/* Eight planes of n pixels in one block. */
+/* For planes of n pixels. */
 static int metric_work_init(struct work *k, size_t n, struct error *err)
 {
-    k->block = malloc(8 * n * sizeof *k->block);
-    if (!k->block)
-        return error_set(err, EX_OSERR, "out of memory (%zu pixels)", n);
-    k->tmp = k->block;
-    k->prod = k->tmp + n;
-    k->mu_a = k->prod + n;
-    k->mu_b = k->mu_a + n;
-    k->aa = k->mu_b + n;
-    k->bb = k->aa + n;
-    k->ab = k->bb + n;
-    k->spread = k->ab + n;
-    return 0;
+    double **const plane[] = {&k->tmp, &k->prod, &k->mu_a, &k->mu_b,
+                              &k->aa, &k->bb, &k->ab, &k->spread};
+
+    for (size_t i = 0; i < sizeof plane / sizeof *plane; i++)
+        *plane[i] = arena_take(&k->memory, n, sizeof **plane[i]);
+    return arena_check(&k->memory, "planes", err);
 }
 
 /* out = window * (x y). */
@@ -207,27 +201,23 @@ int metric_ssim(struct metric_ssim *out, double *map, double *db,
                 const float *a, const float *b, size_t C, size_t H, size_t W,
                 struct error *err)
 {
-    struct work k;
+    struct work k = {.tmp = NULL};
     size_t n = H * W;
     double *pa, *pb, cs;
+    int rc;
 
     if (H < METRIC_WINDOW || W < METRIC_WINDOW || C < 1 ||
         C > METRIC_CHANNELS)
         return error_set(err, EX_DATAERR,
                          "ssim of %zux%zux%zu (expected sides of 11 or more "
                          "and 1 to 4 channels)", C, H, W);
-    if (metric_work_init(&k, n, err))
-        return -1;
-    pa = malloc(2 * n * sizeof *pa);
-    if (!pa) {
-        free(k.block);
-        return error_set(err, EX_OSERR, "out of memory (%zu pixels)", n);
-    }
-    pb = pa + n;
+    pa = arena_take(&k.memory, n, sizeof *pa);
+    pb = arena_take(&k.memory, n, sizeof *pb);
+    rc = metric_work_init(&k, n, err);
     memset(out, 0, sizeof *out);
     if (db)
         memset(db, 0, C * n * sizeof *db);
-    for (size_t c = 0; c < C; c++) {
+    for (size_t c = 0; rc == 0 && c < C; c++) {
         size_t valid = (H - METRIC_WINDOW + 1) * (W - METRIC_WINDOW + 1);
 
         metric_plane_widen(pa, a + c * n, n);
@@ -239,9 +229,8 @@ int metric_ssim(struct metric_ssim *out, double *map, double *db,
             metric_plane_ssim_backward(db + c * n, 1.0 / (double)C, 0, pa, pb,
                                        H, W, &k);
     }
-    free(pa);
-    free(k.block);
-    return 0;
+    arena_release(&k.memory);
+    return rc;
 }
 
 /* ---- scales ----------------------------------------------------------- */
@@ -361,8 +350,9 @@ int metric_msssim(struct metric_msssim *out, double *db, const float *a,
                   struct error *err)
 {
     struct pyramid p;
-    struct work k;
-    double *pyr;
+    struct work k = {.tmp = NULL};
+    double *pa, *pb, *dpyr;
+    int rc;
 
     if (H < METRIC_MSSSIM_MIN || W < METRIC_MSSSIM_MIN || C < 1 ||
         C > METRIC_CHANNELS)
@@ -370,23 +360,18 @@ int metric_msssim(struct metric_msssim *out, double *db, const float *a,
                          "ms-ssim of %zux%zux%zu (expected sides of %d or "
                          "more and 1 to 4 channels)", C, H, W,
                          METRIC_MSSSIM_MIN);
-    if (metric_work_init(&k, H * W, err))
-        return -1;
     metric_pyramid_layout(&p, H, W);
-    pyr = malloc(3 * p.total * sizeof *pyr);
-    if (!pyr) {
-        free(k.block);
-        return error_set(err, EX_OSERR, "out of memory (%zu pixels)", H * W);
-    }
+    pa = arena_take(&k.memory, p.total, sizeof *pa);
+    pb = arena_take(&k.memory, p.total, sizeof *pb);
+    dpyr = arena_take(&k.memory, p.total, sizeof *dpyr);
+    rc = metric_work_init(&k, H * W, err);
     memset(out, 0, sizeof *out);
-    for (size_t c = 0; c < C; c++) {
-        metric_pyramid_fill(pyr, &p, a + c * H * W);
-        metric_pyramid_fill(pyr + p.total, &p, b + c * H * W);
-        metric_msssim_channel(out, db ? db + c * H * W : NULL,
-                              pyr + 2 * p.total, pyr, pyr + p.total, &p, c, C,
-                              &k);
+    for (size_t c = 0; rc == 0 && c < C; c++) {
+        metric_pyramid_fill(pa, &p, a + c * H * W);
+        metric_pyramid_fill(pb, &p, b + c * H * W);
+        metric_msssim_channel(out, db ? db + c * H * W : NULL, dpyr, pa, pb, &p,
+                              c, C, &k);
     }
-    free(pyr);
-    free(k.block);
-    return 0;
+    arena_release(&k.memory);
+    return rc;
 }

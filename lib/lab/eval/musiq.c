@@ -5,7 +5,6 @@
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
-#include <sysexits.h>
 
 #include "lib/base/parallel.h"
 #include "lib/nn/act.h"

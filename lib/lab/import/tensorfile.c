@@ -16,21 +16,6 @@
 
 /* ---- the table of tensors ----------------------------------------------- */
 
-void *tensorfile_own(struct tensorfile *f, size_t bytes, struct error *err)
-{
-    void **owned = list_grow(f->owned, &f->owned_room, f->nowned,
-                             sizeof *owned);
-    void *p = owned ? malloc(bytes + 1) : NULL;
-
-    if (owned)
-        f->owned = owned;
-    if (!p) {
-        error_set(err, EX_OSERR, "out of memory");
-        return NULL;
-    }
-    return f->owned[f->nowned++] = p;
-}
-
 /* Room for one more tensor. */
 static int tensorfile_table_grow(struct tensorfile *f, struct error *err)
 {
@@ -65,9 +50,9 @@ int tensorfile_add(struct tensorfile *f, const char *name,
     if (tensorfile_table_grow(f, err))
         return -1;
     memcpy(t.dim, p->view.dim, sizeof t.dim);
-    t.name = strdup(name);
+    t.name = arena_text(&f->memory, name);
     if (!t.name)
-        return error_set(err, EX_OSERR, "out of memory");
+        return arena_check(&f->memory, "a name", err);
     f->total += bytes;
     f->tensor[f->count] = t;
     f->place[f->count++] = *p;
@@ -80,8 +65,8 @@ void tensorfile_add_other(struct tensorfile *f, enum tensorfile_sort sort,
     size_t i = f->other[sort].n++;
 
     if (i < TENSORFILE_NOTED) {
-        f->other[sort].name[i] = strdup(name);
-        f->other[sort].kind[i] = strdup(kind);
+        f->other[sort].name[i] = arena_text(&f->memory, name);
+        f->other[sort].kind[i] = arena_text(&f->memory, kind);
     }
 }
 
@@ -95,9 +80,9 @@ static int tensorfile_by_name(const void *a, const void *b, void *context)
 /* Order by name for tensorfile_find; no two may have the same. */
 static int tensorfile_sort_names(struct tensorfile *f, struct error *err)
 {
-    f->by_name = malloc((f->count + 1) * sizeof *f->by_name);
-    if (!f->by_name)
-        return error_set(err, EX_OSERR, "out of memory");
+    f->by_name = arena_take(&f->memory, f->count, sizeof *f->by_name);
+    if (arena_check(&f->memory, "names", err))
+        return -1;
     for (size_t i = 0; i < f->count; i++)
         f->by_name[i] = i;
     qsort_r(f->by_name, f->count, sizeof *f->by_name, tensorfile_by_name,
@@ -192,20 +177,21 @@ static int tensorfile_open_npz_entry(struct tensorfile *f, size_t i,
     const char *name = ziparchive_name(f->zip, i);
     struct tensor_place p = {.entry = i};
     struct npy_header h;
-    char base[TENSORFILE_NAME], *head = malloc(NPY_HEADER_MAX);
+    char base[TENSORFILE_NAME];
+    struct arena room = {0};
+    void *head = arena_take(&room, NPY_HEADER_MAX, 1);
     size_t have, bytes = ziparchive_size(f->zip, i);
     int rc = -1;
 
     snprintf(base, sizeof base, "%.*s", (int)(strlen(name) - 4), name);
-    if (!head)
-        return error_set(err, EX_OSERR, "out of memory");
-    if (ziparchive_peek(head, NPY_HEADER_MAX, &have, f->zip, i, err) ||
+    if (arena_check(&room, "a header", err) ||
+        ziparchive_peek(head, NPY_HEADER_MAX, &have, f->zip, i, err) ||
         npy_header_read(&h, head, have, bytes, err))
         goto out;
     p.skip = h.bytes;
     if (h.kind == 'O') {
         unsigned char *all = bytes > TENSORFILE_SMALL
-                                 ? NULL : tensorfile_own(f, bytes, err);
+                                 ? NULL : arena_take(&f->memory, bytes, 1);
 
         if (!all)
             error_set(err, EX_DATAERR, "a large array of objects");
@@ -219,7 +205,7 @@ static int tensorfile_open_npz_entry(struct tensorfile *f, size_t i,
         rc = 0;
     }
 out:
-    free(head);
+    arena_release(&room);
     return rc ? error_prefix(err, "%s", name) : 0;
 }
 
@@ -351,7 +337,7 @@ struct tensorfile *tensorfile_open(const char *path, struct error *err)
 {
     struct tensorfile *f = calloc(1, sizeof *f);
 
-    if (!f || !(f->path = strdup(path))) {
+    if (!f || !(f->path = arena_text(&f->memory, path))) {
         free(f);
         error_set(err, EX_OSERR, "out of memory");
         return NULL;
@@ -377,27 +363,16 @@ void tensorfile_close(struct tensorfile *f)
         return;
     if (f->map)
         munmap((void *)(uintptr_t)f->map, f->bytes);
-    for (size_t i = 0; i < f->count; i++)
-        free((void *)(uintptr_t)f->tensor[i].name);
-    for (size_t i = 0; i < TENSORFILE_SORTS * TENSORFILE_NOTED; i++) {
-        free(f->other[i / TENSORFILE_NOTED].name[i % TENSORFILE_NOTED]);
-        free(f->other[i / TENSORFILE_NOTED].kind[i % TENSORFILE_NOTED]);
-    }
-    for (size_t i = 0; i < f->nowned; i++)
-        free(f->owned[i]);
     ziparchive_close(f->zip);
     st_close(f->st);
     for (size_t i = 0; i < f->npickle; i++)
         pickle_free(f->pickle[i]);
     free(f->pickle);
-    free(f->legacy);
     free(f->tensor);
     free(f->place);
-    free(f->by_name);
-    free(f->owned);
     free(f->cache);
     free(f->packed);
-    free(f->path);
+    arena_release(&f->memory);
     free(f);
 }
 

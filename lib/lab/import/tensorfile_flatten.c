@@ -1,6 +1,5 @@
 /* The tree of a pickle as a flat list of tensors with dotted names. */
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 

@@ -6,6 +6,7 @@
 extern "C" {
 #endif
 
+#include "lib/base/arena.h"
 #include "lib/lab/import/pickle.h"
 #include "lib/lab/import/tensorfile.h"
 #include "lib/lab/import/ziparchive.h"
@@ -27,7 +28,8 @@ struct legacy_storage {
 };
 
 struct tensorfile {
-    char *path;
+    struct arena memory;            /* of names, and what tensors lie in */
+    const char *path;
     const char *format;
     bool named;                     /* an error while opening names the file */
     char hash[33];
@@ -48,11 +50,9 @@ struct tensorfile {
     size_t *by_name;                /* once all are known */
     size_t count, room, place_room;
     struct {
-        char *name[TENSORFILE_NOTED], *kind[TENSORFILE_NOTED];
+        const char *name[TENSORFILE_NOTED], *kind[TENSORFILE_NOTED];
         size_t n;
     } other[TENSORFILE_SORTS];
-    void **owned;                   /* blocks that tensors lie in */
-    size_t nowned, owned_room;
 
     size_t source, total;           /* bytes: unpacked file, all tensors */
     size_t visited;                 /* values, shared ones again */
@@ -71,9 +71,6 @@ int tensorfile_add(struct tensorfile *f, const char *name,
 /* One more value that is no tensor. */
 void tensorfile_add_other(struct tensorfile *f, enum tensorfile_sort sort,
                           const char *name, const char *kind);
-/* A block that lives as long as f. */
-void *tensorfile_own(struct tensorfile *f, size_t bytes, struct error *err);
-
 /* Read a pickle that lives as long as f; its length in *used (may be NULL).
  * NULL on failure; `where` it lies, f remembers with what it refused. */
 struct pickle *tensorfile_unpickle(struct tensorfile *f, const char *where,

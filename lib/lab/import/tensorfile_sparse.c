@@ -10,6 +10,7 @@
 
 /* Of a matrix: what its class keeps, and the entries. */
 struct sparse {
+    struct arena memory;    /* of rows */
     const struct pickle_object *of;
     size_t dim[2];
     size_t n, room;
@@ -21,7 +22,7 @@ struct sparse {
 
 /* A row of numbers of the state, or of another array. */
 struct row {
-    double *x;              /* malloc'd; NULL: none */
+    double *x;
     size_t n;
     size_t block[2];        /* what follows the first dimension */
 };
@@ -39,7 +40,7 @@ static int sparse_fail(const struct sparse *s, const char *what)
 }
 
 /* An array of numbers, row-major, of ndim dimensions. */
-static int sparse_row(struct row *out, const struct sparse *s,
+static int sparse_row(struct row *out, struct sparse *s,
                       const struct pickle_value *v, int ndim)
 {
     const struct pickle_array *a = tensorfile_array(v);
@@ -51,15 +52,14 @@ static int sparse_row(struct row *out, const struct sparse *s,
     out->n = a->view.count;
     for (int k = 1; k < ndim; k++)
         out->block[k - 1] = a->view.dim[k];
-    packed = malloc(out->n * st_dtype_size(a->view.dtype) + 1);
-    out->x = malloc(out->n * sizeof *out->x + 1);
-    if (packed && out->x) {
-        array_view_copy(packed, &a->view, a->data);
-        for (size_t i = 0; i < out->n; i++)
-            out->x[i] = array_view_number(a->view.dtype, packed, i);
-    }
-    free(packed);
-    return packed && out->x ? 0 : error_set(s->err, EX_OSERR, "out of memory");
+    packed = arena_take(&s->memory, out->n, st_dtype_size(a->view.dtype));
+    out->x = arena_take(&s->memory, out->n, sizeof *out->x);
+    if (arena_check(&s->memory, "a sparse matrix", s->err))
+        return -1;
+    array_view_copy(packed, &a->view, a->data);
+    for (size_t i = 0; i < out->n; i++)
+        out->x[i] = array_view_number(a->view.dtype, packed, i);
+    return 0;
 }
 
 static int sparse_add(struct sparse *s, double row, double column,
@@ -78,30 +78,25 @@ static int sparse_add(struct sparse *s, double row, double column,
  * a block of numbers. */
 static int sparse_lines(struct sparse *s, bool rotated, bool blocks)
 {
-    struct row data = {0}, at = {0}, start = {0};
+    struct row data, at, start;
     size_t lines, inside, from = 0;
-    int rc = -1;
 
     if (sparse_row(&data, s, sparse_get(s, "data"), blocks ? 3 : 1)
         || sparse_row(&at, s, sparse_get(s, "indices"), 1)
         || sparse_row(&start, s, sparse_get(s, "indptr"), 1))
-        goto out;
+        return -1;
     inside = data.block[0] * data.block[1];
     lines = s->dim[rotated] / (data.block[0] ? data.block[0] : 1);
     if (data.n != at.n * inside || start.n == 0 || start.n - 1 != lines ||
-        (s->dim[1] && data.n / s->dim[1] > s->dim[0])) {
-        error_set(s->err, EX_DATAERR, "sparse matrix of %zu by %zu has %zu "
-                  "numbers, %zu indices and %zu starts", s->dim[0],
-                  s->dim[1], data.n, at.n, start.n);
-        goto out;
-    }
+        (s->dim[1] && data.n / s->dim[1] > s->dim[0]))
+        return error_set(s->err, EX_DATAERR, "sparse matrix of %zu by %zu has "
+                         "%zu numbers, %zu indices and %zu starts", s->dim[0],
+                         s->dim[1], data.n, at.n, start.n);
     for (size_t i = 0; i < lines; i++) {
         double end = start.x[i + 1];
 
-        if (!(end >= (double)from && end <= (double)at.n)) {
-            sparse_fail(s, "has an index outside");
-            goto out;
-        }
+        if (!(end >= (double)from && end <= (double)at.n))
+            return sparse_fail(s, "has an index outside");
         for (; from < (size_t)end; from++)
             for (size_t k = 0; k < inside; k++) {
                 double line = (double)(i * data.block[0] + k / data.block[1]);
@@ -111,15 +106,10 @@ static int sparse_lines(struct sparse *s, bool rotated, bool blocks)
                 if (sparse_add(s, rotated ? across : line,
                                rotated ? line : across,
                                data.x[from * inside + k]))
-                    goto out;
+                    return -1;
             }
     }
-    rc = 0;
-out:
-    free(data.x);
-    free(at.x);
-    free(start.x);
-    return rc;
+    return 0;
 }
 
 /* coo: row, col and data, or since scipy 1.13 both in coords. */
@@ -128,49 +118,42 @@ static int sparse_triples(struct sparse *s)
     const struct pickle_value *coords = sparse_get(s, "coords");
     const struct pickle_value *side[2] = {sparse_get(s, "row"),
                                           sparse_get(s, "col")};
-    struct row at[2] = {{0}}, data = {0};
-    int rc = -1;
+    struct row at[2], data;
 
     if (coords && coords->kind == PICKLE_TUPLE && coords->u.list.n == 2)
         memcpy(side, coords->u.list.item, sizeof side);
     if (sparse_row(&at[0], s, side[0], 1) || sparse_row(&at[1], s, side[1], 1)
         || sparse_row(&data, s, sparse_get(s, "data"), 1))
-        goto out;
-    if (at[0].n != data.n || at[1].n != data.n) {
-        sparse_fail(s, "has more numbers than places, or fewer");
-        goto out;
-    }
-    rc = 0;
-    for (size_t i = 0; i < data.n && !rc; i++)
-        rc = sparse_add(s, at[0].x[i], at[1].x[i], data.x[i]);
-out:
-    free(at[0].x);
-    free(at[1].x);
-    free(data.x);
-    return rc;
+        return -1;
+    if (at[0].n != data.n || at[1].n != data.n)
+        return sparse_fail(s, "has more numbers than places, or fewer");
+    for (size_t i = 0; i < data.n; i++)
+        if (sparse_add(s, at[0].x[i], at[1].x[i], data.x[i]))
+            return -1;
+    return 0;
 }
 
 /* dia: row k of data is a diagonal, its number j in column j. */
 static int sparse_diagonals(struct sparse *s)
 {
-    struct row data = {0}, offset = {0};
-    int rc = sparse_row(&data, s, sparse_get(s, "data"), 2)
-             || sparse_row(&offset, s, sparse_get(s, "offsets"), 1) ? -1 : 0;
+    struct row data, offset;
 
-    if (!rc && data.n != offset.n * data.block[0])
-        rc = sparse_fail(s, "has more diagonals than offsets, or fewer");
-    for (size_t i = 0; i < data.n && !rc; i++) {
+    if (sparse_row(&data, s, sparse_get(s, "data"), 2)
+        || sparse_row(&offset, s, sparse_get(s, "offsets"), 1))
+        return -1;
+    if (data.n != offset.n * data.block[0])
+        return sparse_fail(s, "has more diagonals than offsets, or fewer");
+    for (size_t i = 0; i < data.n; i++) {
         double column = (double)(i % data.block[0]);
         double row = column - offset.x[i / data.block[0]];
 
         /* what of a diagonal lies outside is not there */
         if (row >= 0 && row < (double)s->dim[0]
-            && column < (double)s->dim[1])
-            rc = sparse_add(s, row, column, data.x[i]);
+            && column < (double)s->dim[1]
+            && sparse_add(s, row, column, data.x[i]))
+            return -1;
     }
-    free(data.x);
-    free(offset.x);
-    return rc;
+    return 0;
 }
 
 /* A number of Python's or numpy's. */
@@ -304,11 +287,8 @@ static double *sparse_matrix(struct tensor_place *p, struct tensorfile *f,
                   s->dim[1], s->n);
         return NULL;
     }
-    out = tensorfile_own(f, p->view.count * sizeof *out, s->err);
-    if (out)
-        memset(out, 0, p->view.count * sizeof *out);
-    p->data = out;
-    return out;
+    p->data = out = arena_take(&f->memory, p->view.count, sizeof *out);
+    return arena_check(&f->memory, "a sparse matrix", s->err) ? NULL : out;
 }
 
 bool tensorfile_is_sparse(const struct pickle_object *o)
@@ -337,6 +317,7 @@ int tensorfile_dense(struct tensor_place *p, struct tensorfile *f,
         else
             rc = sparse_fail(&s, "has an index outside");
     }
+    arena_release(&s.memory);
     free(s.entry);
     return rc;
 }

@@ -43,8 +43,8 @@ int tensorfile_torch_zip(struct tensorfile *f, size_t i, struct error *err)
     if (bytes > TENSORFILE_SMALL)
         return error_set(err, EX_DATAERR, "%s: %zu bytes (expected at most "
                          "%zu)", name, bytes, TENSORFILE_SMALL);
-    if (torch_read_byte_order(f, err) ||
-        !(text = tensorfile_own(f, bytes, err)) ||
+    text = arena_take(&f->memory, bytes, 1);
+    if (arena_check(&f->memory, name, err) || torch_read_byte_order(f, err) ||
         ziparchive_read(text, f->zip, i, err))
         return -1;
     p = tensorfile_unpickle(f, name, text, bytes, NULL, err);
@@ -149,9 +149,9 @@ static int torch_legacy_table(struct tensorfile *f, const struct pickle *tree,
     const struct pickle_list *named = pickle_storages(tree);
     size_t n = 0;
 
-    f->legacy = calloc(named->n + 1, sizeof *f->legacy);
-    if (!f->legacy)
-        return error_set(err, EX_OSERR, "out of memory");
+    f->legacy = arena_take(&f->memory, named->n, sizeof *f->legacy);
+    if (arena_check(&f->memory, "storages", err))
+        return -1;
     for (size_t i = 0; i < named->n; i++) {
         f->legacy[i].key = named->item[i]->u.storage->key;
         f->legacy[i].dtype = named->item[i]->u.storage->dtype;
