@@ -1,6 +1,7 @@
 /* What a program says on standard error: how it ends, warnings, and a progress
  * bar that makes room for both. */
 #include <ctype.h>
+#include <pthread.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -16,6 +17,9 @@ static struct {
     double begun, drawn;       /* seconds; 0: no work under way */
     int width;                 /* of the line on the screen; 0: none */
 } bar;
+
+/* The bar's, and of the line that it is on: threads speak, too. */
+static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
 
 /* Clear the bar's line for what comes next. */
 static void cli_bar_erase(void)
@@ -34,8 +38,10 @@ static void cli_message_print(const char *kind, const char *format, va_list ap)
     for (char *c = text; *c; c++)
         if (iscntrl((unsigned char)*c))
             *c = '?';
+    pthread_mutex_lock(&lock);
     cli_bar_erase();
     fprintf(stderr, "%s: %s%s\n", cli.program, kind, text);
+    pthread_mutex_unlock(&lock);
 }
 
 void die(int code, const char *format, ...)
@@ -75,17 +81,14 @@ void notice(const char *format, ...)
     va_end(ap);
 }
 
-void progress(const char *what, size_t done, size_t total, const char *note)
+/* Draw it, unless that was done a moment ago. */
+static void cli_bar_draw(const char *what, size_t done, size_t total,
+                         const char *note)
 {
-    static int terminal = -1;
     double now = cpu_seconds(), spent, left;
     char line[200], mid[60] = "";
     int n;
 
-    if (terminal < 0)
-        terminal = isatty(STDERR_FILENO);
-    if (!terminal || cli.quiet)
-        return;
     if (bar.begun <= 0)
         bar.begun = now;
     spent = now - bar.begun;
@@ -106,8 +109,19 @@ void progress(const char *what, size_t done, size_t total, const char *note)
     bar.width = n;
 }
 
+void progress(const char *what, size_t done, size_t total, const char *note)
+{
+    if (cli.quiet || !isatty(STDERR_FILENO))
+        return;
+    pthread_mutex_lock(&lock);
+    cli_bar_draw(what, done, total, note);
+    pthread_mutex_unlock(&lock);
+}
+
 void progress_end(void)
 {
+    pthread_mutex_lock(&lock);
     cli_bar_erase();
     bar.begun = 0;
+    pthread_mutex_unlock(&lock);
 }

@@ -24,10 +24,12 @@ animate_files() {
 }
 
 # camera [OPTION ...]: the clip of four pictures over and over ($LOOPS times
-# more, 2 when it is not set; -1: for ever), ten a second, as ffmpeg gives it
-# with these options.
+# more, 2 when it is not set; -1: for ever), ten a second, or two where a
+# sanitizer watches, as ffmpeg gives it with these options.
 camera() {
-    ffmpeg -nostdin -v error -re -stream_loop "${LOOPS:-2}" -r 10 \
+    local rate=10
+    [ "${BUILD:-build}" = build ] || rate=2
+    ffmpeg -nostdin -v error -re -stream_loop "${LOOPS:-2}" -r $rate \
         -i drive.y4m "$@" -f yuv4mpegpipe -
 }
 
