@@ -11,6 +11,9 @@
 #include "lib/track/rotated.h"
 #include "lib/track/take.h"
 
+#define LOOKS 30                /* frames from one search by E_m to the next: it
+                                 * takes the detector's time for 60 */
+
 void driver_init(struct driver *d, struct track *t, driver_read_fn *read,
                  void *ctx)
 {
@@ -128,7 +131,7 @@ static int driver_remember(struct driver *d, const struct frame *f,
 
 /* A face in a frame: 1, 0, -1.  In the first one lying faces are looked for,
  * too: people hold cameras sideways and upside down.  The detector looks at all
- * others, E_m at some, as after a loss. */
+ * others, E_m at some. */
 static int driver_look(struct driver *d, const struct frame *f,
                        struct error *err)
 {
@@ -137,7 +140,7 @@ static int driver_look(struct driver *d, const struct frame *f,
     if (!d->early_count && !d->live)
         return rotated_start(d->track, &d->found, &d->lying, f, err);
     return track_start(d->track, &d->found, f,
-                       d->early_count % TRACK_LOOKS ? &detector : NULL, err);
+                       d->early_count % LOOKS ? &detector : NULL, err);
 }
 
 /* What was tried in vain. */
