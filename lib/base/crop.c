@@ -245,12 +245,12 @@ struct kernels {
     crop_blend_fn *blend;
     crop_gather_fn *gather;
     crop_halve_fn *halve;
-    crop_add_fn *add;
+    crop_widen_fn *widen;
     crop_round_fn *round;
 };
 
 #define KERNELS(isa) { \
-    crop_blend_##isa, crop_gather_##isa, crop_halve_##isa, crop_add_##isa, \
+    crop_blend_##isa, crop_gather_##isa, crop_halve_##isa, crop_widen_##isa, \
     crop_round_##isa \
 }
 
@@ -379,10 +379,10 @@ static void crop_filter_make(struct filter *f, double centre, double size,
 typedef float v4f __attribute__((vector_size(16)));
 
 /* A resizing: an n x n picture of C channels, and the filters, of `bytes`
- * each, that make it: n across and n down.  Those across take samples from to
- * end of a picture's row. */
+ * each, that make it: n across and n down, of at most max samples.  Those
+ * across take samples from to end of a picture's row. */
 struct resizing {
-    size_t n, C, bytes, from, end;
+    size_t n, C, max, bytes, from, end;
     const char *fx, *fy;
     void *filters;              /* all of them */
 };
@@ -413,37 +413,61 @@ static inline void crop_filter_pixels(float *out, const float *row,
     }
 }
 
-/* The same with a number of channels that the compiler knows. */
-static void crop_filter_row(float *out, const float *row,
+/* The same of bytes, by way of floats in wide, with a number of channels that
+ * the compiler knows. */
+static void crop_filter_row(float *out, float *wide, const uint8_t *row,
                             const struct resizing *r)
 {
+    crop_kernels()->widen(wide, row + r->from * r->C,
+                          (r->end - r->from) * r->C);
     if (r->C == 3)
-        crop_filter_pixels(out, row, r, 3);
+        crop_filter_pixels(out, wide, r, 3);
     else if (r->C == 1)
-        crop_filter_pixels(out, row, r, 1);
+        crop_filter_pixels(out, wide, r, 1);
     else
-        crop_filter_pixels(out, row, r, r->C);
+        crop_filter_pixels(out, wide, r, r->C);
 }
 
-/* Output rows first to end: the picture's rows are added up first, which is
- * quick, so that few are left to filter across.  room: of a row of the picture
- * and 3 floats more, and of one of the output and as many. */
-static void crop_filter_rows(uint8_t *out, float *room, const uint8_t *rgb,
+/* acc (n) += w row. */
+static void crop_filter_add(float *acc, const float *row, float w, size_t n)
+{
+    size_t k = 0;
+
+    for (; k + 4 <= n; k += 4) {
+        v4f a, r;
+
+        memcpy(&a, acc + k, sizeof a);
+        memcpy(&r, row + k, sizeof r);
+        a += w * r;
+        memcpy(acc + k, &a, sizeof a);
+    }
+    for (; k < n; k++)
+        acc[k] += w * row[k];
+}
+
+/* Output rows first to end from the picture, each of whose rows is filtered
+ * once, into a ring of r->max rows (n,C and 3 more) as in `row`, after which come
+ * the sum of one output row and a picture's row in floats. */
+static void crop_filter_rows(uint8_t *out, float *row, const uint8_t *rgb,
                              size_t stride, const struct resizing *r,
                              size_t first, size_t end)
 {
-    const size_t line = r->n * r->C, in = (r->end - r->from) * r->C;
-    float *across = room + in + 3;
+    const size_t line = r->n * r->C, each = line + 3;
+    float *sum = row + r->max * each, *wide = sum + line;
+    size_t next = 0;                    /* picture row to filter */
 
     for (size_t i = first; i < end; i++) {
         const struct filter *f = crop_filter_at(r, r->fy, i);
 
-        memset(room, 0, (in + 3) * sizeof *room);
+        memset(sum, 0, line * sizeof *sum);
+        next = next > f->lo ? next : f->lo;
+        for (; next < f->lo + f->count; next++)
+            crop_filter_row(row + next % r->max * each, wide,
+                            rgb + next * stride, r);
         for (size_t k = 0; k < f->count; k++)
-            crop_kernels()->add(room, rgb + (f->lo + k) * stride +
-                                          r->from * r->C, f->w[k], in);
-        crop_filter_row(across, room, r);
-        crop_kernels()->round(out + i * line, across, line);
+            crop_filter_add(sum, row + (f->lo + k) % r->max * each, f->w[k],
+                            line);
+        crop_kernels()->round(out + i * line, sum, line);
     }
 }
 
@@ -466,6 +490,7 @@ static int crop_filters_make(struct resizing *r, size_t W, size_t H,
         crop_filter_make((void *)(f + (n + i) * bytes), q.y, q.size, i, n, H,
                          max);
     }
+    r->max = max;
     r->bytes = bytes;
     r->filters = f;
     r->fx = f;
@@ -498,7 +523,7 @@ int crop_resize_u8(uint8_t *out, size_t n, const uint8_t *rgb, size_t W,
     assert(r.C >= 1 && r.C <= 4);
     if (crop_filters_make(&r, W, H, q))
         return -1;
-    const size_t own = (r.end - r.from) * r.C + line + 6;
+    const size_t own = r.max * (line + 3) + line + (r.end - r.from) * r.C + 3;
     float *room = malloc(threads * own * sizeof *room);
 
     if (!room) {

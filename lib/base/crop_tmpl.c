@@ -38,11 +38,11 @@ void ISA(crop_halve)(uint8_t *out, const uint8_t *a, const uint8_t *b,
             out[k] = (uint8_t)((a[k] + a[k + 3] + b[k] + b[k + 3] + 2) >> 2);
 }
 
-/* A row of bytes to a sum of rows. */
-void ISA(crop_add)(float *sum, const uint8_t *row, float w, size_t n)
+/* Bytes to floats. */
+void ISA(crop_widen)(float *out, const uint8_t *in, size_t n)
 {
     for (size_t i = 0; i < n; i++)
-        sum[i] += w * (float)row[i];
+        out[i] = in[i];
 }
 
 /* Floats to bytes. */

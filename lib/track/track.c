@@ -13,6 +13,7 @@
 #include "lib/net/motion_code.h"
 #include "lib/track/smooth.h"
 #include "lib/track/thumb.h"
+#include "lib/track/window.h"
 
 #define FIRST_PASSES 4         /* network runs for the first crop, and so many */
 #define LAST_PASSES 12         /* while each moves it by less than DRIFTS of the */
@@ -276,17 +277,11 @@ static int track_refine_crop(struct track *t, struct track_result *r,
     return 0;
 }
 
-/* The portrait window about a first crop. */
+/* The window that a crop is looked for in before it is known where the head
+ * is. */
 static struct square track_window(const struct track *t, struct square crop)
 {
-    struct square w = t->opt.has_window ? t->opt.window
-                                        : window_from_crop(crop);
-
-    if (!t->opt.whole || t->opt.has_window || w.size < 2)
-        return w;
-    const double size = round(w.size), half = size / 2;
-    return (struct square){round(w.x - half) + half,
-                           round(w.y - half) + half, size};
+    return t->opt.has_window ? t->opt.window : window_from_crop(crop);
 }
 
 /* E_m about a square of the picture, which sets the window before the first
@@ -441,6 +436,12 @@ static void track_deliver(struct track *t, struct track_result *r, double time)
 static int track_begin(struct track *t, struct track_result *r,
                        const struct frame *f)
 {
+    if (!t->opt.has_window) {
+        window_about_head(&t->window, &r->motion, t->opt.size, t->opt.whole);
+        t->last = r->motion;
+        t->crop = (struct square){r->motion.crop[0], r->motion.crop[1],
+                                  r->motion.crop[2]};
+    }
     align_restart(&t->align);
     track_align(t, r, f);
     if (!t->faces.n) {

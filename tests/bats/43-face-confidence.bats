@@ -103,7 +103,7 @@ END
     [ ! -e a.spid ]
 }
 
-@test "faces from the side, from above and from below are found where they are" {
+@test "heads to the side, above and below are found, in the middle of their window" {
     need_sure
     assets=${SPID_ASSETS:-$TOP/../shared/assets}
     [ -e "$assets/ict" ] || skip "no assets in $assets (SPID_ASSETS)"
@@ -117,15 +117,19 @@ for i, x in enumerate(np.load("truth/IMAG.rgb.npy")):
     open(f"{i}.ppm", "wb").write(b"P6 %d %d 255\n" % x.shape[1::-1] + x.tobytes())'
     for i in {0..7}; do
         spid-shape -q $i.ppm -o $i.spid
-        spid-dump -q --only MOTN --npy $i $i.spid
+        spid-dump -q --only MOTN,SRCI --npy $i $i.spid
         "$PYTHON" - $i <<'P'
 import sys
 import numpy as np
 a = np.load(f'{sys.argv[1]}/MOTN.rot.npy').reshape(3, 3)
 b = np.load('truth/MOTN.rot.npy').reshape(-1, 3, 3)[int(sys.argv[1])]
 off = np.degrees(np.arccos(np.clip((np.trace(a @ b.T) - 1) / 2, -1, 1)))
-print(f'{sys.argv[1]}: {off:.1f} degrees off')
-sys.exit(int(off > 20))
+t = np.load('truth/MOTN.trans.npy').reshape(-1, 3)[int(sys.argv[1])]
+head = np.append(192 + 6 * 384 * t[:2] / t[2], 384 * 11 / t[2])
+window = np.load(f'{sys.argv[1]}/SRCI.crop.npy').reshape(3)
+beside = abs(window - head) / head[2]
+print(f'{sys.argv[1]}: {off:.1f} degrees off, window by', beside.round(3))
+sys.exit(int(off > 20 or (beside > [0.05, 0.05, 0.2]).any()))
 P
     done
 }

@@ -217,6 +217,7 @@ P
         spid-shape -q -m "$M" --head "$H" source.png -o $k.id
         spid-flame --head "$H" -i $k.id $k.id -o $k.mesh
         spid-dump --npy $k $k.mesh
+        spid-dump --npy $k --only SRCI $k.id
     done
     "$PYTHON" - "$HEAD" <<'P'
 import sys, numpy as np, import_read
@@ -225,8 +226,10 @@ for k, h in (("a", sys.argv[1]), ("b", "other.safetensors")):
     r, _ = import_read.load(h)
     v, c = np.load(k + "/MESH.verts.npy")[0], np.load(k + "/MESH.cam.npy")[0]
     x = np.einsum("lk,lkc->lc", r["landmark_bary"], v[r["f"][r["landmark_faces"]]]) @ c[:, :3].T + c[:, 3]
-    lmk.append(x[:, :2] / x[:, 2:] * 12 * 256 + 256)
-d = np.linalg.norm(lmk[0] - lmk[1], axis=1)
+    # in the picture: each head's window is about its own origin
+    w = np.load(k + "/SRCI.crop.npy")[0]
+    lmk.append(w[:2] + x[:, :2] / x[:, 2:] * 6 * w[2])
+d = np.linalg.norm(lmk[0] - lmk[1], axis=1) * 512 / w[2]
 print(d.mean(), d.max())
 assert d.mean() < 6, d
 P
