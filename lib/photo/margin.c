@@ -25,7 +25,7 @@ enum { OFF = 4 };               /* floats of a cell: how much is seen, and the
 struct margin {
     struct matting *m;
     size_t side;                /* cells across, a power of two */
-    float *cell;                /* (side,side,OFF), and coarser ones */
+    float *cell[LAYERS];        /* (side,side,OFF), and coarser ones */
 };
 
 static size_t margin_cell(const struct margin *g, size_t x, size_t y)
@@ -65,7 +65,7 @@ static void margin_meet(struct margin *g, enum layer layer, size_t i, size_t j)
     const struct matting *m = g->m;
     const float a = m->alpha[i] / 255.f;
     const float w = layer == LAYER_ALPHA ? 1 : layer == LAYER_BACK ? 1 - a : a;
-    float *to = g->cell + OFF * margin_cell(g, i % m->n, i / m->n);
+    float *to = g->cell[layer] + OFF * margin_cell(g, i % m->n, i / m->n);
     float seen[3], guess[3];
 
     margin_value(seen, m, layer, i);
@@ -75,36 +75,37 @@ static void margin_meet(struct margin *g, enum layer layer, size_t i, size_t j)
         to[1 + c] += w * (seen[c] - guess[c]);
 }
 
-/* What every cell is off by: as the picture's rim says, and in the margin as
- * the cells about it. */
-static void margin_spread(struct margin *g, enum layer layer)
+/* What every cell of a layer is off by: as the picture's rim says, and in the
+ * margin as the cells about it. */
+PARALLEL(margin_spread, layer, struct margin *, g)
 {
     static const float none[OFF] = {1, 0, 0, 0};
     const struct matting *m = g->m;
     const size_t n = m->n;
+    float *cell = g->cell[layer];
 
-    memset(g->cell, 0, g->side * g->side * OFF * sizeof *g->cell);
+    memset(cell, 0, g->side * g->side * OFF * sizeof *cell);
     for (size_t j = margin_next(m, 0); j < n * n; j = margin_next(m, j + 1)) {
         const size_t x = j % n, y = j / n;
 
-        g->cell[OFF * margin_cell(g, x, y)] += REST / (REACH * REACH);
+        cell[OFF * margin_cell(g, x, y)] += REST / (REACH * REACH);
         if (y > 0 && m->inside[j - n])
-            margin_meet(g, layer, j - n, j);
+            margin_meet(g, (enum layer)layer, j - n, j);
         if (x > 0 && m->inside[j - 1])
-            margin_meet(g, layer, j - 1, j);
+            margin_meet(g, (enum layer)layer, j - 1, j);
         if (x + 1 < n && m->inside[j + 1])
-            margin_meet(g, layer, j + 1, j);
+            margin_meet(g, (enum layer)layer, j + 1, j);
         if (y + 1 < n && m->inside[j + n])
-            margin_meet(g, layer, j + n, j);
+            margin_meet(g, (enum layer)layer, j + n, j);
     }
-    pyramid_pool(g->cell, g->side, OFF, REST, none);
+    pyramid_pool(cell, g->side, OFF, REST, none);
     for (size_t i = 0; i < g->side * g->side; i++)
         for (int c = 1; c < OFF; c++)
-            g->cell[OFF * i + (size_t)c] /= g->cell[OFF * i];
+            cell[OFF * i + (size_t)c] /= cell[OFF * i];
 }
 
-/* One row. */
-PARALLEL(margin_add_part, y, struct margin *, g, enum layer, layer)
+/* Row y of a layer. */
+static void margin_add(const struct margin *g, enum layer layer, size_t y)
 {
     struct matting *m = g->m;
     const size_t n = m->n, s = g->side;
@@ -118,7 +119,8 @@ PARALLEL(margin_add_part, y, struct margin *, g, enum layer, layer)
     for (size_t x = margin_next(m, y * n) - y * n; x < n;
          x = margin_next(m, y * n + x + 1) - y * n) {
         const size_t u = pyramid_between(&tx, x, n, s);
-        const float *a = g->cell + OFF * (v * s + u) + 1, *b = a + OFF * s;
+        const float *a = g->cell[layer] + OFF * (v * s + u) + 1;
+        const float *b = a + OFF * s;
 
         for (size_t c = 0; c < channels; c++) {
             uint8_t *at = to + channels * (y * n + x) + c;
@@ -131,10 +133,15 @@ PARALLEL(margin_add_part, y, struct margin *, g, enum layer, layer)
     }
 }
 
-/* rgb beyond the picture: both layers. */
-static void margin_compose(struct matting *m)
+/* Row y: the layers, and in rgb both together. */
+PARALLEL(margin_row, y, const struct margin *, g)
 {
-    for (size_t i = margin_next(m, 0); i < m->n * m->n;
+    struct matting *m = g->m;
+    const size_t end = (y + 1) * m->n;
+
+    for (int layer = 0; layer < LAYERS; layer++)
+        margin_add(g, layer, y);
+    for (size_t i = margin_next(m, y * m->n); i < end;
          i = margin_next(m, i + 1)) {
         const unsigned a = m->alpha[i];
 
@@ -152,14 +159,15 @@ int margin_fill(struct matting *m, struct error *err)
         return 0;
     while (2 * g.side <= m->n && g.side < LARGEST)
         g.side *= 2;
-    g.cell = malloc(pyramid_floats(g.side, OFF) * sizeof *g.cell);
-    if (!g.cell)
+    const size_t floats = pyramid_floats(g.side, OFF);
+    float *cells = malloc(LAYERS * floats * sizeof *cells);
+
+    if (!cells)
         return error_set(err, EX_OSERR, "no memory beyond the photograph");
-    for (int layer = 0; layer < LAYERS; layer++) {
-        margin_spread(&g, layer);
-        parallel_each(margin_add_part, m->n, 1, &g, layer);
-    }
-    margin_compose(m);
-    free(g.cell);
+    for (size_t layer = 0; layer < LAYERS; layer++)
+        g.cell[layer] = cells + layer * floats;
+    parallel_each(margin_spread, LAYERS, 1, &g);
+    parallel_each(margin_row, m->n, 1, &g);
+    free(cells);
     return 0;
 }
