@@ -50,13 +50,12 @@ static void margin_value(float to[3], const struct matting *m,
     }
 }
 
-/* The first pixel beyond the picture from i on, or n x n. */
-static size_t margin_next(const struct matting *m, size_t i)
+/* The first pixel beyond the picture from i on, or end. */
+static size_t margin_next(const struct matting *m, size_t i, size_t end)
 {
-    const size_t all = m->n * m->n;
-    const uint8_t *at = memchr(m->inside + i, 0, all - i);
+    const uint8_t *at = memchr(m->inside + i, 0, end - i);
 
-    return at ? (size_t)(at - m->inside) : all;
+    return at ? (size_t)(at - m->inside) : end;
 }
 
 /* Pixel i of the picture, and the one beyond it, j: how far that is off. */
@@ -85,7 +84,8 @@ PARALLEL(margin_spread, layer, struct margin *, g)
     float *cell = g->cell[layer];
 
     memset(cell, 0, g->side * g->side * OFF * sizeof *cell);
-    for (size_t j = margin_next(m, 0); j < n * n; j = margin_next(m, j + 1)) {
+    for (size_t j = margin_next(m, 0, n * n); j < n * n;
+         j = margin_next(m, j + 1, n * n)) {
         const size_t x = j % n, y = j / n;
 
         cell[OFF * margin_cell(g, x, y)] += REST / (REACH * REACH);
@@ -108,7 +108,7 @@ PARALLEL(margin_spread, layer, struct margin *, g)
 static void margin_add(const struct margin *g, enum layer layer, size_t y)
 {
     struct matting *m = g->m;
-    const size_t n = m->n, s = g->side;
+    const size_t n = m->n, s = g->side, end = (y + 1) * n;
     uint8_t *to = layer == LAYER_ALPHA  ? m->alpha
                   : layer == LAYER_BACK ? m->back
                                         : m->rgb;
@@ -116,14 +116,15 @@ static void margin_add(const struct margin *g, enum layer layer, size_t y)
     float tx, ty;
     const size_t v = pyramid_between(&ty, y, n, s);
 
-    for (size_t x = margin_next(m, y * n) - y * n; x < n;
-         x = margin_next(m, y * n + x + 1) - y * n) {
+    for (size_t i = margin_next(m, y * n, end); i < end;
+         i = margin_next(m, i + 1, end)) {
+        const size_t x = i - y * n;
         const size_t u = pyramid_between(&tx, x, n, s);
         const float *a = g->cell[layer] + OFF * (v * s + u) + 1;
         const float *b = a + OFF * s;
 
         for (size_t c = 0; c < channels; c++) {
-            uint8_t *at = to + channels * (y * n + x) + c;
+            uint8_t *at = to + channels * i + c;
             const float up = a[c] + tx * (a[c + OFF] - a[c]);
             const float low = b[c] + tx * (b[c + OFF] - b[c]);
             const float value = *at + up + ty * (low - up) + 0.5f;
@@ -141,8 +142,8 @@ PARALLEL(margin_row, y, const struct margin *, g)
 
     for (int layer = 0; layer < LAYERS; layer++)
         margin_add(g, layer, y);
-    for (size_t i = margin_next(m, y * m->n); i < end;
-         i = margin_next(m, i + 1)) {
+    for (size_t i = margin_next(m, y * m->n, end); i < end;
+         i = margin_next(m, i + 1, end)) {
         const unsigned a = m->alpha[i];
 
         for (size_t c = 3 * i; c < 3 * i + 3; c++)
@@ -155,7 +156,7 @@ int margin_fill(struct matting *m, struct error *err)
 {
     struct margin g = {.m = m, .side = 2};
 
-    if (margin_next(m, 0) == m->n * m->n)
+    if (margin_next(m, 0, m->n * m->n) == m->n * m->n)
         return 0;
     while (2 * g.side <= m->n && g.side < LARGEST)
         g.side *= 2;
