@@ -14,6 +14,7 @@
 #include "formats/npy.h"
 #include "formats/outfile.h"
 #include "formats/safetensors.h"
+#include "lib/base/arena.h"
 #include "lib/base/list.h"
 
 #define INDEX_KEY "spid.records"
@@ -32,7 +33,8 @@ struct column {
 };
 
 struct recordfile {
-    char *path;
+    struct arena memory;       /* of names and copies */
+    const char *path;
     bool npy, made;            /* made: the folder is new, ours */
     cJSON *index;
     uint64_t records;
@@ -49,7 +51,7 @@ static struct recordfile *recordfile_create(const char *path, bool npy,
     struct recordfile *w = calloc(1, sizeof *w);
 
     if (w) {
-        w->path = strdup(path);
+        w->path = arena_text(&w->memory, path);
         w->npy = npy;
         w->index = cJSON_CreateArray();
     }
@@ -93,10 +95,6 @@ void recordfile_abandon(struct recordfile *w)
 {
     if (!w)
         return;
-    for (size_t i = 0; i < w->tensors; i++) {
-        free((void *)(uintptr_t)w->tensor[i].name);
-        free((void *)(uintptr_t)w->tensor[i].data);
-    }
     for (size_t i = 0; i < w->columns; i++)
         npy_abandon(w->column[i].w);
     if (w->made)
@@ -104,7 +102,7 @@ void recordfile_abandon(struct recordfile *w)
     free(w->tensor);
     free(w->column);
     cJSON_Delete(w->index);
-    free(w->path);
+    arena_release(&w->memory);
     free(w);
 }
 
@@ -113,24 +111,21 @@ static int recordfile_add_tensor(struct recordfile *w, const struct record *rec,
                                  const struct array *a, struct error *err)
 {
     size_t bytes = array_bytes(a);
-    struct st_tensor *t;
-    char *name = NULL;
-    void *data;
+    struct st_tensor *t = list_grow(w->tensor, &w->room, w->tensors,
+                                    sizeof *t);
+    void *data = arena_take(&w->memory, bytes, 1);
+    char name[STREAM_NAME + 40];
 
-    t = list_grow(w->tensor, &w->room, w->tensors, sizeof *t);
-    if (!t)
-        return error_set(err, EX_OSERR, "out of memory");
-    w->tensor = t;
-    data = malloc(bytes + 1);
-    if (!data || asprintf(&name, "%06llu.%s.%s",
-                          (unsigned long long)w->records, rec->type,
-                          a->name) < 0) {
-        free(data);
+    snprintf(name, sizeof name, "%06llu.%s.%s",
+             (unsigned long long)w->records, rec->type, a->name);
+    const char *own = arena_text(&w->memory, name);
+
+    w->tensor = t ? t : w->tensor;
+    if (!t || !data || !own)
         return error_set(err, EX_OSERR, "out of memory (%zu tensors so far; "
                          "see --frames)", w->tensors);
-    }
     t = &w->tensor[w->tensors++];
-    *t = (struct st_tensor){ .name = name, .dtype = to_st[a->dtype],
+    *t = (struct st_tensor){ .name = own, .dtype = to_st[a->dtype],
                              .ndim = a->ndim, .count = array_count(a),
                              .data = memcpy(data, a->data, bytes) };
     for (int k = 0; k < a->ndim; k++)

@@ -260,22 +260,6 @@ static int page_pack_photograph(struct pack *k, const struct baked *b,
     return 0;
 }
 
-/* Names of the expression directions as a JSON list (the caller frees it);
- * empty where the head does not name them.  ARKit's need no escape. */
-static char *page_names(const struct head *h)
-{
-    char *text = NULL;
-    size_t bytes;
-    FILE *list = open_memstream(&text, &bytes);
-
-    for (int i = 0; list && head_has_arkit(h) && i < ARKIT_COUNT; i++)
-        fprintf(list, "%s\"%s\"", i ? "," : "[", arkit_name(i));
-    if (!list || fputs(head_has_arkit(h) ? "]" : "[]", list) == EOF ||
-        fclose(list))
-        return NULL;
-    return text;
-}
-
 /* Whether what came makes a page. */
 static int page_check(const struct page *p, const struct person *person,
                       struct error *err)
@@ -316,13 +300,13 @@ int page_write(const struct page *p, const char *path,
                const struct person *person, size_t *bytes, struct error *err)
 {
     struct pack *k = calloc(1, sizeof *k);
-    char *names = page_names(id->head);
+    char names[ARKIT_NAMES] = "[]";
     int rc = -1;
 
-    if (!k || !names) {
-        error_set(err, EX_OSERR, "out of memory for a page");
-        goto out;
-    }
+    if (!k)
+        return error_set(err, EX_OSERR, "out of memory for a page");
+    if (head_has_arkit(id->head))
+        arkit_names(names);
     if (page_check(p, person, err) ||
         page_pack_rides(k, &p->baked, id->head, err) ||
         page_pack_photograph(k, &p->baked, person, err) ||
@@ -341,9 +325,7 @@ int page_write(const struct page *p, const char *path,
     else
         rc = page_write_archive(path, k, meta, err);
 out:
-    free(names);
-    if (k)
-        page_pack_release(k);
+    page_pack_release(k);
     free(k);
     return rc;
 }

@@ -3,6 +3,7 @@
 
 #include <ctype.h>
 #include <stddef.h>
+#include <stdio.h>
 #include <string.h>
 
 static const char *const names[ARKIT_COUNT] = {
@@ -43,6 +44,16 @@ static int arkit_name_matches(int k, const char *name)
                k == ARKIT_CHEEK_PUFF_L || k == ARKIT_CHEEK_PUFF_R ? 2 : 0;
     return !strcmp(name, side) ||
            !strcmp(name, side[1] == 'L' ? "Left" : "Right");
+}
+
+void arkit_names(char out[ARKIT_NAMES])
+{
+    size_t n = 0;
+
+    for (int k = 0; k < ARKIT_COUNT; k++)
+        n += (size_t)snprintf(out + n, ARKIT_NAMES - n, "%s\"%s\"",
+                              k ? "," : "[", arkit_name(k));
+    snprintf(out + n, ARKIT_NAMES - n, "]");
 }
 
 int arkit_find(int component[2], const char *name)

@@ -61,6 +61,11 @@ enum arkit {
 /* ICT-FaceKit's name of component k, "browDown_L"; NULL from ARKIT_COUNT on. */
 const char *arkit_name(int k);
 
+/* Room for all of them as a JSON list. */
+#define ARKIT_NAMES 2048
+/* out = that list; they need no escape. */
+void arkit_names(char out[ARKIT_NAMES]);
+
 /* The components that a name means: ours ("browDown_L") or Apple's, in either
  * of its spellings ("browDownLeft", "BrowDownLeft"), where browInnerUp and
  * cheekPuff mean both sides.  Returns how many (0 unknown, 1 or 2). */

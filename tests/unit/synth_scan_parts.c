@@ -12,7 +12,7 @@
 #include "formats/panorama.h"
 #include "lib/lab/people/wavefront.h"
 #include "lib/base/random.h"
-#include "lib/lab/people/scan_codec.h"
+#include "lib/lab/people/codec.h"
 #include "lib/lab/people/scan_light.h"
 #include "lib/lab/people/scan_near.h"
 #include "lib/lab/people/tri.h"

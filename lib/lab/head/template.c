@@ -188,18 +188,6 @@ static void template_add_directions(struct save_list *l,
     template_add(l, "posedirs_values", ST_F16, pose->value, pose->rows, 3, 0);
 }
 
-/* The names of the ARKit shapes as a JSON list. */
-static void template_names(char *out, size_t room)
-{
-    size_t n = (size_t)snprintf(out, room, "[");
-
-    for (int k = 0; k < ARKIT_COUNT && n < room; k++)
-        n += (size_t)snprintf(out + n, room - n, "%s\"%s\"", k ? "," : "",
-                              arkit_name(k));
-    if (n < room)
-        snprintf(out + n, room - n, "]");
-}
-
 /* What a head made from the scans says of itself. */
 static const char source[] =
     "registered to ICT-FaceKit (Light), USC Institute for Creative "
@@ -239,7 +227,7 @@ static void template_places(char *place, size_t room, char *angles,
 int template_save(const struct template *t, const char *path, bool plain,
                   struct error *err)
 {
-    char names[2048], place[160], angles[256];
+    char names[ARKIT_NAMES], place[160], angles[256];
     const char *const meta[] = { "format", "spid-head", "scale", "5",
         "nshape", "300", "nexp", "100", "unit", "metre",
         "expression_names", names, "identity", "0-99: ICT-FaceKit's weights, "
@@ -250,7 +238,7 @@ int template_save(const struct template *t, const char *path, bool plain,
     struct save_list l = {.count = 0};
     int rc = -1;
 
-    template_names(names, sizeof names);
+    arkit_names(names);
     template_places(place, sizeof place, angles, sizeof angles);
     size_t n = 3 * t->nlid * TEMPLATE_LID_SHAPES;
     uint16_t *lid = malloc((n + 1) * sizeof *lid);

@@ -1,4 +1,4 @@
-/* What lens, sensor and JPEG do to a plane of a picture. */
+/* What lens and sensor do to a plane of a picture. */
 #ifndef SPID_LAB_PEOPLE_LENS_H
 #define SPID_LAB_PEOPLE_LENS_H
 
@@ -18,9 +18,5 @@ void lens_smear(float *img, float *tmp, int n, float dx, float dy);
 /* A coarser sensor: img (n,n) becomes means over cells of 1/low pixels, read
  * back bilinear; tmp is as large. */
 void lens_coarsen(float *img, float *tmp, int n, float low);
-
-/* The picture rgb (n,n,3) after compression at quality 1..100 and back:
- * 8x8 cosine blocks, chroma at half the resolution.  scratch (n,n,3). */
-void jpeg_damage(uint8_t *rgb, float *scratch, int n, int quality);
 
 #endif

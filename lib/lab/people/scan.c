@@ -2,13 +2,13 @@
  * head. */
 #include "lib/lab/people/scan.h"
 
-#include <dirent.h>
-#include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/file.h"
+#include "lib/base/names.h"
 #include "lib/base/parallel.h"
 #include "lib/lab/people/label.h"
 #include "lib/lab/people/vec.h"
@@ -23,47 +23,26 @@ static int scan_compare(const void *a, const void *b)
     return strcmp(*(char *const *)a, *(char *const *)b);
 }
 
-/* Names in dir that end in `end`, sorted; a NULL-terminated list that the
- * caller frees with scan_list_free.  NULL and *err when there are none. */
-static char **scan_list_names(const char *dir, const char *end,
-                              struct error *err)
+static bool scan_is_folder(const char *entry) { return entry[0] != '.'; }
+static bool scan_is_hdr(const char *entry) { return file_ends(entry, ".hdr"); }
+static bool scan_is_png(const char *entry) { return file_ends(entry, ".png"); }
+static bool scan_is_mhclo(const char *entry)
 {
-    DIR *d = opendir(dir);
-    char **list = NULL;
-    size_t n = 0, l = strlen(end);
-
-    if (!d) {
-        error_set(err, EX_NOINPUT, "%s: %s", dir, strerror(errno));
-        return NULL;
-    }
-    for (struct dirent *e; (e = readdir(d));) {
-        size_t m = strlen(e->d_name);
-        if (e->d_name[0] == '.' || m < l || strcmp(e->d_name + m - l, end))
-            continue;
-        char **more = realloc(list, (n + 2) * sizeof *list);
-        if (!more)
-            break;
-        list = more;
-        if (!(list[n] = strdup(e->d_name)))
-            break;
-        list[++n] = NULL;
-    }
-    closedir(d);
-    if (!n) {
-        free(list);
-        error_set(err, EX_NOINPUT, "%s: nothing named *%s (expected at "
-                  "least one)", dir, end);
-        return NULL;
-    }
-    qsort(list, n, sizeof *list, scan_compare);
-    return list;
+    return file_ends(entry, ".mhclo");
 }
 
-static void scan_list_free(char **list)
+/* What of dir is wanted, in the order of bytes; -1 and *err when there is
+ * none. */
+static int scan_list(struct names *n, const char *dir,
+                     bool wanted(const char *entry), struct error *err)
 {
-    for (size_t i = 0; list && list[i]; i++)
-        free(list[i]);
-    free(list);
+    const int found = names_add_folder(n, dir, wanted, err);
+
+    if (found > 0)
+        qsort(n->name, n->count, sizeof *n->name, scan_compare);
+    return found > 0 ? 0 : found < 0 ? -1
+        : error_set(err, EX_NOINPUT, "%s: nothing of its kind (expected at "
+                    "least one)", dir);
 }
 
 /* ---- pieces ------------------------------------------------------------- */
@@ -75,34 +54,30 @@ static int scan_load_rack(struct scan_rack *r, struct scan_assets *a,
                           const char *picture, const char *only, float above,
                           struct error *err)
 {
+    struct names folder = {0};
     char path[PATH];
-    int rc = 0;
 
     snprintf(path, sizeof path, "%s/makehuman/%s", dir, kind);
-    char **name = scan_list_names(path, "", err);
-    if (!name)
-        return -1;
-    for (size_t i = 0; !rc && name[i] && r->n < SCAN_PIECES; i++) {
-        char base[PATH], file[256];
-        if (only ? strcmp(name[i], only) : !strncmp(name[i], "fedora", 6))
+    int rc = scan_list(&folder, path, scan_is_folder, err);
+    for (size_t i = 0; !rc && i < folder.count; i++) {
+        const char *base = folder.name[i], *name = strrchr(base, '/') + 1;
+        struct names bind = {0};
+        char file[PATH];
+
+        if (only ? strcmp(name, only) : !strncmp(name, "fedora", 6))
             continue;
-        if (snprintf(base, sizeof base, "%s/%s", path, name[i])
-            >= (int)sizeof base
-            || snprintf(file, sizeof file, "%s%s", name[i],
-                        picture ? picture : "") >= (int)sizeof file) {
-            rc = error_set(err, EX_DATAERR, "%s: name too long", path);
-            break;
-        }
-        char **bind = scan_list_names(base, ".mhclo", err);
-        rc = bind ? 0 : -1;
-        for (size_t k = 0; !rc && bind[k] && r->n < SCAN_PIECES; k++) {
-            bind[k][strlen(bind[k]) - 6] = 0;
-            rc = piece_load(&r->piece[r->n++], &a->body, base, bind[k],
+        snprintf(file, sizeof file, "%s%s", name, picture ? picture : "");
+        rc = scan_list(&bind, base, scan_is_mhclo, err);
+        for (size_t k = 0; !rc && k < bind.count && r->n < SCAN_PIECES; k++) {
+            char *mesh = strrchr(bind.name[k], '/') + 1;
+
+            mesh[strlen(mesh) - strlen(".mhclo")] = 0;
+            rc = piece_load(&r->piece[r->n++], &a->body, base, mesh,
                             picture ? file : NULL, above, &a->memory, err);
         }
-        scan_list_free(bind);
+        names_release(&bind);
     }
-    scan_list_free(name);
+    names_release(&folder);
     return rc;
 }
 
@@ -110,24 +85,20 @@ static int scan_load_rack(struct scan_rack *r, struct scan_assets *a,
 static int scan_load_irises(struct scan_assets *a, const char *dir,
                             struct error *err)
 {
-    char path[PATH], file[PATH + 300];
-    int rc = 0;
+    struct names picture = {0};
+    char path[PATH];
 
     snprintf(path, sizeof path, "%s/makehuman/eyes/materials", dir);
-    char **name = scan_list_names(path, ".png", err);
-    if (!name)
-        return -1;
-    for (size_t i = 0; !rc && name[i] && a->niris < SCAN_PIECES; i++) {
-        snprintf(file, sizeof file, "%s/%s", path, name[i]);
-        rc = bitmap_load(&a->iris[a->niris++], file, &a->memory, err);
-    }
-    scan_list_free(name);
+    int rc = scan_list(&picture, path, scan_is_png, err);
+    for (size_t i = 0; !rc && i < picture.count && i < SCAN_PIECES; i++)
+        rc = bitmap_load(&a->iris[a->niris++], picture.name[i], &a->memory,
+                         err);
+    names_release(&picture);
     return rc;
 }
 
 struct scan_lights {
     struct scan_assets *a;
-    const char *path;
     char **name;
 };
 
@@ -135,32 +106,25 @@ struct scan_lights {
 static int scan_load_light(void *ctx, size_t i, struct error *err)
 {
     const struct scan_lights *c = ctx;
-    char file[PATH + 300];
 
-    snprintf(file, sizeof file, "%s/%s", c->path, c->name[i]);
-    return light_map_load(&c->a->light[i], file, &c->a->memory, err);
+    return light_map_load(&c->a->light[i], c->name[i], &c->a->memory, err);
 }
 
 /* All panoramas, each made ready by a thread. */
 static int scan_load_lights(struct scan_assets *a, const char *dir,
                             struct error *err)
 {
+    struct names panorama = {0};
     char path[PATH];
-    size_t n = 0;
-    int rc;
 
     snprintf(path, sizeof path, "%s/hdri", dir);
-    char **name = scan_list_names(path, ".hdr", err);
-    if (!name)
-        return -1;
-    while (name[n])
-        n++;
-    a->light = arena_take(&a->memory, n, sizeof *a->light);
-    a->nlight = n;
-    rc = arena_check(&a->memory, "lights", err) ||
-         parallel_try(n, scan_load_light, &(struct scan_lights){a, path, name},
-                      err) ? -1 : 0;
-    scan_list_free(name);
+    int rc = scan_list(&panorama, path, scan_is_hdr, err);
+    a->nlight = panorama.count;
+    a->light = arena_take(&a->memory, a->nlight, sizeof *a->light);
+    rc = rc || arena_check(&a->memory, "lights", err) ||
+         parallel_try(a->nlight, scan_load_light,
+                      &(struct scan_lights){a, panorama.name}, err) ? -1 : 0;
+    names_release(&panorama);
     return rc;
 }
 

@@ -86,17 +86,13 @@ static int act_columns(int column[ARKIT_COUNT], const struct safetensors *st,
 /* Room for n more pictures. */
 static int act_grow(struct act_seen *s, size_t n, struct error *err)
 {
-    const size_t max = s->n + n + 1;
-    float (*w)[ARKIT_COUNT] = realloc(s->w, max * sizeof *w);
-    float *column;
+    void *w = realloc(s->w, (s->n + n + 1) * sizeof *s->w);
+    void *column = realloc(s->column, (s->n + n + 1) * sizeof *s->column);
 
-    if (w)
-        s->w = w;
-    column = w ? realloc(s->column, max * sizeof *column) : NULL;
-    if (!column)
-        return error_set(err, EX_OSERR, "out of memory (%zu pictures)", n);
-    s->column = column;
-    return 0;
+    s->w = w ? w : s->w;
+    s->column = column ? column : s->column;
+    return w && column ? 0 : error_set(err, EX_OSERR, "out of memory (%zu "
+                                       "pictures)", n);
 }
 
 /* The rows b (n,52) of pictures with these names, person by person; those of

@@ -5,10 +5,10 @@
 #include <string.h>
 
 #include "lib/base/random.h"
+#include "lib/lab/people/codec.h"
 #include "lib/lab/people/label.h"
 #include "lib/lab/people/lens.h"
 #include "lib/lab/people/noise.h"
-#include "lib/lab/people/scan_codec.h"
 #include "lib/lab/people/vec.h"
 
 int scan_film_init(struct scan_film *f, int size, struct error *err)

@@ -7,7 +7,7 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "lib/lab/people/jacobi.h"
+#include "lib/base/cholesky.h"
 #include "lib/base/parallel.h"
 #include "lib/lab/people/vec.h"
 
@@ -15,6 +15,8 @@
 #define M SKIN_SLOW
 #define STEP (N / M)
 #define PLANE ((size_t)M * M)
+#define JACOBI_SWEEPS 9
+#define JACOBI_ZERO 1e-16       /* smaller entries are left */
 
 int skin_fit_init(struct skin_fit *t, size_t n, struct arena *memory,
                   struct error *err)
@@ -204,23 +206,6 @@ static void skin_light_terms(double o[LIGHT_TERMS], const float n[3])
     memcpy(o, t, sizeof t);
 }
 
-/* x of the normal equations a (n,n) x = b, by elimination. */
-static void skin_eliminate(double *a, double *b, int n)
-{
-    for (int i = 0; i < n; i++)
-        for (int j = i + 1; j < n; j++) {
-            double g = a[j * n + i] / a[i * n + i];
-            for (int k = i; k < n; k++)
-                a[j * n + k] -= g * a[i * n + k];
-            b[j] -= g * b[i];
-        }
-    for (int i = n - 1; i >= 0; i--) {
-        for (int k = i + 1; k < n; k++)
-            b[i] -= a[i * n + k] * b[k];
-        b[i] /= a[i * n + i];
-    }
-}
-
 /* The studio's light: what of the mean follows the normals.  out: its log on
  * a normal of each texel, without the constant. */
 static void skin_find_light(double light[3][LIGHT_TERMS], const float *mean,
@@ -250,7 +235,7 @@ static void skin_find_light(double light[3][LIGHT_TERMS], const float *mean,
         }
         for (int u = 0; u < LIGHT_TERMS; u++)
             a[u * (LIGHT_TERMS + 1)] += 1;
-        skin_eliminate(a, light[c], LIGHT_TERMS);
+        cholesky_solve(light[c], a, LIGHT_TERMS);
     }
 }
 
@@ -298,14 +283,41 @@ static void skin_spread_out(float *x, const struct skin_fit *t,
     }
 }
 
-/* Eigenvectors of the symmetric g (n,n) in the columns of v. */
+/* The n numbers at x and at y, `step` apart, turned into each other by the
+ * angle of cosine c and sine s: two columns of a matrix, or two rows. */
+static void skin_turn(double *x, double *y, size_t n, size_t step, double c,
+                      double s)
+{
+    for (size_t i = 0; i < n; i++) {
+        double a = x[i * step], b = y[i * step];
+
+        x[i * step] = c * a - s * b;
+        y[i * step] = s * a + c * b;
+    }
+}
+
+/* Eigenvectors of the symmetric g (n,n) in the columns of v, by Jacobi's
+ * rotations: each makes one entry off the diagonal zero (Golub and Van Loan,
+ * Matrix Computations, 8.5). */
 static void skin_eigen(double *g, double *v, size_t n)
 {
     memset(v, 0, n * n * sizeof *v);
     for (size_t i = 0; i < n; i++)
         v[i * n + i] = 1;
-    for (int sweep = 0; sweep < 9; sweep++)
-        jacobi_sweep(g, v, n);
+    for (size_t i = 0; i < JACOBI_SWEEPS * n * n; i++) {
+        const size_t p = i / n % n, q = i % n;
+        double gpq = g[p * n + q];
+
+        if (q <= p || fabs(gpq) < JACOBI_ZERO)
+            continue;
+        double th = (g[q * n + q] - g[p * n + p]) / (2 * gpq);
+        double t = (th < 0 ? -1 : 1) / (fabs(th) + sqrt(th * th + 1));
+        double c = 1 / sqrt(t * t + 1), s = t * c;
+
+        skin_turn(g + p, g + q, n, n, c, s);
+        skin_turn(g + p * n, g + q * n, n, 1, c, s);
+        skin_turn(v + p, v + q, n, n, c, s);
+    }
 }
 
 PARALLEL(skin_find_parts_part, i, const float *, x, double *, g, size_t, d,

@@ -64,25 +64,8 @@ static int stage_fit_figure(struct scan_stage *s, const struct figure *f,
     return arena_check(a, "a picture", err);
 }
 
-int scan_stage_render(struct scan_stage *s, const struct figure *f,
-                      const struct act *act, const struct scan_view *v,
-                      struct error *err)
-{
-    if (stage_fit_figure(s, f, err))
-        return -1;
-    s->figure = f;
-    s->act = act;
-    s->view = *v;
-    scan_pose(s);
-    scan_shadows(s);
-    scan_draw(s);
-    scan_veils(s);
-    scan_resolve(s);
-    return 0;
-}
-
 /* Mean of a pixel's samples; its label is the commonest of them. */
-void scan_resolve(struct scan_stage *s)
+static void stage_resolve(struct scan_stage *s)
 {
     enum { N = SCAN_GRID * SCAN_GRID };
 
@@ -115,4 +98,21 @@ void scan_resolve(struct scan_stage *s)
             s->alpha[pixel] = cover[0];
             s->block[pixel] = cover[1];
         }
+}
+
+int scan_stage_render(struct scan_stage *s, const struct figure *f,
+                      const struct act *act, const struct scan_view *v,
+                      struct error *err)
+{
+    if (stage_fit_figure(s, f, err))
+        return -1;
+    s->figure = f;
+    s->act = act;
+    s->view = *v;
+    scan_pose(s);
+    scan_shadows(s);
+    scan_draw(s);
+    scan_veils(s);
+    stage_resolve(s);
+    return 0;
 }

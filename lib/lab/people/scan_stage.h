@@ -85,8 +85,6 @@ void scan_shadows(struct scan_stage *s);
 void scan_draw(struct scan_stage *s);
 /* Hair, lashes and lenses over them, from behind forwards. */
 void scan_veils(struct scan_stage *s);
-/* Samples to pixels: means of colours, the commonest label. */
-void scan_resolve(struct scan_stage *s);
 
 /* ---- shading, for scan_draw and scan_veils ------------------------------ */
 

@@ -9,6 +9,8 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/list.h"
+
 #define VERTICES_MAX ((size_t)4 << 20)
 
 /* ---- what both formats need -------------------------------------------- */
@@ -22,16 +24,13 @@ struct list {
 /* Room for one more item, NULL when memory or VERTICES_MAX is used up. */
 static void *wavefront_list_add(struct list *l)
 {
-    if (l->count == l->room) {
-        size_t room = l->room ? 2 * l->room : 1024;
-        char *data = room > VERTICES_MAX ? NULL
-                                         : realloc(l->data, room * l->size);
-        if (!data)
-            return NULL;
-        l->data = data;
-        l->room = room;
-    }
-    return l->data + l->size * l->count++;
+    char *data = l->count < VERTICES_MAX
+                     ? list_grow(l->data, &l->room, l->count, l->size) : NULL;
+
+    if (!data)
+        return NULL;
+    l->data = data;
+    return data + l->size * l->count++;
 }
 
 struct lines {
