@@ -196,21 +196,21 @@ static struct align_view align_make_view(struct square q,
 }
 
 /* Pose and view as the kernels take them. */
-static struct align_look align_look(const struct align_pose *p,
-                                    const struct align_view *v)
+static struct align_camera align_camera(const struct align_pose *p,
+                                        const struct align_view *v)
 {
-    struct align_look look = {.focal = (float)v->focal};
+    struct align_camera camera = {.focal = (float)v->focal};
 
     for (int k = 0; k < 9; k++)
-        look.R[k] = (float)p->R[k];
+        camera.R[k] = (float)p->R[k];
     for (int k = 0; k < 3; k++)
-        look.t[k] = (float)p->t[k];
+        camera.t[k] = (float)p->t[k];
     for (int k = 0; k < 2; k++) {
-        look.corner[k] = (float)v->corner[k];
-        look.low[k] = (float)v->low[k];
-        look.high[k] = (float)v->high[k];
+        camera.corner[k] = (float)v->corner[k];
+        camera.low[k] = (float)v->low[k];
+        camera.high[k] = (float)v->high[k];
     }
-    return look;
+    return camera;
 }
 
 /* Where the points' middle is, by the camera. */
@@ -247,12 +247,12 @@ static void align_sum(struct align_sums *s, const struct align *a,
                       const struct align_pose *p, const struct align_view *v,
                       const double c[3], double sigma, bool step)
 {
-    const struct align_look look = align_look(p, v);
+    const struct align_camera camera = align_camera(p, v);
     const struct align_residual r = {
         (float)p->gain, (float)p->bias,
         {(float)c[0], (float)c[1], (float)c[2]}, (float)sigma};
 
-    align_kernels()->sum(s, k->visibility, k->room, a->picture, &look, &r,
+    align_kernels()->sum(s, k->visibility, k->room, a->picture, &camera, &r,
                          step);
 }
 
@@ -387,12 +387,12 @@ static void align_add_keyframe(struct align *a, const struct motion *m,
                                const struct align_pose *p,
                                const struct align_view *v)
 {
-    const struct align_look look = align_look(p, v);
+    const struct align_camera camera = align_camera(p, v);
     float *level = a->work, *weight = level + a->room, *visibility;
     size_t n = 0, room;
 
     align_kernels()->show(level, weight, a->point, a->normal, a->room,
-                          a->picture, &look);
+                          a->picture, &camera);
     for (size_t i = 0; i < a->count; i++) {
         const bool well = weight[i] >= FACING && a->steady[i] >= STEADY;
 
@@ -410,7 +410,7 @@ static void align_add_keyframe(struct align *a, const struct motion *m,
     k->face = a->face.codes ? malloc(2 * a->face.room * sizeof *k->face)
                             : NULL;
     if (k->face)
-        align_face_show(k->face, &a->face, m, a->picture, &look);
+        align_face_show(k->face, &a->face, m, a->picture, &camera);
     memcpy(k->R, m->R, sizeof k->R);
     memcpy(k->t, m->t, sizeof k->t);
     for (size_t i = 0, to = 0; i < a->count; i++) {
@@ -429,10 +429,10 @@ static void align_fit_face(struct motion *m, struct align *a,
                            const struct align_pose *p,
                            const struct align_view *v)
 {
-    const struct align_look look = align_look(p, v);
+    const struct align_camera camera = align_camera(p, v);
 
     if (k->face)
-        align_face_fit(&a->face, m, k->face, a->picture, &look,
+        align_face_fit(&a->face, m, k->face, a->picture, &camera,
                        (float)p->gain, (float)p->bias);
 }
 

@@ -256,7 +256,7 @@ static float align_face_openness(const float *lid)
 
 void align_face_show(float *shown, struct align_face *f,
                      const struct motion *m, const align_pixel *picture,
-                     const struct align_look *look)
+                     const struct align_camera *camera)
 {
     const float open = align_face_openness(m->pose.lid);
     float *weight = shown + f->room;
@@ -264,7 +264,7 @@ void align_face_show(float *shown, struct align_face *f,
     align_face_pose(f, m);
     align_face_normals(f, m);
     align_kernels()->show(shown, weight, f->point, f->facing, f->room,
-                          picture, look);
+                          picture, camera);
     for (size_t i = 0; i < f->room; i++)
         if (i >= f->count || weight[i] < FACING)
             weight[i] = 0;
@@ -336,7 +336,7 @@ static void align_face_store(struct motion *m, const struct align_face *f,
 
 void align_face_fit(struct align_face *f, struct motion *m,
                     const float *shown, const align_pixel *picture,
-                    const struct align_look *look, float gain, float bias)
+                    const struct align_camera *camera, float gain, float bias)
 {
     const struct align_face_points points = {
         f->point, f->direction, shown, shown + f->room, f->room, f->codes};
@@ -348,7 +348,7 @@ void align_face_fit(struct align_face *f, struct motion *m,
         return;
     align_face_pose(f, m);
     for (int step = 0; step < STEPS; step++) {
-        align_kernels()->face(&s, &points, x, f->unknowns, picture, look,
+        align_kernels()->face(&s, &points, x, f->unknowns, picture, camera,
                               (float)sigma);
         if (!(s.weight > 0))
             return;

@@ -52,12 +52,12 @@ void align_face_release(struct align_face *f);
  * when other frames are aligned with this one. */
 void align_face_show(float *shown, struct align_face *f,
                      const struct motion *m, const align_pixel *picture,
-                     const struct align_look *look);
+                     const struct align_camera *camera);
 /* m->exp, m->pose.lid: E_m's in, the aligned ones out; the rest of m's pose and
- * `look` are aligned already, and the light is about gain and bias.  shown: a
+ * `camera` are aligned already, and the light is about gain and bias.  shown: a
  * keyframe's. */
 void align_face_fit(struct align_face *f, struct motion *m,
                     const float *shown, const align_pixel *picture,
-                    const struct align_look *look, float gain, float bias);
+                    const struct align_camera *camera, float gain, float bias);
 
 #endif

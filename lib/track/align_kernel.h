@@ -37,7 +37,7 @@ static inline double align_sigma(double off, double weight)
 
 /* A pose and what it is seen through: pixels of the picture = focal *
  * normalised position + corner. */
-struct align_look {
+struct align_camera {
     float R[9], t[3];
     float focal, corner[2];
     float low[2], high[2];      /* what of the picture may be looked at */
@@ -86,12 +86,12 @@ typedef void align_picture_fn(align_pixel *picture, float *work,
 typedef void align_show_fn(float *level, float *facing, const float *point,
                            const float *normal, size_t room,
                            const align_pixel *picture,
-                           const struct align_look *look);
+                           const struct align_camera *camera);
 
 /* s = sums over a keyframe's visibility (5,room); a and b only where asked for. */
 typedef void align_sum_fn(struct align_sums *s, const float *visibility,
                           size_t room, const align_pixel *picture,
-                          const struct align_look *look,
+                          const struct align_camera *camera,
                           const struct align_residual *r, bool step);
 
 /* s = sums over points moved by x (unknowns, a multiple of 4): gain, bias, and
@@ -100,7 +100,7 @@ typedef void align_face_fn(struct align_face_sums *s,
                            const struct align_face_points *points,
                            const float *x, size_t unknowns,
                            const align_pixel *picture,
-                           const struct align_look *look, float sigma);
+                           const struct align_camera *camera, float sigma);
 
 struct align_kernels {
     align_picture_fn *picture;

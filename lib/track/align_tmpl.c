@@ -140,9 +140,10 @@ VEC_INLINE void align_sample(vf level[3], const align_pixel *picture, vf u,
 }
 
 /* Coordinate k of the rotated q. */
-VEC_INLINE vf align_turn(const struct align_look *look, int k, const vf q[3])
+VEC_INLINE vf align_turn(const struct align_camera *camera, int k,
+                         const vf q[3])
 {
-    const float *R = look->R + 3 * k;
+    const float *R = camera->R + 3 * k;
 
     return R[0] * q[0] + R[1] * q[1] + R[2] * q[2];
 }
@@ -150,7 +151,7 @@ VEC_INLINE vf align_turn(const struct align_look *look, int k, const vf q[3])
 /* Points point[0], point[room], point[2 room] and on. */
 VEC_INLINE void align_project_points(struct align_points *p, const float *point,
                                      size_t room, const align_pixel *picture,
-                                     const struct align_look *look)
+                                     const struct align_camera *camera)
 {
     const vf q[3] = {vf_load(point), vf_load(point + room),
                      vf_load(point + 2 * room)};
@@ -158,13 +159,13 @@ VEC_INLINE void align_project_points(struct align_points *p, const float *point,
     vf uv[2];
 
     for (int k = 0; k < 3; k++)
-        p->x[k] = align_turn(look, k, q) + look->t[k];
+        p->x[k] = align_turn(camera, k, q) + camera->t[k];
     p->inside = vf_gt(p->x[2], near);
     for (int k = 0; k < 2; k++) {
-        uv[k] = look->focal * p->x[k] / vf_max(p->x[2], near) +
-                look->corner[k];
-        p->inside = vf_gt_and(p->inside, uv[k], vf_set(look->low[k]));
-        p->inside = vf_gt_and(p->inside, vf_set(look->high[k]), uv[k]);
+        uv[k] = camera->focal * p->x[k] / vf_max(p->x[2], near) +
+                camera->corner[k];
+        p->inside = vf_gt_and(p->inside, uv[k], vf_set(camera->low[k]));
+        p->inside = vf_gt_and(p->inside, vf_set(camera->high[k]), uv[k]);
     }
     align_sample(p->level, picture, vf_keep(p->inside, uv[0] - 0.5f),
                  vf_keep(p->inside, uv[1] - 0.5f));
@@ -173,7 +174,7 @@ VEC_INLINE void align_project_points(struct align_points *p, const float *point,
 static void ISA(align_show)(float *level, float *facing, const float *point,
                             const float *normal, size_t room,
                             const align_pixel *picture,
-                            const struct align_look *look)
+                            const struct align_camera *camera)
 {
     for (size_t i = 0; i < room; i += VEC) {
         const vf n[3] = {vf_load(normal + i), vf_load(normal + room + i),
@@ -181,9 +182,9 @@ static void ISA(align_show)(float *level, float *facing, const float *point,
         struct align_points p;
         vf along = vf_set(0), square = vf_set(0);
 
-        align_project_points(&p, point + i, room, picture, look);
+        align_project_points(&p, point + i, room, picture, camera);
         for (int k = 0; k < 3; k++) {
-            along -= p.x[k] * align_turn(look, k, n);
+            along -= p.x[k] * align_turn(camera, k, n);
             square += p.x[k] * p.x[k];
         }
         vf_store(level + i, vf_keep(p.inside, p.level[0]));
@@ -228,11 +229,11 @@ VEC_INLINE void align_rows(struct align_block *b, size_t i,
     vf_store(b->row[7] + i, vf_set(1));
 }
 
-/* VEC points of a sight, from visibility[0] on, to i of the block. */
+/* VEC points of a keyframe, from visibility[0] on, to i of the block. */
 VEC_INLINE void align_add(struct align_lanes *l, struct align_block *b,
                           size_t i, const float *visibility, size_t room,
                           const align_pixel *picture,
-                          const struct align_look *look,
+                          const struct align_camera *camera,
                           const struct align_residual *r, bool step)
 {
     const vf seen = vf_load(visibility + 3 * room);
@@ -240,7 +241,7 @@ VEC_INLINE void align_add(struct align_lanes *l, struct align_block *b,
     struct align_points p;
     vf w, off, x, y;
 
-    align_project_points(&p, visibility, room, picture, look);
+    align_project_points(&p, visibility, room, picture, camera);
     w = vf_keep(p.inside, vf_load(visibility + 4 * room));
     off = r->gain * p.level[0] + r->bias - seen;
     x = w * p.level[0];
@@ -254,7 +255,7 @@ VEC_INLINE void align_add(struct align_lanes *l, struct align_block *b,
     l->yy += y * seen;
     if (!step)
         return;
-    align_rows(b, i, &p, look->focal, r);
+    align_rows(b, i, &p, camera->focal, r);
     vf_store(b->off + i, off);
     vf_store(b->weight + i, w / (1 + off * off * narrow));
 }
@@ -281,7 +282,7 @@ VEC_INLINE void align_product(struct align_sums *s,
 
 static void ISA(align_sum)(struct align_sums *s, const float *visibility,
                            size_t room, const align_pixel *picture,
-                           const struct align_look *look,
+                           const struct align_camera *camera,
                            const struct align_residual *r, bool step)
 {
     struct align_block b;
@@ -292,7 +293,8 @@ static void ISA(align_sum)(struct align_sums *s, const float *visibility,
         struct align_lanes l = {0};
 
         for (size_t i = 0; i < n; i += VEC)
-            align_add(&l, &b, i, visibility + at + i, room, picture, look, r, step);
+            align_add(&l, &b, i, visibility + at + i, room, picture, camera, r,
+                      step);
         s->weight += (double)vf_sum(l.weight);
         s->off += (double)vf_sum(l.off);
         s->x += (double)vf_sum(l.x);
@@ -337,18 +339,19 @@ VEC_INLINE void align_face_move(struct align_face_block *b, size_t i,
 VEC_INLINE void align_face_rows(struct align_face_block *b, size_t i,
                                 const struct align_points *p,
                                 const struct align_face_points *f,
-                                size_t from, const struct align_look *look,
+                                size_t from, const struct align_camera *camera,
                                 float gain)
 {
     const vf *s = p->level;
-    const vf share = gain * look->focal / p->x[2];
+    const vf share = gain * camera->focal / p->x[2];
     const vf g[3] = {share * s[1], share * s[2],
                      -share * (s[1] * p->x[0] + s[2] * p->x[1]) / p->x[2]};
     vf h[3];
 
     for (size_t c = 0; c < 3; c++)
-        h[c] = vf_keep(p->inside, look->R[c] * g[0] + look->R[3 + c] * g[1] +
-                                      look->R[6 + c] * g[2]);
+        h[c] = vf_keep(p->inside, camera->R[c] * g[0] +
+                                      camera->R[3 + c] * g[1] +
+                                      camera->R[6 + c] * g[2]);
     vf_store(b->row[0] + i, s[0]);
     vf_store(b->row[1] + i, vf_set(1));
     for (size_t k = 0; k < f->codes; k++) {
@@ -413,7 +416,7 @@ static void align_face_product(struct align_face_sums *s,
 static void ISA(align_face)(struct align_face_sums *s,
                             const struct align_face_points *f, const float *x,
                             size_t unknowns, const align_pixel *picture,
-                            const struct align_look *look, float sigma)
+                            const struct align_camera *camera, float sigma)
 {
     const float narrow = 1 / (4 * sigma * sigma);
     struct align_face_block b;
@@ -430,12 +433,12 @@ static void ISA(align_face)(struct align_face_sums *s,
             vf w, off;
 
             align_face_move(&b, i, f, at + i, x + ALIGN_FACE_LIGHT);
-            align_project_points(&p, b.at[0] + i, BLOCK, picture, look);
+            align_project_points(&p, b.at[0] + i, BLOCK, picture, camera);
             w = vf_keep(p.inside, vf_load(f->weight + at + i));
             off = x[0] * p.level[0] + x[1] - vf_load(f->level + at + i);
             weight += w;
             away += w * vf_abs(off);
-            align_face_rows(&b, i, &p, f, at + i, look, x[0]);
+            align_face_rows(&b, i, &p, f, at + i, camera, x[0]);
             vf_store(b.off + i, off);
             vf_store(b.weight + i, w / (1 + off * off * narrow));
         }

@@ -7,6 +7,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "formats/video.h"
 #include "lib/track/driver.h"
 
 int neutral_parse(const char *value, void *dest, struct error *err)
@@ -33,8 +34,7 @@ int neutral_parse(const char *value, void *dest, struct error *err)
 static int neutral_check(const struct neutral_clip *clip, struct error *err)
 {
     for (size_t i = 0; i < clip->count; i++)
-        if (strcmp(clip->path[i], "-") == 0 ||
-            strncmp(clip->path[i], "camera:", 7) == 0)
+        if (strcmp(clip->path[i], "-") == 0 || video_is_camera(clip->path[i]))
             return error_set(err, EX_USAGE, "%s: --neutral reads a clip twice "
                              "(expected a file or folder)", clip->path[i]);
     return 0;

@@ -204,7 +204,7 @@ static bool track_is_other(struct track *t, const struct frame *f)
     size_t n;
 
     thumb_make(thumb, t->input);
-    const double like = thumb_correlate(t->looks, thumb);
+    const double similar = thumb_correlate(t->first_thumb, thumb);
     n = facedetect_find(t->detector, face, TRACK_FACES, t->faces.n > 1, false,
                         f);
     for (size_t i = 0; i < n && !other; i++) {
@@ -215,7 +215,7 @@ static bool track_is_other(struct track *t, const struct frame *f)
                       NULL))
             continue;
         thumb_make(thumb, t->input);
-        other = thumb_correlate(t->looks, thumb) > like;
+        other = thumb_correlate(t->first_thumb, thumb) > similar;
     }
     track_cut(t->input, t, f, t->crop, NULL);   /* as it was */
     return other;
@@ -317,14 +317,14 @@ static int track_compare(struct track_faces *faces, struct track *t,
     for (size_t i = 0; i < n; i++) {
         const int found = track_try(t, r, f, crop_from_detection(face[i]),
                                     err);
-        const double like = thumb_correlate(t->looks, t->thumb);
+        const double similar = thumb_correlate(t->first_thumb, t->thumb);
 
         if (found < 0)
             return -1;
         if (!found)
             continue;
-        if (t->started && like > max) {
-            max = like;
+        if (t->started && similar > max) {
+            max = similar;
             faces->chosen = faces->n;
         }
         faces->crop[faces->n++] = square_out_of(t->crop, t->window,
@@ -384,7 +384,7 @@ static int track_try_level(struct track *t, struct track_result *r,
 }
 
 /* The largest face that E_m is sure of, wherever it is: 1, 0, -1. */
-static int track_look(struct track *t, struct track_result *r,
+static int track_search(struct track *t, struct track_result *r,
                       const struct frame *f, size_t levels,
                       struct error *err)
 {
@@ -413,7 +413,7 @@ static int track_find(struct track *t, struct track_result *r,
     int found = track_detect(t, r, f, effort.certain, err);
 
     if (found == 0 && (t->started || t->opt.face <= 1))
-        found = track_look(t, r, f, effort.levels, err);
+        found = track_search(t, r, f, effort.levels, err);
     if (found != 1) {
         t->last = last;
         t->crop = crop;
@@ -448,7 +448,7 @@ static int track_begin(struct track *t, struct track_result *r,
         t->faces.n = 1;
         t->faces.crop[0] = square_out_of(t->crop, t->window, t->opt.size);
     }
-    memcpy(t->looks, t->thumb, sizeof t->looks);
+    memcpy(t->first_thumb, t->thumb, sizeof t->first_thumb);
     t->started = true;
     t->regained = 0;
     t->lost = 0;                /* a live source may start several times */
@@ -515,9 +515,9 @@ static void track_deliver_lost(struct track *t, struct track_result *r,
 }
 
 /* Look for the face again; repeat the last motion when there is none. */
-static int track_search(struct track *t, struct track_result *r,
-                        const struct frame *f, const char *why,
-                        struct error *err)
+static int track_recover(struct track *t, struct track_result *r,
+                         const struct frame *f, const char *why,
+                         struct error *err)
 {
     struct error none = {0};
     int found = 0;
@@ -561,7 +561,7 @@ static const char *track_find_fault(struct track *t,
         align_restart(&t->align);
         return "the scene changed";
     }
-    if (thumb_correlate(t->looks, thumb) < UNLIKE && !t->regained)
+    if (thumb_correlate(t->first_thumb, thumb) < UNLIKE && !t->regained)
         t->regained = REGAINED;
     why = track_implausible(t, &r->motion, next, t->crop, f);
     if (!why)
@@ -582,11 +582,11 @@ int track_step(struct track *t, struct track_result *r, const struct frame *f,
 
     memset(r, 0, sizeof *r);
     if (t->lost)
-        return track_search(t, r, f, "still no face", err);
+        return track_recover(t, r, f, "still no face", err);
     if (track_encode(t, r, f, t->crop, true, err) != 0)
         return -1;
     if (!t->opt.has_crop && (why = track_find_fault(t, r, f)))
-        return track_search(t, r, f, why, err);
+        return track_recover(t, r, f, why, err);
     track_align(t, r, f);
     if (!t->opt.has_crop)
         t->crop = track_next_crop(t, &r->motion);

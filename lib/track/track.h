@@ -99,7 +99,7 @@ struct track {
     struct motion last;                 /* as the network said it */
     struct oneeuro filter;
     float thumb[THUMB * THUMB];
-    float looks[THUMB * THUMB];     /* the first frame's face */
+    float first_thumb[THUMB * THUMB];   /* the first frame's face */
     float *input;                       /* (224,224,3) */
     struct search search;               /* for where else a face is */
     uint8_t *half;                      /* shrunken part of the picture */

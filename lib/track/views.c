@@ -116,8 +116,12 @@ static double views_correlation(const struct views_face *a,
     return ab / sqrt(aa * bb);
 }
 
-int views_likeness(double *likeness, const struct views *v,
-                   const struct source *s, struct error *err)
+/* How much a face is like the first one: twice the correlation of the steps in
+ * brightness along the mesh's edges that both pictures show, less the distance
+ * of their shapes as E_beta has them, standard deviations, plus ROTATED for each
+ * radian between the heads.  EX_OSERR. */
+static int views_likeness(double *likeness, const struct views *v,
+                          const struct source *s, struct error *err)
 {
     const struct person *const p[2] = {&v->first->person, &s->person};
     const size_t V = v->head->V;

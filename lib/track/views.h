@@ -24,16 +24,16 @@ struct views {
     size_t n;
 };
 
-/* The least likeness (views_likeness) of one person's faces: on validation people
- * 0 of 13 pairs of photographs and 8 % of scans' are under it, and 70 and 88 % of
- * strangers' (tests/bench/alike.sh). */
+/* The least likeness of one person's faces: on validation people 0 of 13 pairs of
+ * photographs and 8 % of scans' are under it, and 70 and 88 % of strangers'
+ * (tests/bench/alike.sh). */
 #define VIEWS_SIMILAR (-0.8)
 
 /* What became of a file. */
 struct views_report {
     size_t taken;               /* pictures of it */
     bool stranger;              /* it shows another person and is left out */
-    double likeness;            /* of the last face, see views_likeness */
+    double likeness;            /* of the last face to the first */
     struct track_faces faces;   /* in that picture */
 };
 
@@ -51,13 +51,6 @@ void views_release(struct views *v);
  * it. */
 int views_add(struct views *v, struct views_report *r, const char *path,
               struct error *err);
-
-/* How much a face is like the first one: twice the correlation of the steps in
- * brightness along the mesh's edges that both pictures show, less the distance
- * of their shapes as E_beta has them, standard deviations, plus 1.3 for each
- * radian between the heads.  VIEWS_SIMILAR and more: one person.  EX_OSERR. */
-int views_likeness(double *likeness, const struct views *v,
-                   const struct source *s, struct error *err);
 
 /* All of them and the first, each cut out of its picture: shape and face at rest
  * are the means by how sure E_m is of each, and the mean shape, once every

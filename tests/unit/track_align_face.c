@@ -15,7 +15,7 @@
 #define STRETCH 0.1             /* of a direction, per unit */
 
 static const double axis[3] = {0.4, 0.55, 0.45};
-static const struct align_look look = {
+static const struct align_camera camera = {
     {1, 0, 0, 0, -1, 0, 0, 0, -1}, {0, 0, DISTANCE}, FOCAL,
     {N / 2, N / 2}, {2, 2}, {N - 2, N - 2}};
 
@@ -99,13 +99,13 @@ static double face_error(size_t k, bool lid, const struct identity *id)
     shown = malloc(2 * f.room * sizeof *shown);
     face_render(rgb, rest, 1, 0);
     align_kernels()->picture(picture, work, rgb);
-    align_face_show(shown, &f, &m, picture, &look);
+    align_face_show(shown, &f, &m, picture, &camera);
     face_render(rgb, truth, 0.97, 0.02);
     align_kernels()->picture(picture, work, rgb);
     float *const sought[2] = {m.exp, lid ? m.pose.lid : m.exp + 1};
     for (int i = 0; i < 2; i++)
         *sought[i] = given[i];
-    align_face_fit(&f, &m, shown, picture, &look, 1, 0);
+    align_face_fit(&f, &m, shown, picture, &camera, 1, 0);
     free(shown);
     free(rgb);
     free(work);
@@ -128,7 +128,7 @@ static double face_weight(float lid, const struct identity *id)
     REQUIRE(align_face_init(&f, id, &err) == 0, "%s", err.text);
     float *shown = malloc(2 * f.room * sizeof *shown);
     REQUIRE(shown, "out of memory");
-    align_face_show(shown, &f, &m, picture, &look);
+    align_face_show(shown, &f, &m, picture, &camera);
     for (size_t i = 0; i < f.room; i++)
         sum += (double)shown[f.room + i];
     free(shown);

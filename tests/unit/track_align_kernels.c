@@ -21,7 +21,7 @@
 struct scene {
     float rgb[12 * N * N];
     float visibility[5 * ROOM], normal[3 * ROOM];
-    struct align_look look;
+    struct align_camera camera;
     struct align_residual r;
     float direction[3 * CODES * ROOM], x[FACE];
 };
@@ -40,7 +40,7 @@ static void scene_make(struct scene *s)
     memset(s, 0, sizeof *s);
     for (size_t i = 0; i < 12 * N * N; i++)
         s->rgb[i] = (float)random_uniform(&rand);
-    s->look = (struct align_look){
+    s->camera = (struct align_camera){
         {0.8f, -0.6f, 0, -0.6f, -0.8f, 0, 0, 0, -1}, {0.1f, -0.05f, 11},
         1100, {50, 60}, {3, 5}, {N - 3, N - 20}};
     s->r = (struct align_residual){0.9f, 12, {0.1f, 0.02f, 10.9f}, 30};
@@ -114,14 +114,14 @@ static bool reference_see(double x[3], double level[3],
     double uv[2];
 
     for (int k = 0; k < 3; k++) {
-        x[k] = s->look.t[k];
+        x[k] = s->camera.t[k];
         for (int c = 0; c < 3; c++)
-            x[k] += (double)s->look.R[3 * k + c] * s->visibility[c * ROOM + i];
+            x[k] += (double)s->camera.R[3 * k + c] * s->visibility[c * ROOM + i];
     }
     for (int k = 0; k < 2; k++) {
-        uv[k] = s->look.focal * x[k] / x[2] + s->look.corner[k];
-        if (x[2] < CAMERA_NEAR || uv[k] <= s->look.low[k] ||
-            uv[k] >= s->look.high[k])
+        uv[k] = s->camera.focal * x[k] / x[2] + s->camera.corner[k];
+        if (x[2] < CAMERA_NEAR || uv[k] <= s->camera.low[k] ||
+            uv[k] >= s->camera.high[k])
             return false;
     }
     const int left = (int)(uv[0] - 0.5), top = (int)(uv[1] - 0.5);
@@ -140,7 +140,7 @@ static bool reference_see(double x[3], double level[3],
 static void reference_row(double row[U], const struct scene *s,
                           const double x[3], const double level[3])
 {
-    const double f = (double)s->r.gain * s->look.focal / x[2];
+    const double f = (double)s->r.gain * s->camera.focal / x[2];
     double g[3] = {f * level[1], f * level[2],
                    -f * (level[1] * x[0] + level[2] * x[1]) / x[2]};
     double o[3] = {x[0] - s->r.centre[0], x[1] - s->r.centre[1],
@@ -231,7 +231,7 @@ static void reference_face_row(double row[FACE], const struct scene *s,
     for (size_t k = 0; k < 3 * CODES; k++)
         for (size_t c = 0; c < 3; c++)
             row[ALIGN_FACE_LIGHT + k / 3] +=
-                own[3 + c] * s->look.R[3 * c + k % 3] *
+                own[3 + c] * s->camera.R[3 * c + k % 3] *
                 s->direction[k * ROOM + i];
 }
 
@@ -289,14 +289,14 @@ static double show_apart(const struct align_kernels *k, const struct scene *s,
     static float level[ROOM], facing[ROOM];
     double worst = 0;
 
-    k->show(level, facing, s->visibility, s->normal, ROOM, picture, &s->look);
+    k->show(level, facing, s->visibility, s->normal, ROOM, picture, &s->camera);
     for (size_t i = 0; i < POINTS; i++) {
         double x[3], seen[3] = {0}, along = 0;
 
         if (reference_see(x, seen, s, exact, i)) {
             for (int r = 0; r < 3; r++)
                 for (int c = 0; c < 3; c++)
-                    along -= x[r] * s->look.R[3 * r + c] *
+                    along -= x[r] * s->camera.R[3 * r + c] *
                              s->normal[c * ROOM + i];
             along /= sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2]);
         }
@@ -317,7 +317,7 @@ static void test_face(const struct align_kernels *k, const char *name,
         ROOM, CODES};
     char title[64];
 
-    k->face(&sums, &points, s->x, FACE, picture, &s->look, s->r.sigma);
+    k->face(&sums, &points, s->x, FACE, picture, &s->camera, s->r.sigma);
     reference_face(&truth, s, exact);
     snprintf(title, sizeof title, "%s: a face's sums", name);
     check(title, align_face_sums_difference(&sums, &truth), 1e-5);
@@ -342,11 +342,11 @@ static void test_kernels(const struct align_kernels *k, const char *name,
     check(title, worst, 1e-4);
     snprintf(title, sizeof title, "%s: levels and facing", name);
     check(title, show_apart(k, s, picture, exact), 2e-5);
-    k->sum(&sums, s->visibility, ROOM, picture, &s->look, &s->r, true);
+    k->sum(&sums, s->visibility, ROOM, picture, &s->camera, &s->r, true);
     reference_sum(&truth, s, exact);
     snprintf(title, sizeof title, "%s: sums", name);
     check(title, align_sums_difference(&sums, &truth), 1e-5);
-    k->sum(&brief, s->visibility, ROOM, picture, &s->look, &s->r, false);
+    k->sum(&brief, s->visibility, ROOM, picture, &s->camera, &s->r, false);
     snprintf(title, sizeof title, "%s: without a step the same sums", name);
     check_that(title, brief.weight == sums.weight && brief.off == sums.off &&
                           brief.xy == sums.xy && brief.a[0] == 0);
