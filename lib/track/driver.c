@@ -11,9 +11,6 @@
 #include "lib/track/rotated.h"
 #include "lib/track/take.h"
 
-#define LOOKS 30                /* frames from one search by E_m to the next: it
-                                 * takes the detector's time for 60 */
-
 void driver_init(struct driver *d, struct track *t, driver_read_fn *read,
                  void *ctx)
 {
@@ -131,7 +128,7 @@ static int driver_remember(struct driver *d, const struct frame *f,
 
 /* A face in a frame: 1, 0, -1.  In the first one lying faces are looked for,
  * too: people hold cameras sideways and upside down.  The detector looks at all
- * others, E_m at some. */
+ * others, E_m at some, as after a loss. */
 static int driver_look(struct driver *d, const struct frame *f,
                        struct error *err)
 {
@@ -140,7 +137,7 @@ static int driver_look(struct driver *d, const struct frame *f,
     if (!d->early_count && !d->live)
         return rotated_start(d->track, &d->found, &d->lying, f, err);
     return track_start(d->track, &d->found, f,
-                       d->early_count % LOOKS ? &detector : NULL, err);
+                       d->early_count % TRACK_LOOKS ? &detector : NULL, err);
 }
 
 /* What was tried in vain. */

@@ -39,7 +39,6 @@
                                 * another's 0.2 to 0.6 */
 #define REGAINED 12            /* such looks, CHECK_AGAIN frames apart */
 #define SAME_FACE 0.5          /* of the crop's side: nearer, faces are one */
-#define LOOKS 6                /* frames of a lost face from one to the next */
 #define DOUBTS 3               /* failed checks until the face is lost */
 
 int track_init(struct track *t, const struct identity *id,
@@ -522,8 +521,9 @@ static int track_recover(struct track *t, struct track_result *r,
     struct error none = {0};
     int found = 0;
 
-    /* or when something happens: looking costs 30 ms and more */
-    if (t->lost < 3 || t->lost % LOOKS == 0 || track_changed(t, f))
+    /* every frame at first, then every sixth, or when something happens:
+     * looking costs 30 ms and more */
+    if (t->lost < 3 || t->lost % TRACK_LOOKS == 0 || track_changed(t, f))
         found = track_find(t, r, f, t->effort, &none);
     if (found < 0 && none.code == EX_OSERR) {
         *err = none;

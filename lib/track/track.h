@@ -67,6 +67,8 @@ struct track_effort {
 };
 #define TRACK_QUICK 4           /* levels in a clip, large faces alone; in a
                                  * photograph all of them */
+#define TRACK_LOOKS 6           /* frames without a face from one search by E_m,
+                                 * which takes a second, to the next */
 
 /* The faces of a first frame that E_m is sure of, the largest first, as crops in
  * picture pixels.  One that was looked for in other ways is alone. */
