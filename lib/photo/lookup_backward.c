@@ -89,9 +89,11 @@ static void lookup_place_backward(float *dp, const float duv[2],
 /* ---- confidence -------------------------------------------------------- */
 
 /* dp (3) and dalpha += the confidence's gradient d at the place p (3) under
- * coverage alpha; whether there is any confidence. */
+ * coverage alpha, of which it is `times` as much at most; whether there is any
+ * confidence. */
 static bool lookup_confidence_backward(float *dp, float *dalpha,
-                                       const float *p, float alpha, float d)
+                                       const float *p, float alpha,
+                                       float times, float d)
 {
     const float cover = fmaxf(alpha, TEXTURE_MIN);
     const float own = TEXTURE_SHARE(p[2] / cover);
@@ -99,6 +101,10 @@ static bool lookup_confidence_backward(float *dp, float *dalpha,
 
     if (!(own > 0))
         return false;
+    if (times * alpha < 1) {
+        *dalpha += d * times * fminf(own, 1);
+        d *= times * alpha;
+    }
     if (own < 1) {
         dp[2] += d * slope / cover;
         if (alpha > TEXTURE_MIN)
@@ -117,6 +123,7 @@ void texture_lookup_backward(float *dplace, float *dalpha,
 {
     const size_t level = texture_level(t, v, size), S = t->side[level];
     const float step = 2.0f / (float)size, half = 0.5f * (float)S;
+    const float times = texture_cover(v);
 
     for (size_t i = 0; i < size * size; i++) {
         const float *p = place + 3 * i, *d = dphoto + TEXTURE_PHOTO * i;
@@ -126,7 +133,7 @@ void texture_lookup_backward(float *dplace, float *dalpha,
 
         if (!(p[2] > TEXTURE_MIN) ||
             !lookup_confidence_backward(dplace + 3 * i, dalpha + i, p,
-                                        alpha[i], d[4]))
+                                        alpha[i], times, d[4]))
             continue;
         splat_place_at(at, v, nx, ny);
         const struct lookup_sample s = lookup_sample_at(

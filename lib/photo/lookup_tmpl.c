@@ -38,7 +38,7 @@ static bool ISA(lookup_places)(struct lookup_run *r,
                                size_t n)
 {
     const float *A = v->A, *b = v->b, *S = v->shoulders, *neck = v->neck;
-    const vf zero = vf_set(0), one = vf_set(1);
+    const vf zero = vf_set(0), one = vf_set(1), cover = vf_set(texture_cover(v));
     vf max = zero;
 
     for (size_t i = 0; i < n; i += VEC, place += 3 * VEC) {
@@ -56,7 +56,8 @@ static bool ISA(lookup_places)(struct lookup_run *r,
         vf over = one / vf_sel(has, weight, one);
         vf own = TEXTURE_SHARE(weight / vf_max(vf_load(alpha + i),
                                                vf_set(TEXTURE_MIN)));
-        vf confidence = vf_keep(has, vf_clamp(own, zero, one));
+        vf covered = vf_min(cover * vf_load(alpha + i), one);
+        vf confidence = vf_keep(has, vf_clamp(own, zero, one) * covered);
         vf nx = __builtin_convertvector(vi_iota() + (int)i, vf) * r->step +
                 r->nx;
         vf x = lookup_every_third(p, q, s, 0) * over + b[0] + 1;

@@ -71,7 +71,8 @@ splat_shade_fn texture_shade;   /* ctx: a struct texture_shader */
  *   alpha (size,size)    coverage
  * A pixel that no Gaussian with a place covers gets zeros.  The confidence is
  * the blended one's share of the coverage: how far the photograph is believed
- * is decided for each Gaussian (gaussian_visible), and nowhere else. */
+ * is decided for each Gaussian (gaussian_visible); and it is little where there
+ * is little of them, the less the further the head has turned. */
 void texture_lookup(float *photo, const struct texture *t,
                     const struct splat_place_view *v, const float *place,
                     const float *alpha, size_t size);

@@ -150,7 +150,7 @@ static uint8_t rgb8[3 * PIXELS], matte[PIXELS], back[3 * PIXELS];
 static const struct splat_place_view view = {
     .A = {0.9f, 0.1f, -0.1f, 0.95f}, .b = {0.02f, -0.03f},
     .shoulders = {0.1f, 0.05f, -0.1f, 0.1f, 0.02f, 0.01f},
-    .neck = {0.2f, 1, 0.5f}
+    .neck = {0.2f, 1, 0.5f}, .toward = {0.9f, -0.3f}
 };
 static double place[3 * PIXELS], cover[PIXELS];
 static float place_f[3 * PIXELS], cover_f[PIXELS];
@@ -183,7 +183,8 @@ static double lookup_number(const uint8_t *t, double u, double v, int c)
 
 static double backward_confidence(size_t i)
 {
-    return fmin(fmax(1.6 * place[3 * i + 2] / cover[i] - 0.2, 0), 1);
+    return fmin(fmax(1.6 * place[3 * i + 2] / cover[i] - 0.2, 0), 1) *
+           fmin(1.4f / hypot(0.9f, 0.3f) * cover[i], 1);
 }
 
 /* Where pixel j's place lies, pixels. */

@@ -130,11 +130,13 @@ uniform highp sampler2D colors, wheres, gains, person, backdrop;
 uniform vec2 size;
 uniform float span;
 uniform vec3 background, beyond;
+uniform vec2 toward;
 uniform bool photo, scenery, original;
 ${viewed}
 out vec4 color;
 
-const float LEAST = 0.004;         /* as in lib/photo/lookup.h */
+const float LEAST = 0.004;         /* as in lib/photo/lookup.h, */
+float cover() { return 1.4 / max(length(toward), 1e-3); }   /* this, too */
 
 /* Keys's weights, as in lib/photo/lookup_tmpl.c. */
 vec4 weights(float t) {
@@ -179,7 +181,8 @@ void main() {
     vec3 p = texelFetch(wheres, at, 0).xyz;
     vec2 gain = textureLod(gains, gl_FragCoord.xy / size, 3.0).xy + LEAST;
     if (p.z > LEAST) {
-      float sure = clamp(1.6 * p.z / max(own.a, LEAST) - 0.2, 0.0, 1.0);
+      float sure = clamp(1.6 * p.z / max(own.a, LEAST) - 0.2, 0.0, 1.0) *
+                   min(cover() * own.a, 1.0);
       vec2 uv = viewed(n) + p.xy / p.z + 1.0;
       vec4 seen = bicubic(person, 0.5 * uv * vec2(textureSize(person, 0)));
       own = mix(own, seen, sure);

@@ -221,7 +221,7 @@ export class View {
       beyond: uniform(this.beyond),
       photo: uniform(false), scenery: uniform(false), original: uniform(false),
       placeA: u.placeA, placeB: u.placeB, shouldersA: u.shouldersA,
-      shouldersB: u.shouldersB, neck: u.neck };
+      shouldersB: u.shouldersB, neck: u.neck, toward: u.toward };
     const quad = new THREE.Mesh(new THREE.PlaneGeometry(2, 2),
       rawMaterial(shaders.screenVertex, shaders.pictureFragment, this.picture));
     quad.frustumCulled = false;
