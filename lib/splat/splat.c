@@ -449,7 +449,7 @@ int splat_draw(struct splat *s, const struct splat_pictures *out,
 
     if (splat_check_pictures(s, out, view, err) ||
         splat_check_camera(cam, err) ||
-        (view && splat_check_array((const float *)view, SPLAT_PLACE_MAP + 2, 1, "view", -1e6f, 1e6f,
+        (view && splat_check_array((const float *)view, SPLAT_PLACE_VIEW, 1, "view", -1e6f, 1e6f,
                                    "-1e6 to 1e6", err)))
         return -1;
     splat_set_camera(s->state, cam);

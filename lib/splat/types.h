@@ -103,7 +103,7 @@ struct splat_place_view {
                                    * head along the source camera's axes: sines
                                    * to the right and down (gaussian_visible) */
 };
-#define SPLAT_PLACE_MAP 15      /* numbers of it before toward */
+#define SPLAT_PLACE_VIEW 17     /* numbers of it */
 
 /* at (2): where the view takes a frame's (x,y). */
 static inline void splat_place_at(double at[2],

@@ -13,7 +13,7 @@
 
 #define FEAT_PHOTO 5    /* numbers of a pixel of photo, */
 #define FEAT_PLACE 3    /* of place, */
-#define FEAT_MAP 15     /* of the places' view */
+#define FEAT_MAP 17     /* of the places' view */
 #define FEAT_GAIN 4    /* pixels from one number of gain to the next, */
 #define FEAT_TURN 6     /* and of the head's turn */
 
@@ -31,7 +31,7 @@ struct feat {
     const float *photo;     /* (height,width,5), packed (pixels,5): what the
                              * photograph shows (lib/photo) */
     const float *place;     /* (height,width,3) blended places, */
-    const float *map;       /* (15) and their view (lib/splat/types.h) */
+    const float *map;       /* (17) and their view (lib/splat/types.h) */
     const float *gain;      /* (gain_height,gain_width) gains of the
                              * colours, a quarter of the picture's size
                              * (lib/splat/relight.h) */
