@@ -65,7 +65,7 @@ static void face_note_window(struct square window)
 {
     char text[96];
 
-    snprintf(text, sizeof text, "%.0f,%.0f,%.0f", window.x, window.y,
+    snprintf(text, sizeof text, "%.1f,%.1f,%.1f", window.x, window.y,
              window.size);
     archive_note("window", text);
 }
