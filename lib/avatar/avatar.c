@@ -159,7 +159,7 @@ static void avatar_count(struct avatar *a)
         memset(a->branch + a->first[b], b, n[b]);
     }
     a->all.n = a->dall.n = a->first[BRANCH_COUNT];
-    a->plane.deforms = a->config.init_width > 0 && !(w & WITHOUT_DEFORM);
+    a->plane.uniform = w & WITHOUT_DEFORM;
 }
 
 /* Branch b's part of all Gaussians, or of their gradients. */

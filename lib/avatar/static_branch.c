@@ -35,9 +35,9 @@ int static_branch_init(struct static_branch *b, struct params *ps,
     b->feature = c->feature;
     b->prior = c->rgb_skip;
     b->inputs = c->feature + 2 + (b->prior ? STATIC_BRANCH_EXTRA : 0);
-    b->deforms = c->init_width > 0;
-    return (b->deforms && plane_init_init(&b->init, ps, "init.", c->feature + 1,
-                                          c->init_width, err)) ||
+    return (c->init_width > 0 &&
+            plane_init_init(&b->init, ps, "init.", c->feature + 1,
+                            c->init_width, err)) ||
                    conv_decoder_init(&b->decoder, ps, "static.", b->inputs,
                                      c->static_width, head, err)
                ? -1
@@ -84,7 +84,7 @@ int static_branch_plan(struct static_branch *b, struct nn_options opt,
         return -1;
     if (conv_decoder_plan(&b->decoder, 1, b->n, b->n, opt, err))
         return -1;
-    if (!b->deforms)
+    if (!b->init.width)
         return 0;
     /* what a network reads is other networks' memory at other times */
     nn_plan_init(&b->rows, opt);
@@ -95,7 +95,7 @@ int static_branch_plan(struct static_branch *b, struct nn_options opt,
 
 void static_branch_update(struct static_branch *b)
 {
-    if (b->deforms)
+    if (b->init.width)
         plane_init_update(&b->init);
     conv_decoder_update(&b->decoder);
 }
@@ -241,7 +241,7 @@ static void static_branch_deform(const float *features,
 {
     size_t Cf = b->feature;
 
-    if (!b->deforms)
+    if (b->uniform || !b->init.width)
         return;
 
     parallel_each(static_branch_deform_part, b->count, 1, b, features, mesh,
@@ -264,7 +264,7 @@ static void static_branch_deform_backward(float *dfeatures,
 {
     size_t Cf = b->feature;
 
-    if (!b->deforms)
+    if (b->uniform || !b->init.width)
         return;
     plane_init_backward(b->dinit_in, b->dU, &b->init);
 

@@ -32,14 +32,13 @@
 #define STATIC_BRANCH_HEIGHT 0.9f
 
 struct static_branch {
-    struct plane_init init;             /* Phi_init; where it has a width */
+    struct plane_init init;             /* Phi_init; no width: Delta U = 0 */
     struct conv_decoder decoder;        /* Phi_S */
     size_t n, count, feature;           /* n, n*n, C_f */
     size_t inputs;                      /* numbers a cell the decoder gets */
     bool prior;                         /* rgb_skip */
-    bool deforms;                       /* Delta U is Phi_init's and not 0;
-                                         * an ablation may say no before the
-                                         * forward */
+    bool uniform;                       /* Delta U = 0 (an ablation); set
+                                         * before the forward */
     struct branch_prior start;          /* (n*n) */
     /* Kept by the forward; with d, of the backward only: */
     float *init_in, *dinit_in;          /* (n,n,Cf+1) [F, C] */

@@ -384,8 +384,8 @@ static int track_try_level(struct track *t, struct track_result *r,
 
 /* The largest face that E_m is sure of, wherever it is: 1, 0, -1. */
 static int track_search(struct track *t, struct track_result *r,
-                      const struct frame *f, size_t levels,
-                      struct error *err)
+                        const struct frame *f, size_t levels,
+                        struct error *err)
 {
     const double begun = cpu_seconds();
     struct square best;
@@ -433,13 +433,16 @@ static void track_deliver(struct track *t, struct track_result *r, double time)
 
 /* The first frame's motion, of the crop that r is of. */
 static int track_begin(struct track *t, struct track_result *r,
-                       const struct frame *f)
+                       const struct frame *f, struct error *err)
 {
     if (!t->opt.has_window) {
         window_about_head(&t->window, &r->motion, t->opt.size, t->opt.whole);
         t->last = r->motion;
         t->crop = (struct square){r->motion.crop[0], r->motion.crop[1],
                                   r->motion.crop[2]};
+        /* settled as if this window had been given */
+        if (!t->opt.has_crop && track_refine_crop(t, r, f, t->crop, err))
+            return -1;
     }
     align_restart(&t->align);
     track_align(t, r, f);
@@ -471,7 +474,7 @@ int track_start(struct track *t, struct track_result *r, const struct frame *f,
     if (!t->opt.has_crop) {
         const int found = track_find(t, r, f, effort ? *effort : t->effort,
                                      err);
-        return found == 1 ? track_begin(t, r, f) : found;
+        return found == 1 ? track_begin(t, r, f, err) : found;
     }
     t->window = track_window(t, t->opt.crop);
     crop = square_into(t->opt.crop, t->window, t->opt.size);
@@ -482,7 +485,7 @@ int track_start(struct track *t, struct track_result *r, const struct frame *f,
         return -1;
     t->crop = crop;
     t->last = r->motion;
-    return track_begin(t, r, f);
+    return track_begin(t, r, f, err);
 }
 
 /* While the face is lost: does the last crop look unlike the frame before? */

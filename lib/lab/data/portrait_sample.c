@@ -40,7 +40,8 @@ static int portrait_init(struct portrait *p, size_t n, struct error *err)
 
 /* ---- what is cut -------------------------------------------------------- */
 
-/* Mostly the tracker's window about the face, else one about the picture. */
+/* Mostly a window about the face, else one about the picture.  The tracker's is
+ * about the head (lib/track/window.h). */
 static struct square portrait_window(const struct data_frame *f, float jitter,
                                      struct random *r)
 {

@@ -315,6 +315,9 @@ static int people_ablate(struct people *e, const struct data_person *p,
                          struct error *err)
 {
     for (size_t k = 0; k < sizeof ablation / sizeof *ablation; k++) {
+        if (ablation[k].without == WITHOUT_DEFORM &&
+            !e->s->model->config.init_width)
+            continue;               /* this model has no Phi_init */
         e->row = ablation[k].name;
         if (people_visit_frames(e, p, p, ablation[k].without, e->opt->stride,
                                 people_visit_ablation, err))

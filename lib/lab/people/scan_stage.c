@@ -50,6 +50,7 @@ static int stage_fit_figure(struct scan_stage *s, const struct figure *f,
 
     if (f->nc <= s->room && f->nveil <= s->veil_room)
         return 0;
+    s->room = s->veil_room = 0;
     arena_release(a);
     s->head = arena_take(a, 3 * n, sizeof *s->head);
     s->place = arena_take(a, 3 * n, sizeof *s->place);
@@ -59,9 +60,11 @@ static int stage_fit_figure(struct scan_stage *s, const struct figure *f,
     s->spot = arena_take(a, n, sizeof *s->spot);
     s->sun = arena_take(a, n, sizeof *s->sun);
     s->order = arena_take(a, veils, sizeof *s->order);
+    if (arena_check(a, "a picture", err))
+        return -1;
     s->room = n;
     s->veil_room = veils;
-    return arena_check(a, "a picture", err);
+    return 0;
 }
 
 /* Mean of a pixel's samples; its label is the commonest of them. */
