@@ -65,7 +65,9 @@ with_sound() {
     for end in gif webp apng; do
         status 0 run_animate in.gif -o out.$end
         has "out.$end: 4 frames in "
-        status 0 spid-motion -q -m model out.$end -o out.spid
+        # The small model's matte is untrained: whether a face is left to be
+        # found in its picture is chance, so the test says where it is.
+        status 0 spid-motion -q -m model --crop 20,0,96 out.$end -o out.spid
         [ "$(spid-dump out.spid | grep -c '^MOTN')" -eq 4 ]
     done
     status 0 run_animate --alpha in.gif -o out.webm
