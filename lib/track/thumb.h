@@ -4,6 +4,7 @@
 #define SPID_TRACK_THUMB_H
 
 #define THUMB 28                /* its side */
+#define THUMB_FLAT 0.01         /* deviation below which nothing is shown */
 
 /* Mean-free grey picture (THUMB,THUMB), unit length, of a crop (224,224,3);
  * returns its standard deviation before. */

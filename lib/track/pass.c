@@ -1,0 +1,187 @@
+/* One pass of E_m over a crop: what it sees, what it says, and where that leads
+ * (pass.h). */
+#include "lib/track/pass.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "lib/base/camera.h"
+#include "lib/base/cpu.h"
+#include "lib/net/motion_code.h"
+
+#define FIRST_PASSES 4         /* network runs for the first crop, and so many */
+#define LAST_PASSES 12         /* while each moves it by less than DRIFTS of the */
+#define DRIFTS 0.9             /* one before, until it moves by SETTLED of its */
+#define SETTLED 5e-4           /* side: a quarter of a pixel from where any start
+                                * leads */
+#define JUMP 0.5               /* of the crop's side: heads move less a frame */
+#define GROWTH 1.6             /* factor of its side, likewise */
+#define BEHIND (-0.2)          /* cosine of a head's turn: its back is shown */
+#define VISIBLE 0.4            /* least share of the crop in the picture */
+
+/* ---- what the network sees --------------------------------------------- */
+
+/* The part of the picture about q at half size, until two pixels of it or
+ * fewer make one of the crop.  Updates picture, sizes and q. */
+static int track_shrink(struct track *t, const uint8_t **rgb, size_t *W,
+                        size_t *H, size_t *stride, struct square *q)
+{
+    while (q->size > 2 * CROP_NET && *W > 1 && *H > 1) {
+        double l = floor(q->x - q->size / 2) - 4;
+        double u = floor(q->y - q->size / 2) - 4;
+        size_t x0 = l > 0 ? (size_t)fmin(l, (double)*W) / 2 * 2 : 0;
+        size_t y0 = u > 0 ? (size_t)fmin(u, (double)*H) / 2 * 2 : 0;
+        double r = q->x + q->size / 2 + 4, b = q->y + q->size / 2 + 4;
+        size_t x1 = r < (double)*W ? (size_t)fmax(r, (double)x0) : *W;
+        size_t y1 = b < (double)*H ? (size_t)fmax(b, (double)y0) : *H;
+        size_t w = (x1 - x0) / 2, h = (y1 - y0) / 2;
+        uint8_t *out;
+        if (w == 0 || h == 0)
+            return 0;
+        /* the first step writes the buffer, the others shrink in place */
+        if (3 * w * h > t->half_room) {
+            uint8_t *grown = malloc(3 * w * h);
+            if (!grown)
+                return -1;
+            free(t->half);
+            t->half = grown;
+            t->half_room = 3 * w * h;
+        }
+        out = t->half;
+        crop_halve(out, *rgb + y0 * *stride + 3 * x0, 2 * w, 2 * h, *stride);
+        *rgb = out;
+        *stride = 3 * w;
+        *W = w;
+        *H = h;
+        q->x = (q->x - (double)x0) / 2;
+        q->y = (q->y - (double)y0) / 2;
+        q->size /= 2;
+    }
+    return 0;
+}
+
+int track_cut(float *out, struct track *t, const struct frame *f,
+              struct square crop, struct error *err)
+{
+    struct square q = square_out_of(crop, t->window, t->opt.size);
+    const uint8_t *rgb = f->rgb;
+    size_t W = f->width, H = f->height, stride = 3 * W;
+
+    if (track_shrink(t, &rgb, &W, &H, &stride, &q) != 0)
+        return error_set(err, EX_OSERR, "no memory to shrink a frame");
+    crop_sample_u8(out, CROP_NET, rgb, W, H, stride, q);
+    return 0;
+}
+
+/* ---- what the network says -------------------------------------------- */
+
+void track_decode(struct motion *m, const float out[MOTION_OUT],
+                  struct square crop, double size)
+{
+    memset(m, 0, sizeof *m);
+    motion_code_decode(m->R, m->t, &m->pose, out, crop, size);
+    memcpy(m->exp, out + MOTION_EXP, (MOTION_JAW - MOTION_EXP) * sizeof *out);
+    m->pose.exp = NULL;         /* a copy would point at the original's */
+    m->crop[0] = (float)crop.x;
+    m->crop[1] = (float)crop.y;
+    m->crop[2] = (float)crop.size;
+}
+
+void track_project(float *uv, struct track *t, const struct motion *m)
+{
+    float lmk[3 * HEAD_LANDMARKS], cam[12];
+    struct head_motion pose = m->pose;
+
+    pose.exp = m->exp;
+    landmarks_pose(lmk, &t->landmarks, &pose);
+    camera_make(cam, m->R, m->t);
+    camera_project(uv, NULL, cam, (float)t->opt.size, lmk, HEAD_LANDMARKS);
+}
+
+int track_encode(struct track *t, struct track_result *r, const struct frame *f,
+                 struct square crop, bool follows, struct error *err)
+{
+    float out[MOTION_OUT];
+    double t0 = cpu_seconds(), t1, t2;
+
+    if (track_cut(t->input, t, f, crop, err) != 0)
+        return -1;
+    t1 = cpu_seconds();
+    (follows ? motion_tta_follow : motion_tta_forward)(out, &t->tta, t->input);
+    r->confidence = motion_tta_confidence(&t->tta, 0);
+    t2 = cpu_seconds();
+    track_decode(&r->motion, out, crop, t->opt.size);
+    r->crop_s += t1 - t0;
+    r->network_s += t2 - t1;
+    r->heads_s += cpu_seconds() - t2;
+    return 0;
+}
+
+/* ---- where it leads ----------------------------------------------------- */
+
+struct square track_next_crop(struct track *t, const struct motion *m)
+{
+    float uv[2 * HEAD_LANDMARKS];
+
+    track_project(uv, t, m);
+    return crop_from_landmarks(uv, HEAD_LANDMARKS);
+}
+
+double track_visible(const struct track *t, struct square crop,
+                     const struct frame *f)
+{
+    struct square q = square_out_of(crop, t->window, t->opt.size);
+    const double half = q.size / 2;
+    double w = fmin(q.x + half, (double)f->width) - fmax(q.x - half, 0);
+    double h = fmin(q.y + half, (double)f->height) - fmax(q.y - half, 0);
+
+    return w > 0 && h > 0 ? w * h / (q.size * q.size) : 0;
+}
+
+const char *track_implausible(const struct track *t, const struct motion *m,
+                              struct square next, struct square used,
+                              const struct frame *f)
+{
+    double move = hypot(next.x - used.x, next.y - used.y);
+
+    if (!isfinite(next.x) || !isfinite(next.y) || !isfinite(next.size)
+        || !(m->t[2] > 1))
+        return "no sensible position";
+    if (move > JUMP * used.size)
+        return "it jumped";
+    if (next.size > GROWTH * used.size || next.size < used.size / GROWTH)
+        return "its size jumped";
+    if (-m->R[8] < BEHIND)
+        return "it turned away";
+    if (track_visible(t, next, f) < VISIBLE)
+        return "it left the picture";
+    return NULL;
+}
+
+int track_settle(struct track *t, struct track_result *r, const struct frame *f,
+                 struct square guess, struct error *err)
+{
+    struct square crop = guess, next;
+    double before = INFINITY, step;
+
+    for (int i = 0; i < LAST_PASSES; i++) {
+        if (track_encode(t, r, f, crop, false, err) != 0)
+            return -1;
+        next = track_next_crop(t, &r->motion);
+        if (track_implausible(t, &r->motion, next, guess, f))
+            break;
+        step = (hypot(next.x - crop.x, next.y - crop.y)
+                + fabs(next.size - crop.size)) / crop.size;
+        if (step < SETTLED || (i >= FIRST_PASSES && step > DRIFTS * before))
+            break;
+        before = step;
+        crop = next;
+    }
+    t->crop = crop;
+    t->last = r->motion;
+    t->has_thumb = thumb_make(t->thumb, t->input) > THUMB_FLAT;
+    t->since_check = t->misses = 0;
+    return 0;
+}
