@@ -316,7 +316,8 @@ TSAN := animate_live live-camera animate-pipeline unit/stream base_
 tsan:
 	$(MAKE) tests SANITIZE=thread
 	TSAN_OPTIONS="suppressions=$(CURDIR)/tests/tsan.supp \
-	  ignore_noninstrumented_modules=1 halt_on_error=1 exitcode=66" \
+	  ignore_noninstrumented_modules=1 allocator_may_return_null=1 \
+	  halt_on_error=1 exitcode=66" \
 	  BUILD=build/sanitize tests/run $(if $(T),$(T),$(TSAN))
 
 # The kernels on aarch64, cross-built and run by qemu; one line where Debian's

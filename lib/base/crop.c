@@ -72,27 +72,46 @@ struct square square_out_of(struct square q, struct square window, double S)
     };
 }
 
-void square_inside(uint8_t *inside, size_t n, size_t W, size_t H,
-                   struct square q)
+/* Of n pixels over `size` about `middle` those whose middles lie in `length`. */
+static void square_extent_along(size_t e[2], double middle, double size,
+                                size_t n, size_t length)
 {
-    const double k = q.size / (double)n;
-    const double x0 = q.x - q.size / 2, y0 = q.y - q.size / 2;
+    const double step = size / (double)n;
 
-    for (size_t y = 0; y < n; y++)
-        for (size_t x = 0; x < n; x++) {
-            double u = x0 + ((double)x + 0.5) * k;
-            double v = y0 + ((double)y + 0.5) * k;
-            *inside++ = u >= 0 && v >= 0 && u < (double)W && v < (double)H
-                ? 255 : 0;
+    e[0] = e[1] = 0;
+    for (size_t i = 0; i < n; i++) {
+        const double x = middle - size / 2 + ((double)i + 0.5) * step;
+
+        if (x >= 0 && x < (double)length) {
+            e[0] = e[1] ? e[0] : i;
+            e[1] = i + 1;
         }
+    }
 }
 
-void square_repeat_edges(float *rgb, size_t n, size_t step, const size_t x[2],
-                         const size_t y[2])
+struct extent square_extent(size_t n, size_t W, size_t H, struct square q)
 {
+    struct extent e;
+
+    square_extent_along(e.x, q.x, q.size, n, W);
+    square_extent_along(e.y, q.y, q.size, n, H);
+    return e;
+}
+
+struct extent extent_resize(struct extent e, size_t n, size_t w)
+{
+    return (struct extent){{(e.x[0] * w + n - 1) / n, e.x[1] * w / n},
+                           {(e.y[0] * w + n - 1) / n, e.y[1] * w / n}};
+}
+
+void extent_repeat_edges(float *rgb, size_t n, size_t step, struct extent e)
+{
+    if (e.x[0] >= e.x[1] || e.y[0] >= e.y[1])
+        return;
     for (size_t i = 0; i < n * n; i++) {
-        const size_t u = i % n < x[0] ? x[0] : i % n < x[1] ? i % n : x[1] - 1;
-        const size_t v = i / n < y[0] ? y[0] : i / n < y[1] ? i / n : y[1] - 1;
+        const size_t x = i % n, y = i / n;
+        const size_t u = x < e.x[0] ? e.x[0] : x < e.x[1] ? x : e.x[1] - 1;
+        const size_t v = y < e.y[0] ? e.y[0] : y < e.y[1] ? y : e.y[1] - 1;
 
         if (v * n + u != i)
             memcpy(rgb + step * i, rgb + step * (v * n + u), 3 * sizeof *rgb);
@@ -351,7 +370,7 @@ struct filter {
 };
 
 /* Filter of output i; room for `max` weights.  None where its middle lies
- * outside the picture, as square_inside has it: what is inside takes nothing
+ * outside the picture, as square_extent has it: what is inside takes nothing
  * of the black about it, or a window larger than the picture shows a frame. */
 static void crop_filter_make(struct filter *f, double centre, double size,
                              size_t i, size_t n, size_t in, size_t max)

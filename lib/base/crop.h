@@ -4,6 +4,7 @@
 #ifndef SPID_BASE_CROP_H
 #define SPID_BASE_CROP_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -33,17 +34,27 @@ struct square window_from_crop(struct square crop);
 struct square square_into(struct square q, struct square window, double S);
 /* And back out of the window. */
 struct square square_out_of(struct square q, struct square window, double S);
-/* inside [n,n] = 255 where the square's n x n pixels lie in a picture of W x H,
- * 0 beyond its border. */
-void square_inside(uint8_t *inside, size_t n, size_t W, size_t H,
-                   struct square q);
 
+/* A rectangle of pixels: columns x[0] to x[1] - 1 of rows y[0] to y[1] - 1. */
+struct extent {
+    size_t x[2], y[2];
+};
+
+static inline bool extent_has(const struct extent *e, size_t x, size_t y)
+{
+    return x >= e->x[0] && x < e->x[1] && y >= e->y[0] && y < e->y[1];
+}
+
+/* Of the square's n x n pixels those whose middles lie in a picture of W x H;
+ * beyond its border alone: empty. */
+struct extent square_extent(size_t n, size_t W, size_t H, struct square q);
+/* Of n x n pixels those within e, as pixels of w x w over the same square that
+ * are so wholly. */
+struct extent extent_resize(struct extent e, size_t n, size_t w);
 /* Pixels of rgb (n,n,step), of which the first three numbers count, that are
- * not in columns x[0] to x[1] - 1 and rows y[0] to y[1] - 1 become the nearest
- * one that is: what the matte network sees beyond a picture's edges.  Neither
- * is empty. */
-void square_repeat_edges(float *rgb, size_t n, size_t step, const size_t x[2],
-                         const size_t y[2]);
+ * not in e become the nearest one that is: what the matte network sees beyond a
+ * picture's edges.  Where e is empty, none. */
+void extent_repeat_edges(float *rgb, size_t n, size_t step, struct extent e);
 
 /* The network's translation t' (relative to the crop, as if the crop were a
  * whole picture of S pixels) to the portrait window's t, and back.  crop is in
@@ -81,7 +92,7 @@ void crop_halve(uint8_t *out, const uint8_t *rgb, size_t W, size_t H,
                 size_t stride);
 
 /* The square of an 8-bit picture as n x n 8-bit pixels, antialiased when it
- * shrinks, black where square_inside is 0 and nowhere mixed with it: the
+ * shrinks, black beyond square_extent and nowhere mixed with it: the
  * portrait window and the source crop.  channels is 1 to 4.  -1 when out of
  * memory. */
 int crop_resize_u8(uint8_t *out, size_t n, const uint8_t *rgb, size_t W,

@@ -55,12 +55,12 @@ static void backdrop_extent(size_t x[2], size_t i, size_t n)
     x[1] = ((i + 1) * n + SIDE - 1) / SIDE;
 }
 
-/* A cell's sum gains pixel j as far as that is background. */
+/* A cell's sum gains pixel j of the picture as far as that is background. */
 static void backdrop_add(float sum[4], const struct matting *m, size_t j)
 {
     const int w = (127 - m->alpha[j]) * m->confidence[j];
 
-    if (w <= 0 || !m->inside[j])
+    if (w <= 0)
         return;
     sum[0] += (float)w / (127 * 255);
     for (size_t c = 0; c < 3; c++)
@@ -77,7 +77,8 @@ PARALLEL(backdrop_gather_part, i, struct backdrop *, b,
     backdrop_extent(y, i / SIDE, m->n);
     for (size_t v = y[0]; v < y[1]; v++)
         for (size_t u = x[0]; u < x[1]; u++)
-            backdrop_add(b->sum[i], m, v * m->n + u);
+            if (extent_has(&m->inside, u, v))
+                backdrop_add(b->sum[i], m, v * m->n + u);
     if (b->sum[i][0] > 0)
         b->trust[i] = b->known[i] = b->sum[i][0] /
             (float)((x[1] - x[0]) * (y[1] - y[0]));
@@ -274,10 +275,10 @@ static void backdrop_compare(struct backdrop *b, int n)
 
 /* ---- at the picture's size ---------------------------------------------- */
 
-/* Whether a pixel's background is not known. */
-static bool backdrop_hidden(const struct matting *m, size_t i)
+/* Whether the background of pixel (x,y) is not known. */
+static bool backdrop_hidden(const struct matting *m, size_t x, size_t y)
 {
-    return !m->inside[i] || m->alpha[i] == 255;
+    return !extent_has(&m->inside, x, y) || m->alpha[y * m->n + x] == 255;
 }
 
 /* Pixel (x,y), hidden, as cell i says: what that copies there or, where there
@@ -288,7 +289,8 @@ static void backdrop_copy(float to[3], const struct matting *m,
     const int u = x + b->shift[i][0], v = y + b->shift[i][1];
     const int from = b->from[i] < 0 ? i : b->from[i];
     const size_t copy = (size_t)(v * (int)m->n + u);
-    const bool seen = b->from[i] >= 0 && !backdrop_hidden(m, copy);
+    const bool seen = b->from[i] >= 0 &&
+                      !backdrop_hidden(m, (size_t)u, (size_t)v);
 
     for (size_t c = 0; c < 3; c++)
         to[c] = (seen ? m->back[3 * copy + c] : b->colour[from][c]) +
@@ -326,9 +328,9 @@ static void backdrop_pixel(uint8_t *out, const struct matting *m,
 /* One row. */
 PARALLEL(backdrop_fill_part, y, struct matting *, m, struct backdrop *, b)
 {
-    for (size_t x = 0, i = y * m->n; x < m->n; x++, i++)
-        if (backdrop_hidden(m, i))
-            backdrop_pixel(m->back + 3 * i, m, b, x, y);
+    for (size_t x = 0; x < m->n; x++)
+        if (backdrop_hidden(m, x, y))
+            backdrop_pixel(m->back + 3 * (y * m->n + x), m, b, x, y);
 }
 
 int backdrop_fill(struct matting *m, struct error *err)
@@ -356,15 +358,14 @@ static int backdrop_find(uint8_t *back, const struct person *p,
                          struct error *err)
 {
     const size_t n = p->size * p->size;
-    uint8_t *copy = malloc(6 * n);
-    struct matting m = {p->size, copy, copy + 3 * n, copy + 4 * n,
-                        copy + 5 * n, back};
+    uint8_t *copy = malloc(5 * n);
+    struct matting m = {p->size, {{0, p->size}, {0, p->size}}, copy,
+                        copy + 3 * n, copy + 4 * n, back};
     int rc;
 
     if (!copy)
         return error_set(err, EX_OSERR, "no memory for the background");
     memcpy(copy, p->rgb, 3 * n);
-    memset(copy + 3 * n, 255, n);
     memcpy(m.alpha, p->matte, n);
     rc = matting_solve(&m, NULL, 0, true, err);
     free(copy);

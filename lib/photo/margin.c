@@ -35,9 +35,10 @@ static size_t margin_cell(const struct margin *g, size_t x, size_t y)
     return y * side / n * side + x * side / n;
 }
 
-/* Channels of pixel i: of the person's, without the background. */
+/* Channels of pixel i: of the person's, without the background if that shows
+ * through. */
 static void margin_value(float to[3], const struct matting *m,
-                         enum layer layer, size_t i)
+                         enum layer layer, size_t i, bool through)
 {
     const float a = m->alpha[i] / 255.f;
 
@@ -45,7 +46,7 @@ static void margin_value(float to[3], const struct matting *m,
         const float rgb = m->rgb[3 * i + c], back = m->back[3 * i + c];
 
         to[c] = layer == LAYER_ALPHA ? m->alpha[i] : layer == LAYER_BACK ? back
-                : !m->inside[i] || a == 0 ? rgb
+                : !through || a == 0 ? rgb
                 : fminf(255, fmaxf(0, (rgb - (1 - a) * back) / a));
     }
 }
@@ -53,9 +54,9 @@ static void margin_value(float to[3], const struct matting *m,
 /* The first pixel beyond the picture from i on, or end. */
 static size_t margin_next(const struct matting *m, size_t i, size_t end)
 {
-    const uint8_t *at = memchr(m->inside + i, 0, end - i);
-
-    return at ? (size_t)(at - m->inside) : end;
+    while (i < end && extent_has(&m->inside, i % m->n, i / m->n))
+        i += m->inside.x[1] - i % m->n;
+    return i < end ? i : end;
 }
 
 /* Pixel i of the picture, and the one beyond it, j: how far that is off. */
@@ -67,8 +68,8 @@ static void margin_meet(struct margin *g, enum layer layer, size_t i, size_t j)
     float *to = g->cell[layer] + OFF * margin_cell(g, i % m->n, i / m->n);
     float seen[3], guess[3];
 
-    margin_value(seen, m, layer, i);
-    margin_value(guess, m, layer, j);
+    margin_value(seen, m, layer, i, true);
+    margin_value(guess, m, layer, j, false);
     to[0] += w;
     for (int c = 0; c < 3; c++)
         to[1 + c] += w * (seen[c] - guess[c]);
@@ -89,13 +90,13 @@ PARALLEL(margin_spread, layer, struct margin *, g)
         const size_t x = j % n, y = j / n;
 
         cell[OFF * margin_cell(g, x, y)] += REST / (REACH * REACH);
-        if (y > 0 && m->inside[j - n])
+        if (y > 0 && extent_has(&m->inside, x, y - 1))
             margin_meet(g, (enum layer)layer, j - n, j);
-        if (x > 0 && m->inside[j - 1])
+        if (x > 0 && extent_has(&m->inside, x - 1, y))
             margin_meet(g, (enum layer)layer, j - 1, j);
-        if (x + 1 < n && m->inside[j + 1])
+        if (extent_has(&m->inside, x + 1, y))
             margin_meet(g, (enum layer)layer, j + 1, j);
-        if (y + 1 < n && m->inside[j + n])
+        if (extent_has(&m->inside, x, y + 1))
             margin_meet(g, (enum layer)layer, j + n, j);
     }
     pyramid_pool(cell, g->side, OFF, REST, none);

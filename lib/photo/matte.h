@@ -19,10 +19,10 @@
 int matte_find(struct matting *m, bool *seen, const uint8_t *head,
                struct matte_net *net, bool known, struct error *err);
 
-/* prior (MATTE_SIDE,MATTE_SIDE) becomes, at every place, the least of it on the
- * best path there from the head (255; reconstruction by dilation, Vincent
+/* out (MATTE_SIDE,MATTE_SIDE): at every place the least of prior (likewise) on
+ * the best path there from the head (255; reconstruction by dilation, Vincent
  * 1993): what only background joins to the head is as unlikely as that
- * background.  Levels of 1/255; EX_OSERR without memory. */
-int matte_connect(float *prior, const uint8_t *head, struct error *err);
+ * background. */
+void matte_connect(float *out, const float *prior, const uint8_t *head);
 
 #endif

@@ -17,14 +17,15 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "lib/base/crop.h"
 #include "lib/base/error.h"
 
 /* A picture as two layers, n x n pixels: rgb = alpha F + (1 - alpha) back, with
  * F the person's own colours (texture_straight in lib/texture gives them). */
 struct matting {
     size_t n;
+    struct extent inside;       /* the picture; its square may go on beyond */
     uint8_t *rgb;               /* (n,n,3) in; beyond the picture, out */
-    const uint8_t *inside;      /* (n,n) 0 beyond the picture's edges */
     uint8_t *alpha;             /* (n,n) out: 255, all is the person's */
     uint8_t *confidence;              /* (n,n) out: certainty, 255 less twice the
                                  * standard deviation of alpha */

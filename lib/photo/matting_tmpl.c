@@ -45,36 +45,14 @@ struct matting_cell {
  * looked for. */
 struct matting_work {
     struct matting small;
-    float *moment[SIDES];       /* pyramids of (side,side,MOMENTS) */
-    struct matting_cell *cell;  /* (CELLS,CELLS) */
+    uint8_t rgb[3 * SMALL * SMALL], alpha[SMALL * SMALL];
+    uint8_t confidence[SMALL * SMALL];
+    float moment[SIDES][(CELLS * CELLS * 4 / 3 + 1) * MOMENTS]; /* pyramids */
+    struct matting_cell cell[CELLS * CELLS];
     const float *prior;         /* (w,w), or NULL */
     size_t w;
     bool known;                 /* alpha, in the picture */
 };
-
-static void matting_release(struct matting_work *k)
-{
-    free(k->small.rgb);
-    free(k->moment[0]);
-    free(k->cell);
-}
-
-static int matting_init(struct matting_work *k, size_t n, struct error *err)
-{
-    const size_t s = n < SMALL ? n : SMALL, p = s * s;
-    const size_t all = pyramid_floats(CELLS, MOMENTS);
-    uint8_t *bytes = malloc(6 * p);
-
-    k->small = (struct matting){s, bytes, bytes + 3 * p, bytes + 4 * p,
-                                bytes + 5 * p, NULL};
-    k->moment[0] = malloc(SIDES * all * sizeof(float));
-    k->moment[1] = k->moment[0] + all;
-    k->cell = malloc(CELLS * CELLS * sizeof *k->cell);
-    if (bytes && k->moment[0] && k->cell)
-        return 0;
-    matting_release(k);
-    return error_set(err, EX_OSERR, "no memory for the matte");
-}
 
 static inline float matting_clamp(float x)
 {
@@ -96,14 +74,14 @@ static void matting_gather(struct matting_work *k)
     const struct matting *m = &k->small;
     const size_t s = m->n;
 
-    memset(k->moment[0], 0, CELLS * CELLS * MOMENTS * sizeof(float));
-    memset(k->moment[1], 0, CELLS * CELLS * MOMENTS * sizeof(float));
+    memset(k->moment, 0, sizeof k->moment);
     for (size_t i = 0; i < s * s; i++) {
         const float a = (float)m->alpha[i] / 255;
         const size_t cell = i / s * CELLS / s * CELLS + i % s * CELLS / s;
         float *to = k->moment[a > 0.5f] + cell * MOMENTS, c[3];
 
-        if (!m->inside[i] || (a > TRIMAP && a < 1 - TRIMAP))
+        if (!extent_has(&m->inside, i % s, i / s) ||
+            (a > TRIMAP && a < 1 - TRIMAP))
             continue;
         const float w = 1 - fminf(a, 1 - a) / TRIMAP;
 
@@ -117,20 +95,6 @@ static void matting_gather(struct matting_work *k)
     }
 }
 
-/* Statistics of every cell from its own pixels, or where it has few from those
- * of coarser and coarser cells about it; at last any colour is as likely. */
-static void matting_pool(struct matting_work *k)
-{
-    static const float any[MOMENTS] = {
-        1, .5f, .5f, .5f, 1 / 3.f, .25f, 1 / 3.f, .25f, .25f, 1 / 3.f
-    };
-    const float pixels = (float)(k->small.n * k->small.n);
-    const float weight = EVIDENCE * pixels / (CELLS * CELLS);
-
-    for (int side = 0; side < SIDES; side++)
-        pyramid_pool(k->moment[side], CELLS, MOMENTS, weight, any);
-}
-
 /* ---- the likelihood of a colour ------------------------------------------ */
 
 static void matting_normal(struct matting_colours *c, const float *m)
@@ -138,11 +102,10 @@ static void matting_normal(struct matting_colours *c, const float *m)
     for (int j = 0; j < 3; j++)
         c->mean[j] = m[1 + j] / m[0];
     for (int j = 0, l = 0; j < 3; j++)
-        for (int h = 0; h <= j; h++, l++)
-            c->cov[l] = m[4 + l] / m[0] - c->mean[j] * c->mean[h];
-    for (int l = 0; l < 6; l++)         /* the diagonal, after rounding */
-        if (l == 0 || l == 2 || l == 5)
-            c->cov[l] = fmaxf(c->cov[l], 0);
+        for (int h = 0; h <= j; h++, l++) {
+            const float cov = m[4 + l] / m[0] - c->mean[j] * c->mean[h];
+            c->cov[l] = h == j ? fmaxf(cov, 0) : cov;   /* after rounding */
+        }
 }
 
 /* inverse = a^-1 of a symmetric matrix; returns its determinant. */
@@ -236,11 +199,6 @@ PARALLEL(matting_prepare_part, i, struct matting_work *, k)
         matting_normal(&c->side[side], k->moment[side] + i * MOMENTS);
     for (int state = 0; state < STATES; state++)
         matting_prepare_state(c, state);
-}
-
-static void matting_prepare(struct matting_work *k)
-{
-    parallel_each(matting_prepare_part, CELLS * CELLS, 1, k);
 }
 
 /* ---- the posterior ------------------------------------------------------ */
@@ -371,11 +329,11 @@ static void matting_unmix(float B[3], const struct matting_cell *cell,
     }
 }
 
-/* The background at pixel i, which is no person's alone; beyond the picture the
- * person's colour, too. */
+/* The background at pixel i, which is no person's alone; beyond the picture,
+ * where it is not `seen`, the person's colour, too. */
 static void matting_layer(struct matting *m, const struct matting_cell *a,
                           const struct matting_cell *b, float t,
-                          const float c[3], size_t i)
+                          const float c[3], size_t i, bool seen)
 {
     struct matting_cell mean;
     float *B = mean.side[SIDE_BACK].mean;
@@ -383,11 +341,11 @@ static void matting_layer(struct matting *m, const struct matting_cell *a,
     matting_between((float *)mean.side, (const float *)a->side,
                     (const float *)b->side, t,
                     SIDES * sizeof *mean.side / sizeof(float));
-    if (m->inside[i])
+    if (seen)
         matting_unmix(B, &mean, c, (float)m->alpha[i] / 255);
     for (int j = 0; j < 3; j++) {
         m->back[3 * i + j] = matting_byte(B[j]);
-        if (!m->inside[i])
+        if (!seen)
             m->rgb[3 * i + j] = matting_byte(mean.side[SIDE_FORE].mean[j]);
     }
 }
@@ -398,36 +356,31 @@ static void matting_pixel(struct matting *m, const struct matting_work *k,
                           struct matting_row *row, size_t x, size_t y)
 {
     const size_t n = m->n, i = y * n + x;
-    const bool given = k->known && m->inside[i];
+    const bool seen = extent_has(&m->inside, x, y), given = k->known && seen;
     const float p = given ? (float)m->alpha[i] / 255
                           : matting_prior(row, k, x, y, n);
-    float t, doubt;
-
-    m->alpha[i] = matting_byte(p);
-    m->confidence[i] = m->inside[i];
-    /* a prior that shows in no byte decides */
-    const bool decided = m->alpha[i] == 0 || m->alpha[i] == 255;
-    if (m->inside[i] && decided) {
-        if (m->back && m->alpha[i] == 0)
-            memcpy(m->back + 3 * i, m->rgb + 3 * i, 3);
-        return;
-    }
     const uint8_t *rgb = m->rgb + 3 * i;
     const float c[3] = {rgb[0] / 255.f, rgb[1] / 255.f, rgb[2] / 255.f};
-    const size_t u = pyramid_between(&t, x, n, CELLS);
-    const struct matting_cell *a = matting_row_cell(row, k, u, y, n);
-    const struct matting_cell *b = matting_row_cell(row, k, u + 1, y, n);
+    uint8_t *alpha = m->alpha + i;
+    float t, doubt;
 
-    if (!given && m->inside[i]) {
-        m->alpha[i] = matting_byte(matting_posterior(&doubt, a, b, t, c, p));
-        m->confidence[i] = matting_byte(1 - 2 * doubt);
+    *alpha = matting_byte(p);
+    m->confidence[i] = seen ? 255 : 0;
+    /* a prior that shows in no byte decides */
+    if (!seen || (*alpha > 0 && *alpha < 255)) {
+        const size_t u = pyramid_between(&t, x, n, CELLS);
+        const struct matting_cell *a = matting_row_cell(row, k, u, y, n);
+        const struct matting_cell *b = matting_row_cell(row, k, u + 1, y, n);
+
+        if (seen && !given) {
+            *alpha = matting_byte(matting_posterior(&doubt, a, b, t, c, p));
+            m->confidence[i] = matting_byte(1 - 2 * doubt);
+        }
+        if (m->back && (!seen || (*alpha > 0 && *alpha < 255)))
+            matting_layer(m, a, b, t, c, i, seen);
     }
-    if (!m->back)
-        return;
-    if (m->inside[i] && m->alpha[i] == 0)
-        memcpy(m->back + 3 * i, m->rgb + 3 * i, 3);
-    else if (!m->inside[i] || m->alpha[i] < 255)
-        matting_layer(m, a, b, t, c, i);
+    if (m->back && seen && *alpha == 0)
+        memcpy(m->back + 3 * i, rgb, 3);
 }
 
 /* One row. */
@@ -442,37 +395,23 @@ PARALLEL(matting_pixels_part, y, struct matting *, m,
         matting_pixel(m, k, &row, x, y);
 }
 
-static void matting_pixels(struct matting *m, const struct matting_work *k)
-{
-    parallel_each(matting_pixels_part, m->n, 1, m, k);
-}
-
 /* ---- together ----------------------------------------------------------- */
 
-/* The picture, small, and its alpha as it is known. */
-static int matting_shrink(struct matting_work *k, const struct matting *m,
-                          struct error *err)
-{
-    const size_t n = m->n, s = k->small.n;
-    const double half = 0.5 * (double)n;
-    const struct square all = {half, half, 2 * half};
-    uint8_t *inside = k->small.rgb + 3 * s * s;
-
-    for (size_t i = 0; i < s * s; i++)
-        inside[i] = m->inside[i / s * n / s * n + i % s * n / s];
-    if (crop_resize_u8(k->small.rgb, s, m->rgb, n, n, 3 * n, 3, all) ||
-        (k->known &&
-         crop_resize_u8(k->small.alpha, s, m->alpha, n, n, n, 1, all)))
-        return error_set(err, EX_OSERR, "no memory for the matte");
-    return 0;
-}
-
-/* The statistics of both sides as the small picture's alpha has them. */
+/* The statistics of both sides as the small picture's alpha has them: of every
+ * cell from its own pixels, or where it has few from those of coarser and coarser
+ * cells about it; at last any colour is as likely. */
 static void matting_learn(struct matting_work *k)
 {
+    static const float any[MOMENTS] = {
+        1, .5f, .5f, .5f, 1 / 3.f, .25f, 1 / 3.f, .25f, .25f, 1 / 3.f
+    };
+    const float pixels = (float)(k->small.n * k->small.n);
+    const float weight = EVIDENCE * pixels / (CELLS * CELLS);
+
     matting_gather(k);
-    matting_pool(k);
-    matting_prepare(k);
+    for (int side = 0; side < SIDES; side++)
+        pyramid_pool(k->moment[side], CELLS, MOMENTS, weight, any);
+    parallel_each(matting_prepare_part, CELLS * CELLS, 1, k);
 }
 
 /* The small picture's alpha: the prior, sharpened by statistics of what that
@@ -488,24 +427,34 @@ static void matting_begin(struct matting_work *k)
                                                        s));
     }
     matting_learn(k);
-    matting_pixels(&k->small, k);
+    parallel_each(matting_pixels_part, s, 1, &k->small, k);
 }
 
 int ISA(matting_find)(struct matting *m, const float *prior, size_t w,
                       bool known, struct error *err)
 {
-    struct matting_work k = {.prior = prior, .w = w, .known = known};
-    int rc = matting_init(&k, m->n, err);
+    const size_t n = m->n, s = n < SMALL ? n : SMALL;
+    const double half = 0.5 * (double)n;
+    const struct square all = {half, half, 2 * half};
+    struct matting_work *k = malloc(sizeof *k);
+    int rc = -1;
 
-    if (rc)
-        return rc;
-    rc = matting_shrink(&k, m, err);
-    if (rc == 0) {
-        if (!known)
-            matting_begin(&k);
-        matting_learn(&k);
-        matting_pixels(m, &k);
+    if (!k || crop_resize_u8(k->rgb, s, m->rgb, n, n, 3 * n, 3, all) ||
+        (known && crop_resize_u8(k->alpha, s, m->alpha, n, n, n, 1, all))) {
+        error_set(err, EX_OSERR, "no memory for the matte");
+        goto out;
     }
-    matting_release(&k);
+    k->small = (struct matting){s, extent_resize(m->inside, n, s), k->rgb,
+                                k->alpha, k->confidence, NULL};
+    k->prior = prior;
+    k->w = w;
+    k->known = known;
+    if (!known)
+        matting_begin(k);
+    matting_learn(k);
+    parallel_each(matting_pixels_part, m->n, 1, m, k);
+    rc = 0;
+out:
+    free(k);
     return rc;
 }

@@ -160,7 +160,6 @@ static void source_forget_window(struct source *s)
     free(s->person.matte);
     free(s->person.back);
     free(s->person.confidence);
-    free(s->inside);
 }
 
 /* The portrait window at S x S pixels, and which of them the picture has. */
@@ -176,11 +175,10 @@ static int source_cut_window(struct source *s, const struct image *im,
     s->person.matte = malloc(S * S);
     s->person.back = malloc(3 * S * S);
     s->person.confidence = malloc(S * S);
-    s->inside = malloc(S * S);
     if (!s->person.rgb || !s->person.matte || !s->person.back ||
-        !s->person.confidence || !s->inside)
+        !s->person.confidence)
         return error_set(err, EX_OSERR, "no memory for the source crop");
-    square_inside(s->inside, S, im->width, im->height, s->window);
+    s->inside = square_extent(S, im->width, im->height, s->window);
     rc = crop_resize_u8(s->person.rgb, S, im->rgb, im->width, im->height,
                         3 * im->width, 3, s->window);
     s->crop_s += cpu_seconds() - begun;
@@ -209,8 +207,8 @@ static struct matting source_matting(const struct source *s)
 {
     const struct person *p = &s->person;
 
-    return (struct matting){p->size, p->rgb, s->inside, p->matte, p->confidence,
-                            p->back};
+    return (struct matting){p->size, s->inside, p->rgb, p->matte,
+                            p->confidence, p->back};
 }
 
 /* silhouette (n,n): 255 where the projected head lands. */
@@ -369,7 +367,6 @@ int source_make(struct source *s, struct image *im, struct image *mask,
 void source_release(struct source *s)
 {
     person_release(&s->person);
-    free(s->inside);
     memset(s, 0, sizeof *s);
 }
 

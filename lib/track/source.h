@@ -24,8 +24,7 @@ struct source {
     enum source_matte how;
     struct square window;       /* in the picture */
     struct track_faces faces;   /* in it, as it stands upright */
-    uint8_t *inside;            /* (size,size) 255 where the window shows the
-                                 * picture, 0 beyond its edges */
+    struct extent inside;       /* the window's pixels that show it */
     float confidence;                 /* of E_m that it shows a face, 0 to 1 */
     int rotated;                 /* quarter turns clockwise that the picture
                                  * was given to stand upright, 0 to 3 */

@@ -276,20 +276,20 @@ static void portrait_compose(struct portrait *p, const struct light *l)
 static void portrait_end(struct portrait *p, bool sooner, struct random *r)
 {
     const size_t n = p->n, room = n * 28 / 100;
-    size_t x[2] = {n, 0}, y[2] = {n, 0};
+    struct extent e = {{n, 0}, {n, 0}};
 
     for (size_t i = 0; i < n * n; i++)
         if (p->truth[4 * i + 1] > 0.99f) {
             const size_t u = i % n, v = i / n;
 
-            x[0] = u < x[0] ? u : x[0];
-            x[1] = u >= x[1] ? u + 1 : x[1];
-            y[0] = v < y[0] ? v : y[0];
-            y[1] = v >= y[1] ? v + 1 : y[1];
+            e.x[0] = u < e.x[0] ? u : e.x[0];
+            e.x[1] = u >= e.x[1] ? u + 1 : e.x[1];
+            e.y[0] = v < e.y[0] ? v : e.y[0];
+            e.y[1] = v >= e.y[1] ? v + 1 : e.y[1];
         }
     for (int k = 0; k < 4 && sooner; k++) {
         const size_t cut = random_below(r, (uint32_t)room + 1);
-        size_t *end = k < 2 ? x : y;
+        size_t *end = k < 2 ? e.x : e.y;
 
         if (!random_chance(r, 0.4))
             continue;
@@ -298,8 +298,7 @@ static void portrait_end(struct portrait *p, bool sooner, struct random *r)
         else
             end[0] = end[0] > cut ? end[0] : cut;
     }
-    if (x[0] < x[1] && y[0] < y[1])
-        square_repeat_edges(p->picture, n, 4, x, y);
+    extent_repeat_edges(p->picture, n, 4, e);
 }
 
 /* p->picture with its colours changed: rgb (n,n,3). */

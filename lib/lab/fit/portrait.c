@@ -2,8 +2,6 @@
  * leaves out grown back. */
 #include "lib/lab/fit/portrait.h"
 
-#include <stdlib.h>
-#include <string.h>
 #include <sysexits.h>
 
 #include "lib/photo/matte.h"
@@ -17,26 +15,19 @@ int portrait_init(struct portrait *p, size_t size, struct error *err)
     const size_t n = size * size;
 
     *p = (struct portrait){.size = size};
-    p->rgb = malloc(3 * n);
-    p->mask = malloc(n);
-    p->back = malloc(3 * n);
-    p->alone = malloc(3 * n);
-    p->scratch = malloc(2 * n + MATTE_SIDE * MATTE_SIDE);
-    if (p->rgb && p->mask && p->back && p->alone && p->scratch)
-        return 0;
-    portrait_release(p);
-    return error_set(err, EX_OSERR, "out of memory (picture of %zux%zu)",
-                     size, size);
+    p->rgb = arena_take(&p->memory, n, 3);
+    p->mask = arena_take(&p->memory, n, 1);
+    p->back = arena_take(&p->memory, n, 3);
+    p->alone = arena_take(&p->memory, n, 3);
+    p->confidence = arena_take(&p->memory, n, 1);
+    p->head = arena_take(&p->memory, MATTE_SIDE * MATTE_SIDE, 1);
+    return arena_check(&p->memory, "a picture", err);
 }
 
 void portrait_release(struct portrait *p)
 {
-    free(p->rgb);
-    free(p->mask);
-    free(p->back);
-    free(p->alone);
-    free(p->scratch);
-    memset(p, 0, sizeof *p);
+    arena_release(&p->memory);
+    *p = (struct portrait){0};
 }
 
 /* 255 where the head that m poses id into lands. */
@@ -60,7 +51,7 @@ static double portrait_certainty(const struct matting *m)
 
     for (size_t i = 0; i < m->n * m->n; i++) {
         sum += m->confidence[i];
-        all += m->inside[i] > 0;
+        all += extent_has(&m->inside, i % m->n, i / m->n);
     }
     return all > 0 ? sum / all : 0;
 }
@@ -82,19 +73,18 @@ int portrait_cut(struct portrait *p, const uint8_t *rgb, size_t W, size_t H,
                  const struct motion *motion, struct error *err)
 {
     const size_t n = p->size * p->size;
-    uint8_t *confidence = p->scratch, *inside = confidence + n, *head = inside + n;
-    struct matting m = {p->size, p->rgb, inside, p->mask, confidence, p->back};
+    struct matting m = {p->size, square_extent(p->size, W, H, window), p->rgb,
+                        p->mask, p->confidence, p->back};
     bool seen;
 
     if (crop_resize_u8(p->rgb, p->size, rgb, W, H, 3 * W, 3, window))
         return error_set(err, EX_OSERR, "out of memory (window)");
-    square_inside(inside, p->size, W, H, window);
-    if (portrait_silhouette(head, MATTE_SIDE, id, motion, err) ||
-        matte_find(&m, &seen, head, p->net, false, err))
+    if (portrait_silhouette(p->head, MATTE_SIDE, id, motion, err) ||
+        matte_find(&m, &seen, p->head, p->net, false, err))
         return -1;
     p->plain = portrait_certainty(&m) >= PLAIN;
     for (size_t i = 0; i < n; i++)
-        if (!inside[i])
+        if (!extent_has(&m.inside, i % p->size, i / p->size))
             p->mask[i] = 0;
     portrait_part(p);
     return 0;

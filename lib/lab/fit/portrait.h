@@ -7,8 +7,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "lib/base/error.h"
+#include "lib/base/arena.h"
 #include "lib/base/crop.h"
+#include "lib/base/error.h"
 #include "lib/head/lbs.h"
 #include "lib/net/matte_net.h"
 #include "lib/head/motion.h"
@@ -20,7 +21,9 @@ struct portrait {
     uint8_t *back;              /* (size,size,3) what the person hides */
     uint8_t *alone;             /* (size,size,3) the person over black */
     bool plain;                 /* the mask is sure nearly everywhere */
-    uint8_t *scratch;           /* certainty, inside, head */
+    uint8_t *confidence;        /* (size,size) of the mask */
+    uint8_t *head;              /* (MATTE_SIDE,MATTE_SIDE) where that lands */
+    struct arena memory;
     struct matte_net *net;      /* borrowed, set by the caller, or NULL */
 };
 
