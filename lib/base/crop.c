@@ -264,12 +264,12 @@ struct kernels {
     crop_blend_fn *blend;
     crop_gather_fn *gather;
     crop_halve_fn *halve;
-    crop_widen_fn *widen;
+    crop_add_fn *add;
     crop_round_fn *round;
 };
 
 #define KERNELS(isa) { \
-    crop_blend_##isa, crop_gather_##isa, crop_halve_##isa, crop_widen_##isa, \
+    crop_blend_##isa, crop_gather_##isa, crop_halve_##isa, crop_add_##isa, \
     crop_round_##isa \
 }
 
@@ -353,12 +353,20 @@ void crop_sample_u8(float *out, size_t n, const uint8_t *rgb, size_t W,
     }
 }
 
+/* One row. */
+PARALLEL(crop_halve_part, y, uint8_t *, out, const uint8_t *, rgb, size_t, w,
+         size_t, stride)
+{
+    crop_kernels()->halve(out + 3 * y * w, rgb + 2 * y * stride,
+                          rgb + (2 * y + 1) * stride, w);
+}
+
 void crop_halve(uint8_t *out, const uint8_t *rgb, size_t W, size_t H,
                 size_t stride)
 {
-    for (size_t y = 0; y < H / 2; y++)
-        crop_kernels()->halve(out + y * (W / 2) * 3, rgb + 2 * y * stride,
-                              rgb + (2 * y + 1) * stride, W / 2);
+    /* in its own place a row is written over what the one before has read */
+    parallel_each(crop_halve_part, H / 2, out == rgb ? H : 16, out, rgb, W / 2,
+                  stride);
 }
 
 /* ---- resizing a square to 8 bits -------------------------------------- */
@@ -398,10 +406,10 @@ static void crop_filter_make(struct filter *f, double centre, double size,
 typedef float v4f __attribute__((vector_size(16)));
 
 /* A resizing: an n x n picture of C channels, and the filters, of `bytes`
- * each, that make it: n across and n down, of at most max samples.  Those
- * across take samples from to end of a picture's row. */
+ * each, that make it: n across and n down.  Those across take samples from to
+ * end of a picture's row. */
 struct resizing {
-    size_t n, C, max, bytes, from, end;
+    size_t n, C, bytes, from, end;
     const char *fx, *fy;
     void *filters;              /* all of them */
 };
@@ -413,9 +421,8 @@ static const struct filter *crop_filter_at(const struct resizing *r,
     return (const void *)(axis + i * r->bytes);
 }
 
-/* One row (floats of samples r->from to r->end, and 3 more) under an
- * antialiasing filter for each output pixel, of C channels; out has room for 3
- * floats more. */
+/* A row of n pixels of C channels from one of the picture's samples r->from to
+ * r->end, a filter for each; out and row have room for 3 floats more. */
 static inline void crop_filter_pixels(float *out, const float *row,
                                       const struct resizing *r, size_t C)
 {
@@ -432,61 +439,37 @@ static inline void crop_filter_pixels(float *out, const float *row,
     }
 }
 
-/* The same of bytes, by way of floats in wide, with a number of channels that
- * the compiler knows. */
-static void crop_filter_row(float *out, float *wide, const uint8_t *row,
+/* The same with a number of channels that the compiler knows. */
+static void crop_filter_row(float *out, const float *row,
                             const struct resizing *r)
 {
-    crop_kernels()->widen(wide, row + r->from * r->C,
-                          (r->end - r->from) * r->C);
     if (r->C == 3)
-        crop_filter_pixels(out, wide, r, 3);
+        crop_filter_pixels(out, row, r, 3);
     else if (r->C == 1)
-        crop_filter_pixels(out, wide, r, 1);
+        crop_filter_pixels(out, row, r, 1);
     else
-        crop_filter_pixels(out, wide, r, r->C);
+        crop_filter_pixels(out, row, r, r->C);
 }
 
-/* acc (n) += w row. */
-static void crop_filter_add(float *acc, const float *row, float w, size_t n)
-{
-    size_t k = 0;
-
-    for (; k + 4 <= n; k += 4) {
-        v4f a, r;
-
-        memcpy(&a, acc + k, sizeof a);
-        memcpy(&r, row + k, sizeof r);
-        a += w * r;
-        memcpy(acc + k, &a, sizeof a);
-    }
-    for (; k < n; k++)
-        acc[k] += w * row[k];
-}
-
-/* Output rows first to end from the picture, each of whose rows is filtered
- * once, into a ring of r->max rows (n,C and 3 more) as in `row`, after which come
- * the sum of one output row and a picture's row in floats. */
-static void crop_filter_rows(uint8_t *out, float *row, const uint8_t *rgb,
+/* Output rows first to end: first down the picture, as that leaves fewer rows
+ * to filter across.  room: a row of the picture and one of the output, each
+ * with 3 floats more. */
+static void crop_filter_rows(uint8_t *out, float *room, const uint8_t *rgb,
                              size_t stride, const struct resizing *r,
                              size_t first, size_t end)
 {
-    const size_t line = r->n * r->C, each = line + 3;
-    float *sum = row + r->max * each, *wide = sum + line;
-    size_t next = 0;                    /* picture row to filter */
+    const size_t line = r->n * r->C, wide = (r->end - r->from) * r->C;
+    float *row = room + wide + 3;
 
     for (size_t i = first; i < end; i++) {
         const struct filter *f = crop_filter_at(r, r->fy, i);
 
-        memset(sum, 0, line * sizeof *sum);
-        next = next > f->lo ? next : f->lo;
-        for (; next < f->lo + f->count; next++)
-            crop_filter_row(row + next % r->max * each, wide,
-                            rgb + next * stride, r);
+        memset(room, 0, (wide + 3) * sizeof *room);
         for (size_t k = 0; k < f->count; k++)
-            crop_filter_add(sum, row + (f->lo + k) % r->max * each, f->w[k],
-                            line);
-        crop_kernels()->round(out + i * line, sum, line);
+            crop_kernels()->add(room, rgb + (f->lo + k) * stride +
+                                r->from * r->C, f->w[k], wide);
+        crop_filter_row(row, room, r);
+        crop_kernels()->round(out + i * line, row, line);
     }
 }
 
@@ -509,7 +492,6 @@ static int crop_filters_make(struct resizing *r, size_t W, size_t H,
         crop_filter_make((void *)(f + (n + i) * bytes), q.y, q.size, i, n, H,
                          max);
     }
-    r->max = max;
     r->bytes = bytes;
     r->filters = f;
     r->fx = f;
@@ -542,7 +524,7 @@ int crop_resize_u8(uint8_t *out, size_t n, const uint8_t *rgb, size_t W,
     assert(r.C >= 1 && r.C <= 4);
     if (crop_filters_make(&r, W, H, q))
         return -1;
-    const size_t own = r.max * (line + 3) + line + (r.end - r.from) * r.C + 3;
+    const size_t own = (r.end - r.from) * r.C + line + 6;
     float *room = malloc(threads * own * sizeof *room);
 
     if (!room) {

@@ -87,7 +87,7 @@ void crop_sample_ref(double *out, size_t n, const double *rgb, size_t W,
                      size_t H, struct square q);
 
 /* out [H/2,W/2,3] = means of 2 x 2 pixels: done before crop_sample_u8 while
- * the square has more than two pixels for one of the crop. */
+ * the square has more than two pixels for one of the crop.  out may be rgb. */
 void crop_halve(uint8_t *out, const uint8_t *rgb, size_t W, size_t H,
                 size_t stride);
 

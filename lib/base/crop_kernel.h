@@ -18,21 +18,21 @@ typedef void crop_gather_fn(float *out, const float *row, const int32_t *at,
 /* out (w,3) = 2x2 means of rows a and b of 2w pixels. */
 typedef void crop_halve_fn(uint8_t *out, const uint8_t *a, const uint8_t *b,
                            size_t w);
-/* out (n) = bytes as floats. */
-typedef void crop_widen_fn(float *out, const uint8_t *in, size_t n);
+/* sum (n) += w times bytes. */
+typedef void crop_add_fn(float *sum, const uint8_t *in, float w, size_t n);
 /* out (n) = the bytes that are nearest. */
 typedef void crop_round_fn(uint8_t *out, const float *in, size_t n);
 
 crop_blend_fn crop_blend_baseline;
 crop_gather_fn crop_gather_baseline;
 crop_halve_fn crop_halve_baseline;
-crop_widen_fn crop_widen_baseline;
+crop_add_fn crop_add_baseline;
 crop_round_fn crop_round_baseline;
 #ifdef SPID_X86
 crop_blend_fn crop_blend_avx2, crop_blend_avx512;
 crop_gather_fn crop_gather_avx2, crop_gather_avx512;
 crop_halve_fn crop_halve_avx2, crop_halve_avx512;
-crop_widen_fn crop_widen_avx2, crop_widen_avx512;
+crop_add_fn crop_add_avx2, crop_add_avx512;
 crop_round_fn crop_round_avx2, crop_round_avx512;
 #endif
 

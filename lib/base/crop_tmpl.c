@@ -4,6 +4,8 @@
 #include <string.h>
 
 typedef float v4f __attribute__((vector_size(16)));
+typedef uint8_t v8b __attribute__((vector_size(8)));
+typedef uint16_t v8h __attribute__((vector_size(16)));
 
 /* Two rows of bytes to one of floats. */
 void ISA(crop_blend)(float *row, const uint8_t *a, const uint8_t *b, float w,
@@ -29,20 +31,35 @@ void ISA(crop_gather)(float *out, const float *row, const int32_t *at,
     }
 }
 
-/* Means of 2x2 pixels, rounded. */
+#define HALVED 64               /* pixels at a time */
+
+/* Means of 2x2 pixels, rounded: sums of both rows, then of neighbours eight
+ * numbers at a time, of which three count. */
 void ISA(crop_halve)(uint8_t *out, const uint8_t *a, const uint8_t *b,
                      size_t w)
 {
-    for (size_t i = 0; i < w; i++, a += 6, b += 6, out += 3)
-        for (int k = 0; k < 3; k++)
-            out[k] = (uint8_t)((a[k] + a[k + 3] + b[k] + b[k + 3] + 2) >> 2);
+    for (size_t i = 0, n; i < w; i += n, a += 6 * n, b += 6 * n) {
+        uint16_t sum[6 * HALVED + 8];
+
+        n = w - i < HALVED ? w - i : HALVED;
+        for (size_t k = 0; k < 6 * n; k++)
+            sum[k] = (uint16_t)(a[k] + b[k] + 1);
+        for (size_t k = 0; k < n; k++, out += 3) {
+            v8h p, q;
+
+            memcpy(&p, sum + 6 * k, sizeof p);
+            memcpy(&q, sum + 6 * k + 3, sizeof q);
+            const v8b mean = __builtin_convertvector((p + q) >> 2, v8b);
+            memcpy(out, &mean, 3);
+        }
+    }
 }
 
-/* Bytes to floats. */
-void ISA(crop_widen)(float *out, const uint8_t *in, size_t n)
+/* Bytes are added, weighted. */
+void ISA(crop_add)(float *sum, const uint8_t *in, float w, size_t n)
 {
     for (size_t i = 0; i < n; i++)
-        out[i] = in[i];
+        sum[i] += w * in[i];
 }
 
 /* Floats to bytes. */

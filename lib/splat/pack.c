@@ -90,8 +90,11 @@ static void pack_fixed(struct splat *s, const struct gaussians *g)
     int C = s->opt.channels;
 
     for (size_t i = 0; i < g->n; i++)
-        for (int c = 0; c < C; c++)
-            max[c] = fmaxf(max[c], fabsf(pack_color(g, i, c)));
+        for (int c = 0; c < C; c++) {
+            const float x = fabsf(pack_color(g, i, c));
+
+            max[c] = x > max[c] ? x : max[c];
+        }
     for (int c = 0; c < SPLAT_MAX_CHANNELS; c++)
         st->fixed_scale[c] = max[c] / (32767.0f * 32767.0f);
 
