@@ -24,15 +24,18 @@
                                  * in another light differ by */
 #define SEEN 0.9f               /* share of a cell that makes it seen */
 
+typedef float v4f __attribute__((vector_size(16)));
+typedef int32_t v4i __attribute__((vector_size(16)));
+
 struct backdrop {
+    v4f colour[CELLS];          /* 1 and the colour, 0..255, also in the hole */
+    v4f off[CELLS];             /* 0 and what a copy is brighter by */
+    v4f sum[CELLS * 4 / 3 + 1]; /* of such, weighted, for pyramid_pool */
     float known[CELLS];         /* how much of a cell is seen, 0..1 */
     float trust[CELLS];         /* how much its colour counts: that, and in the
                                  * hole more from round to round */
-    float colour[CELLS][3];     /* 0..255, also in the hole */
-    float sum[CELLS * 4 / 3 + 1][4];    /* for pyramid_pool */
     int32_t from[CELLS];        /* the cell that this is like, -1: itself; */
-    int32_t shift[CELLS][2];    /* how far that is, pixels across and down, */
-    float off[CELLS][3];        /* and what it is brighter by */
+    int32_t shift[CELLS][2];    /* and how far that is, pixels across and down */
     int32_t source[CELLS];      /* cells whose patch is seen: */
     uint32_t sources;           /* so many */
     uint8_t is_source[CELLS];
@@ -55,16 +58,22 @@ static void backdrop_extent(size_t x[2], size_t i, size_t n)
     x[1] = ((i + 1) * n + SIDE - 1) / SIDE;
 }
 
+/* 1 and the background's colour at pixel j. */
+static v4f backdrop_colour(const struct matting *m, size_t j)
+{
+    const uint8_t *back = m->back + 3 * j;
+
+    return __builtin_convertvector(
+        ((v4i){1, back[0], back[1], back[2]}), v4f);
+}
+
 /* A cell's sum gains pixel j of the picture as far as that is background. */
-static void backdrop_add(float sum[4], const struct matting *m, size_t j)
+static void backdrop_add(v4f *sum, const struct matting *m, size_t j)
 {
     const int w = (127 - m->alpha[j]) * m->confidence[j];
 
-    if (w <= 0)
-        return;
-    sum[0] += (float)w / (127 * 255);
-    for (size_t c = 0; c < 3; c++)
-        sum[1 + c] += (float)w / (127 * 255) * m->back[3 * j + c];
+    if (w > 0)
+        *sum += (float)w / (127 * 255) * backdrop_colour(m, j);
 }
 
 /* Cell i from its pixels. */
@@ -72,16 +81,18 @@ PARALLEL(backdrop_gather_part, i, struct backdrop *, b,
          const struct matting *, m)
 {
     size_t x[2], y[2];
+    v4f sum = {0};
 
     backdrop_extent(x, i % SIDE, m->n);
     backdrop_extent(y, i / SIDE, m->n);
     for (size_t v = y[0]; v < y[1]; v++)
         for (size_t u = x[0]; u < x[1]; u++)
             if (extent_has(&m->inside, u, v))
-                backdrop_add(b->sum[i], m, v * m->n + u);
-    if (b->sum[i][0] > 0)
-        b->trust[i] = b->known[i] = b->sum[i][0] /
-            (float)((x[1] - x[0]) * (y[1] - y[0]));
+                backdrop_add(&sum, m, v * m->n + u);
+    b->sum[i] = sum;
+    if (sum[0] > 0)
+        b->trust[i] = b->known[i] =
+            sum[0] / (float)((x[1] - x[0]) * (y[1] - y[0]));
 }
 
 /* The cells' colours from those of the pixels that are mostly background; where
@@ -93,10 +104,9 @@ static void backdrop_gather(struct backdrop *b, const struct matting *m)
     const float pixels = (float)(n * n) / CELLS;
 
     parallel_each(backdrop_gather_part, CELLS, SIDE, b, m);
-    pyramid_pool(b->sum[0], SIDE, 4, 0.01f * pixels, any);
+    pyramid_pool((float *)b->sum, SIDE, 4, 0.01f * pixels, any);
     for (size_t i = 0; i < CELLS; i++)
-        for (size_t c = 0; c < 3; c++)
-            b->colour[i][c] = b->sum[i][1 + c] / b->sum[i][0];
+        b->colour[i] = b->sum[i] / b->sum[i][0];
 }
 
 /* The least that is seen of a cell within `reach` of cell i; 0 beyond the
@@ -129,25 +139,30 @@ static void backdrop_start(struct backdrop *b)
 
 /* ---- the search --------------------------------------------------------- */
 
+static float backdrop_total(v4f a)
+{
+    return a[0] + a[1] + a[2] + a[3];
+}
+
 /* How unlike the patch about cell i is to that about cell `from`. */
 static float backdrop_distance(const struct backdrop *b, int i, int from)
 {
     const int x = i % SIDE, y = i / SIDE;
-    float sum = 0, all = 0;
+    v4f sum = {0};
+    float all = 0;
 
     for (int v = -REACH; v <= REACH; v++)
         for (int u = -REACH; u <= REACH; u++) {
             if (x + u < 0 || x + u >= SIDE || y + v < 0 || y + v >= SIDE)
                 continue;
-            const float *p = b->colour[i + v * SIDE + u];
-            const float *q = b->colour[from + v * SIDE + u];
-            const float trust = b->trust[i + v * SIDE + u] + DOUBT;
+            const int at = v * SIDE + u;
+            const v4f d = b->colour[i + at] - b->colour[from + at];
+            const float trust = b->trust[i + at] + DOUBT;
 
-            for (int c = 0; c < 3; c++)
-                sum += trust * (p[c] - q[c]) * (p[c] - q[c]);
+            sum += trust * d * d;
             all += trust;
         }
-    return sum / all;
+    return backdrop_total(sum) / all;
 }
 
 /* Cell i takes after cell `from` if that is seen and suits it as well. */
@@ -203,16 +218,14 @@ static void backdrop_vote(struct backdrop *b)
 
                 if (x < 0 || x >= SIDE || y < 0 || y >= SIDE)
                     continue;
-                b->sum[y * SIDE + x][0] += trust;
-                for (int c = 0; c < 3; c++)
-                    b->sum[y * SIDE + x][1 + c] += trust *
-                        b->colour[b->from[i] + v * SIDE + u][c];
+                b->sum[y * SIDE + x] +=
+                    trust * b->colour[b->from[i] + v * SIDE + u];
             }
     for (int i = 0; i < CELLS; i++) {
         const float all = b->sum[i][0], share = all / (PATCH * PATCH);
 
-        for (int c = 0; c < 3 && b->known[i] < SEEN && all > 0; c++)
-            b->colour[i][c] = b->sum[i][1 + c] / all;
+        if (b->known[i] < SEEN && all > 0)
+            b->colour[i] = b->sum[i] / all;
         b->trust[i] = share > b->trust[i] ? share : b->trust[i];
     }
 }
@@ -222,26 +235,21 @@ static void backdrop_vote(struct backdrop *b)
 static float backdrop_unlike(const struct backdrop *b, int i)
 {
     const int x = i % SIDE, y = i / SIDE;
-    float mean[3] = {0}, square = 0, all = 0;
+    v4f mean = {0}, square = {0};
+    float all = 0;
 
     for (int v = -REACH; v <= REACH; v++)
         for (int u = -REACH; u <= REACH; u++) {
             if (x + u < 0 || x + u >= SIDE || y + v < 0 || y + v >= SIDE)
                 continue;
             const int at = v * SIDE + u;
+            const v4f d = b->colour[i + at] - b->colour[b->from[i] + at];
 
             all += b->known[i + at];
-            for (int c = 0; c < 3; c++) {
-                const float d = b->colour[i + at][c] -
-                                b->colour[b->from[i] + at][c];
-
-                mean[c] += b->known[i + at] * d;
-                square += b->known[i + at] * d * d;
-            }
+            mean += b->known[i + at] * d;
+            square += b->known[i + at] * d * d;
         }
-    for (int c = 0; c < 3; c++)
-        square -= mean[c] * mean[c] / all;
-    return square / all;
+    return backdrop_total(square - mean * mean / all) / all;
 }
 
 /* How far each cell's copy is from it in a picture of n by n pixels, and what
@@ -257,19 +265,18 @@ static void backdrop_compare(struct backdrop *b, int n)
         const bool beside = b->from[i] >= 0 && b->known[i] >= SEEN;
         const float w = beside ? 1 / (1 + backdrop_unlike(b, i) / ALIKE) : 0;
 
+        if (beside)
+            b->sum[i] = w * (b->colour[i] - b->colour[b->from[i]]);
         b->sum[i][0] = w;
-        for (int c = 0; c < 3 && beside; c++)
-            b->sum[i][1 + c] =
-                w * (b->colour[i][c] - b->colour[b->from[i]][c]);
     }
-    pyramid_pool(b->sum[0], SIDE, 4, 0.01f, none);
+    pyramid_pool((float *)b->sum, SIDE, 4, 0.01f, none);
     for (int i = 0; i < CELLS; i++) {
         const int from = b->from[i] < 0 ? i : b->from[i];
 
         b->shift[i][0] = (from % SIDE - i % SIDE) * n / SIDE;
         b->shift[i][1] = (from / SIDE - i / SIDE) * n / SIDE;
-        for (int c = 0; c < 3 && b->from[i] >= 0; c++)
-            b->off[i][c] = b->sum[i][1 + c] / b->sum[i][0];
+        if (b->from[i] >= 0)
+            b->off[i] = b->sum[i] / b->sum[i][0] - (v4f){1};
     }
 }
 
@@ -281,10 +288,10 @@ static bool backdrop_hidden(const struct matting *m, size_t x, size_t y)
     return !extent_has(&m->inside, x, y) || m->alpha[y * m->n + x] == 255;
 }
 
-/* Pixel (x,y), hidden, as cell i says: what that copies there or, where there
- * is nothing to copy, its colour.  to (3), 0..255. */
-static void backdrop_copy(float to[3], const struct matting *m,
-                          const struct backdrop *b, int i, int x, int y)
+/* 1 and pixel (x,y), hidden, as cell i says: what that copies there or, where
+ * there is nothing to copy, its colour. */
+static v4f backdrop_copy(const struct matting *m, const struct backdrop *b,
+                         int i, int x, int y)
 {
     const int u = x + b->shift[i][0], v = y + b->shift[i][1];
     const int from = b->from[i] < 0 ? i : b->from[i];
@@ -292,16 +299,15 @@ static void backdrop_copy(float to[3], const struct matting *m,
     const bool seen = b->from[i] >= 0 &&
                       !backdrop_hidden(m, (size_t)u, (size_t)v);
 
-    for (size_t c = 0; c < 3; c++)
-        to[c] = (seen ? m->back[3 * copy + c] : b->colour[from][c]) +
-                b->off[i][c];
+    return (seen ? backdrop_colour(m, copy) : b->colour[from]) + b->off[i];
 }
 
 /* A hidden pixel: the mean of what the four cells about it say. */
 static void backdrop_pixel(uint8_t *out, const struct matting *m,
                            const struct backdrop *b, size_t x, size_t y)
 {
-    float t[2][2], sum[3] = {0}, all = 0, one[3];
+    float t[2][2];
+    v4f sum = {0};
     const size_t u = pyramid_between(&t[0][1], x, m->n, SIDE);
     const size_t v = pyramid_between(&t[1][1], y, m->n, SIDE);
 
@@ -311,15 +317,14 @@ static void backdrop_pixel(uint8_t *out, const struct matting *m,
         const int i = (int)((v + q / 2) * SIDE + u + q % 2);
         const float w = t[0][q % 2] * t[1][q / 2];
 
-        if (w < 0.001f || (b->from[i] < 0 && b->sources))
-            continue;
-        backdrop_copy(one, m, b, i, (int)x, (int)y);
-        all += w;
-        for (int c = 0; c < 3; c++)
-            sum[c] += w * one[c];
+        if (w >= 0.001f && (b->from[i] >= 0 || !b->sources))
+            sum += w * backdrop_copy(m, b, i, (int)x, (int)y);
     }
-    for (int c = 0; c < 3 && all > 0; c++) {
-        const float value = sum[c] / all + 0.5f;
+    if (!(sum[0] > 0))
+        return;
+    sum = sum / sum[0] + 0.5f;
+    for (int c = 0; c < 3; c++) {
+        const float value = sum[1 + c];
 
         out[c] = (uint8_t)(value < 0 ? 0 : value > 255 ? 255 : value);
     }
