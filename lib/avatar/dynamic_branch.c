@@ -31,13 +31,16 @@
 #define SEAM_MM 4.5f    /* the photograph is used for lips moved less than this
                          * from where it shows them */
 #define ON_TEETH_MM 1.5f        /* the same where it shows teeth in their place */
-/* Cosines between which trust in a surface's colours begins and is whole: on a
- * head 75 mm in radius it is there 1 and 8 mm from the outline, and the pose may
- * be off by SOURCE_MESH_OFF, 6 mm.  Measured with HELD: tests/bench/README.md, "How
+/* Cosines between which trust in a surface's colours begins and is whole: of hair 1
+ * and 8 mm from the outline of a head 75 mm in radius; of skin, which is darker
+ * there and has hair beside it, 6 mm, as much as the pose may be off
+ * (SOURCE_MESH_OFF), and 15.  Measured with HELD: tests/bench/README.md, "How
  * long the photograph holds". */
-#define SIDEWAYS 0.15f
-#define SQUARE 0.45f
-#define STEEP 1.98f     /* a surface rises by so much where trust is whole */
+#define HAIR_SIDEWAYS 0.15f
+#define HAIR_SQUARE 0.45f
+#define SKIN_SIDEWAYS 0.4f
+#define SKIN_SQUARE 0.6f
+#define STEEP 1.98f     /* the slope where trust in hair is whole */
 #define HELD 0.6f       /* where the photograph is trusted a surface fades by so
                          * much less as it turns: it is gone not at 2.5 but 4.8
                          * times, where a pixel of 0.5 mm is nearly as coarse as
@@ -238,6 +241,18 @@ static void dynamic_branch_uncover_teeth(const struct source_mesh *mesh,
     }
 }
 
+/* Trust in the colour that point k shows at cosine nv. */
+static float dynamic_branch_square(const struct dynamic_branch *b, size_t k,
+                                   float nv, const struct head *h)
+{
+    const float skin = branch_ramp(nv, SKIN_SIDEWAYS, SKIN_SQUARE);
+    size_t end[2];
+
+    densify_ends(end, b->dense, k);
+    return !h->hair ? skin : skin + (h->hair[end[0]] + h->hair[end[1]]) / 2 *
+                      (branch_ramp(nv, HAIR_SIDEWAYS, HAIR_SQUARE) - skin);
+}
+
 PARALLEL(dynamic_branch_start_part, k, struct dynamic_branch *, b, float *, eye,
          float *, rgb, const struct source_mesh *, mesh)
 {
@@ -249,7 +264,7 @@ PARALLEL(dynamic_branch_start_part, k, struct dynamic_branch *, b, float *, eye,
     extra[1] = b->seen[k];
     extra[2] = b->seen[k] * branch_ramp(nv, 0.05f, 0.4f);
     extra[3] = matte;
-    b->trust[k] *= b->seen[k] * branch_ramp(nv, SIDEWAYS, SQUARE) *
+    b->trust[k] *= b->seen[k] * dynamic_branch_square(b, k, nv, mesh->head) *
                   branch_ramp(matte, 0.5f, 0.9f) * (1 - b->lid[k]) *
                   (1 - mesh->weights->lining[k]) * (1 - b->seam[k]) *
                   (1 - b->fold[k]);
