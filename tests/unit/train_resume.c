@@ -163,8 +163,10 @@ static void resume_nothing(struct task *t)
 
 static void check_guard(const char *data)
 {
-    static const struct task_type type = {1.5, resume_nothing, poison_pass,
-                                          resume_nothing, NULL, NULL};
+    static const struct task_type type = {
+        .margin = 1.5, .release = resume_nothing, .pass = poison_pass,
+        .update = resume_nothing
+    };
     struct train_config c;
     struct task task = {.type = &type, .config = &c};
     struct group group = {0, 1};

@@ -9,6 +9,7 @@
 
 #include "formats/framesource.h"
 #include "formats/image.h"
+#include "lib/base/arena.h"
 #include "lib/base/camera.h"
 #include "lib/head/lbs.h"
 #include "lib/head/person.h"
@@ -24,6 +25,7 @@ struct clip_state {
     double *time;               /* (kept) */
     uint64_t *index;            /* (kept) */
     size_t room;
+    struct arena memory;        /* of the three */
     struct square window;
     size_t width, height;
     int fps_num, fps_den;
@@ -36,9 +38,7 @@ static void clip_state_release(struct clip_state *s, size_t kept)
 {
     for (size_t i = 0; i < kept; i++)
         person_release(&s->person[i]);
-    free(s->person);
-    free(s->time);
-    free(s->index);
+    arena_release(&s->memory);
 }
 
 /* Room for twice as many frames as are to be kept. */
@@ -48,13 +48,10 @@ static int clip_state_init(struct clip_state *s, size_t frames,
     const size_t room = 2 * frames;
 
     *s = (struct clip_state){.room = room};
-    s->person = calloc(room, sizeof *s->person);
-    s->time = calloc(room, sizeof *s->time);
-    s->index = calloc(room, sizeof *s->index);
-    if (s->person && s->time && s->index)
-        return 0;
-    clip_state_release(s, 0);
-    return error_set(err, EX_OSERR, "no memory for %zu frames", room);
+    s->person = arena_take(&s->memory, room, sizeof *s->person);
+    s->time = arena_take(&s->memory, room, sizeof *s->time);
+    s->index = arena_take(&s->memory, room, sizeof *s->index);
+    return arena_check(&s->memory, "a clip's frames", err);
 }
 
 /* A person's picture at the records' size, not at the clip's own. */

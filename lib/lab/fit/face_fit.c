@@ -3,9 +3,7 @@
 #include "lib/lab/fit/face_fit.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
-#include <sysexits.h>
 
 #include "lib/base/parallel.h"
 #include "lib/base/sort.h"
@@ -181,19 +179,18 @@ static void fit_begin_person(struct face_fit *f, struct fit_person *p,
 int face_fit_init(struct face_fit *f, const struct face_points *p,
                   const struct labels *l, struct error *err)
 {
-    double *scratch = malloc((l->count + 1) * sizeof *scratch);
+    double *scratch;
 
     memset(f, 0, sizeof *f);
     f->points = p;
     f->count = l->count;
     f->people = l->people;
-    f->frame = calloc(l->count + 1, sizeof *f->frame);
-    f->person = calloc(l->people + 1, sizeof *f->person);
-    if (!scratch || !f->frame || !f->person) {
-        free(scratch);
+    f->frame = arena_take(&f->memory, l->count, sizeof *f->frame);
+    f->person = arena_take(&f->memory, l->people, sizeof *f->person);
+    scratch = arena_take(&f->memory, l->count, sizeof *scratch);
+    if (arena_check(&f->memory, "labels", err)) {
         face_fit_release(f);
-        return error_set(err, EX_OSERR, "out of memory (%zu labels)",
-                         l->count);
+        return -1;
     }
     for (size_t i = 0; i < l->count; i++) {
         struct fit_person *who = &f->person[l->label[i].person];
@@ -204,14 +201,12 @@ int face_fit_init(struct face_fit *f, const struct face_points *p,
     }
     for (size_t i = 0; i < f->people; i++)
         fit_begin_person(f, &f->person[i], scratch);
-    free(scratch);
     return 0;
 }
 
 void face_fit_release(struct face_fit *f)
 {
-    free(f->frame);
-    free(f->person);
+    arena_release(&f->memory);
     memset(f, 0, sizeof *f);
 }
 

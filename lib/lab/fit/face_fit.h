@@ -18,6 +18,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
+#include "lib/base/arena.h"
 #include "lib/base/error.h"
 #include "lib/lab/fit/face_points.h"
 #include "lib/lab/fit/labels.h"
@@ -52,6 +53,7 @@ struct face_fit {
     struct fit_frame *frame;            /* (count) in the labels' order */
     struct fit_person *person;          /* (people) */
     double offset[LANDMARK_FACE][3];    /* of everyone, head units */
+    struct arena memory;
 };
 
 /* Windows, priors and first cameras for sorted labels, which are borrowed. */

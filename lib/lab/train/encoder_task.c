@@ -3,9 +3,7 @@
 #include "lib/lab/train/encoder_task.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
-#include <sysexits.h>
 
 #include "lib/base/crop.h"
 #include "lib/lab/data/contact_sheet.h"
@@ -14,8 +12,8 @@
 #define SHEET_COLS 6
 #define CROP ((size_t)CROP_NET * CROP_NET * 3)
 
-int encoder_task_init(struct encoder_task *e, const struct task *t,
-                      size_t outputs, struct error *err)
+int encoder_task_init(struct encoder_task *e, struct task *t, size_t outputs,
+                      struct error *err)
 {
     const size_t B = (size_t)t->config->micro;
 
@@ -23,21 +21,11 @@ int encoder_task_init(struct encoder_task *e, const struct task *t,
     params_init(&e->copy);
     e->batch = B;
     e->outputs = outputs;
-    e->item = calloc(B, sizeof *e->item);
-    e->rgb = malloc(B * (CROP + 2 * outputs) * sizeof *e->rgb);
-    if (!e->item || !e->rgb)
-        return error_set(err, EX_OSERR, "out of memory (batch of %zu)", B);
-    e->out = e->rgb + B * CROP;
-    e->dout = e->out + B * outputs;
-    return 0;
-}
-
-void encoder_task_release(struct encoder_task *e)
-{
-    params_release(&e->copy);
-    free(e->item);
-    free(e->rgb);
-    memset(e, 0, sizeof *e);
+    e->item = arena_take(&t->memory, B, sizeof *e->item);
+    e->rgb = arena_take(&t->memory, B * CROP, sizeof *e->rgb);
+    e->out = arena_take(&t->memory, B * outputs, sizeof *e->out);
+    e->dout = arena_take(&t->memory, B * outputs, sizeof *e->dout);
+    return arena_check(&t->memory, "a batch", err);
 }
 
 /* Another frame, if there is one, of the person of item *of. */

@@ -31,11 +31,10 @@ struct encoder_task {
     struct params copy;         /* of the validation network, as task.ps */
 };
 
-/* Memory for a pass of t and an encoder of so many outputs. */
-int encoder_task_init(struct encoder_task *e, const struct task *t,
-                      size_t outputs, struct error *err);
-/* Free what it holds; zeroed then. */
-void encoder_task_release(struct encoder_task *e);
+/* Memory for a pass of t, which owns it, and an encoder of so many outputs; the
+ * caller releases e->copy. */
+int encoder_task_init(struct encoder_task *e, struct task *t, size_t outputs,
+                      struct error *err);
 
 /* Draw and cut the items of pass `micro` of a step. */
 int encoder_task_draw(struct encoder_task *e, const struct task *t,

@@ -8,6 +8,8 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/arena.h"
+
 #define SIMILARITIES 4      /* three ways to move, one to grow */
 
 /* Points x (P,3) of the mean head and what each direction does to them,
@@ -16,19 +18,6 @@ struct points {
     size_t P, n;
     double *x, *d;
 };
-
-/* Room for P points and n directions. */
-static int shape_points_init(struct points *p, size_t P, size_t n,
-                             struct error *err)
-{
-    p->P = P;
-    p->n = n;
-    p->x = calloc((n + 1) * P * 3, sizeof *p->x);
-    if (!p->x)
-        return error_set(err, EX_OSERR, "out of memory (%zu points)", P);
-    p->d = p->x + 3 * P;
-    return 0;
-}
 
 /* a (count) without its part along a vector of length 1. */
 static void shape_points_subtract(double *a, const double *unit, size_t count)
@@ -70,17 +59,13 @@ static void shape_points_similarities(double *unit, const struct points *p)
 
 /* Free the directions of similarities, then make their Gram matrix. */
 static int shape_loss_fill(struct shape_loss *l, const struct points *p,
-                           struct error *err)
+                           struct arena *room, struct error *err)
 {
     size_t count = 3 * p->P, n = p->n;
-    double *unit = calloc(SIMILARITIES * count, sizeof *unit);
+    double *unit = arena_take(room, SIMILARITIES * count, sizeof *unit);
 
-    l->n = n;
-    l->gram = calloc(n * n, sizeof *l->gram);
-    if (!unit || !l->gram) {
-        free(unit);
-        return error_set(err, EX_OSERR, "out of memory (%zu directions)", n);
-    }
+    if (arena_check(room, "a shape's points", err))
+        return -1;
     shape_points_similarities(unit, p);
     for (size_t i = 0; i < n; i++)
         for (size_t k = 0; k < SIMILARITIES; k++)
@@ -92,7 +77,6 @@ static int shape_loss_fill(struct shape_loss *l, const struct points *p,
                 sum += p->d[i * count + k] * p->d[j * count + k];
             l->gram[i * n + j] = l->gram[j * n + i] = sum / (double)count;
         }
-    free(unit);
     return 0;
 }
 
@@ -103,20 +87,21 @@ static void shape_points_put(double *to, const float *from, size_t count)
         to[i] = from[i];
 }
 
-/* The landmarks, or every vertex. */
+/* The landmarks, or every vertex, and n directions of theirs, in `room`. */
 static int shape_points_take(struct points *p, const struct head *h, size_t n,
-                             bool landmarks, struct error *err)
+                             bool landmarks, struct arena *room,
+                             struct error *err)
 {
     size_t P = landmarks ? HEAD_LANDMARKS : h->V;
-    float *verts = malloc(3 * h->V * sizeof *verts);
+    float *verts = arena_take(room, 3 * h->V, sizeof *verts);
     float lmk[3 * HEAD_LANDMARKS];
 
-    if (!verts)
-        return error_set(err, EX_OSERR, "out of memory (%zu vertices)", h->V);
-    if (shape_points_init(p, P, n, err)) {
-        free(verts);
+    p->P = P;
+    p->n = n;
+    p->x = arena_take(room, (n + 1) * P * 3, sizeof *p->x);
+    if (arena_check(room, "a shape's points", err))
         return -1;
-    }
+    p->d = p->x + 3 * P;
     for (size_t k = 0; k <= n; k++) {
         const float *from = k ? verts : h->v_template;
         if (k)
@@ -125,22 +110,26 @@ static int shape_points_take(struct points *p, const struct head *h, size_t n,
             head_landmarks(lmk, h, from);
         shape_points_put(p->x + k * 3 * P, landmarks ? lmk : from, 3 * P);
     }
-    free(verts);
     return 0;
 }
 
-/* The form of h's landmarks, or of all its vertices. */
+/* The form of h's landmarks, where it has any, or of all its vertices. */
 static int shape_loss_init(struct shape_loss *l, const struct head *h,
                            size_t n, bool landmarks, struct error *err)
 {
-    struct points p = {0};
-    int rc;
+    struct arena room = {0};
+    struct points p;
+    int rc = 0;
 
-    memset(l, 0, sizeof *l);
-    rc = shape_points_take(&p, h, n, landmarks, err) ||
-        shape_loss_fill(l, &p, err);
-    free(p.x);
-    return rc ? -1 : 0;
+    l->n = n;
+    l->gram = calloc(n * n, sizeof *l->gram);
+    if (!l->gram)
+        return error_set(err, EX_OSERR, "out of memory (%zu directions)", n);
+    if (!landmarks || h->has_landmarks)
+        rc = shape_points_take(&p, h, n, landmarks, &room, err) ||
+             shape_loss_fill(l, &p, &room, err) ? -1 : 0;
+    arena_release(&room);
+    return rc;
 }
 
 int shape_loss_vertices(struct shape_loss *l, const struct head *h, size_t n,
@@ -152,11 +141,7 @@ int shape_loss_vertices(struct shape_loss *l, const struct head *h, size_t n,
 int shape_loss_landmarks(struct shape_loss *l, const struct head *h, size_t n,
                          struct error *err)
 {
-    if (h->has_landmarks)
-        return shape_loss_init(l, h, n, true, err);
-    l->n = n;
-    l->gram = calloc(n * n, sizeof *l->gram);
-    return l->gram ? 0 : error_set(err, EX_OSERR, "out of memory");
+    return shape_loss_init(l, h, n, true, err);
 }
 
 void shape_loss_release(struct shape_loss *l)
@@ -206,7 +191,8 @@ static void shape_place_fill(struct shape_place *out, const struct points *p)
 int shape_place_init(struct shape_place *p, const struct head *h, size_t n,
                      struct error *err)
 {
-    struct points points = {0};
+    struct arena room = {0};
+    struct points points;
     int rc = 0;
 
     memset(p, 0, sizeof *p);
@@ -215,10 +201,10 @@ int shape_place_init(struct shape_place *p, const struct head *h, size_t n,
     if (!p->along)
         return error_set(err, EX_OSERR, "out of memory (%zu directions)", n);
     if (h->has_landmarks)
-        rc = shape_points_take(&points, h, n, true, err);
+        rc = shape_points_take(&points, h, n, true, &room, err);
     if (h->has_landmarks && !rc)
         shape_place_fill(p, &points);
-    free(points.x);
+    arena_release(&room);
     return rc;
 }
 

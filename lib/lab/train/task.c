@@ -1,27 +1,43 @@
 /* A task by its stage's name. */
 #include "lib/lab/train/task.h"
 
-#include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 
-/* The stage's own constructor. */
+/* The type of a stage. */
+static const struct task_type *task_find_type(enum train_stage stage)
+{
+    switch (stage) {
+    case STAGE_SHAPE:
+        return &shape_task;
+    case STAGE_MOTION:
+        return &motion_task;
+    case STAGE_LIGHT:
+        return &light_task;
+    case STAGE_MATTE:
+        return &matte_task;
+    case STAGE_CONFIDENCE:
+        return &confidence_task;
+    default:
+        return &avatar_task;
+    }
+}
+
+/* What every stage begins with, and its own constructor. */
 static int task_make(struct task *t, struct error *err)
 {
-    switch (t->config->stage) {
-    case STAGE_SHAPE:
-        return task_shape_init(t, err);
-    case STAGE_MOTION:
-        return task_motion_init(t, err);
-    case STAGE_LIGHT:
-        return task_light_init(t, err);
-    case STAGE_MATTE:
-        return task_matte_init(t, err);
-    case STAGE_CONFIDENCE:
-        return task_confidence_init(t, err);
-    default:
-        return task_avatar_init(t, err);
-    }
+    const struct task_type *type = task_find_type(t->config->stage);
+
+    t->type = type;
+    t->nparts = type->nparts;
+    t->nfigures = type->nfigures;
+    memcpy(t->part_name, type->part_name,
+           (size_t)t->nparts * sizeof *t->part_name);
+    memcpy(t->figure_name, type->figure_name,
+           (size_t)t->nfigures * sizeof *t->figure_name);
+    t->impl = arena_take(&t->memory, 1, type->size);
+    return arena_check(&t->memory, "a task", err) || type->init(t, err) ? -1
+                                                                        : 0;
 }
 
 /* The configuration's "freeze", or what its "learn" leaves out; a prefix must
@@ -61,9 +77,9 @@ int task_read_validation(struct task *t, struct data_reader *r,
 {
     size_t max = (size_t)t->config->validation_people;
 
-    t->validation = calloc(max, sizeof *t->validation);
-    if (!t->validation)
-        return error_set(err, EX_OSERR, "out of memory (%zu people)", max);
+    t->validation = arena_take(&t->memory, max, sizeof *t->validation);
+    if (arena_check(&t->memory, "people of validation", err))
+        return -1;
     data_once(r);
     for (; t->nvalidation < max; t->nvalidation++) {
         int rc = data_next(r, &t->validation[t->nvalidation], err);
@@ -77,9 +93,9 @@ void task_release(struct task *t)
 {
     for (size_t i = 0; i < t->nvalidation; i++)
         data_person_release(&t->validation[i]);
-    free(t->validation);
-    if (t->type)
+    if (t->impl)
         t->type->release(t);
     params_release(&t->ps);
+    arena_release(&t->memory);
     memset(t, 0, sizeof *t);
 }

@@ -6,6 +6,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "lib/base/arena.h"
 #include "lib/base/error.h"
 #include "lib/head/head.h"
 #include "lib/nn/params.h"
@@ -16,8 +17,16 @@
 
 struct task;
 
+/* A stage.  init declares, allocates and fills the tensors of t->ps from the
+ * seed; impl, with `size` bytes, is there and zeroed, and so are the names.  What
+ * it takes from t->memory goes with the task, the rest by release, which has to
+ * take whatever a failed init has left. */
 struct task_type {
+    size_t size;                /* of its struct impl */
     double margin;              /* of the pictures it wants: see data_open */
+    int nparts, nfigures;
+    const char *const *part_name, *const *figure_name;
+    int (*init)(struct task *t, struct error *err);
     void (*release)(struct task *t);
     /* Pass `micro` of a step: adds losses to parts, divided by the number of
      * passes, and gradients to ps->g (and opponent->g) likewise. */
@@ -51,12 +60,12 @@ struct task {
     int nwatched;               /* so many more follow in the log */
     const char *part_name[TASK_PARTS];
     const char *figure_name[TASK_PARTS];
-    void *impl;
+    struct arena memory;
+    void *impl;                 /* in it */
 };
 
-/* Make the task of the configuration's stage: declares, allocates and fills
- * its tensors from the seed.  pool and validation are set by the caller before
- * the first pass. */
+/* Make the task of the configuration's stage.  pool and validation are set by the
+ * caller before the first pass. */
 int task_init(struct task *t, const struct train_config *c,
               const struct head *h, struct error *err);
 /* Free what it holds; zeroed then. */
@@ -65,17 +74,9 @@ void task_release(struct task *t);
 int task_read_validation(struct task *t, struct data_reader *r,
                          struct error *err);
 
-/* The stages' constructors; t->config and t->head are set. */
-int task_motion_init(struct task *t, struct error *err);
-/* E_beta, ... */
-int task_shape_init(struct task *t, struct error *err);
-/* ... the light network, ... */
-int task_light_init(struct task *t, struct error *err);
-/* ... how sure E_m is, ... */
-int task_confidence_init(struct task *t, struct error *err);
-/* ... the matte network, ... */
-int task_matte_init(struct task *t, struct error *err);
-/* ... branches and refiner, or all of the model. */
-int task_avatar_init(struct task *t, struct error *err);
+/* The stages: E_m, E_beta, the light network, how sure E_m is, the matte
+ * network, branches and refiner or all of the model. */
+extern const struct task_type motion_task, shape_task, light_task,
+    confidence_task, matte_task, avatar_task;
 
 #endif

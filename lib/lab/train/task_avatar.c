@@ -33,13 +33,10 @@ enum { FIGURE_PSNR, FIGURE_SSIM, FIGURE_L1, FIGURE_STAR, FIGURE_SSIM_STAR,
 static const char *const figure_name[FIGURE_COUNT] = {
     "psnr", "ssim", "l1", "psnr_star", "ssim_star", "psnr_source"};
 
-/* NULL before it is made. */
 static void avatar_task_release(struct task *t)
 {
     struct impl *m = t->impl;
 
-    if (!m)
-        return;
     avatar_system_release(&m->tr);
     discriminator_release(&m->discriminator);
     t->opponent = NULL;
@@ -48,9 +45,6 @@ static void avatar_task_release(struct task *t)
         motion_encoder_release(&m->net);
         motion_loss_release(&m->loss);
     }
-    free(m->crops);
-    free(m);
-    t->impl = NULL;
 }
 
 /* What one pass works on: a person, a source frame, target frames. */
@@ -328,15 +322,13 @@ static int avatar_task_validate(struct task *t, double *figures,
 {
     struct impl *m = t->impl;
     size_t n = 3 * m->tr.image * m->tr.image;
-    float *tmp = malloc(3 * n * sizeof *tmp);
-    float *keep = malloc((t->ps.total + 1) * sizeof *keep);
-    int rc = 0;
+    struct arena a = {0};
+    float *tmp = arena_take(&a, 3 * n, sizeof *tmp);
+    float *keep = arena_take(&a, t->ps.total, sizeof *keep);
+    int rc = arena_check(&a, "validation", err);
 
-    if (!tmp || !keep) {
-        free(tmp);
-        free(keep);
-        return error_set(err, EX_OSERR, "out of memory");
-    }
+    if (rc)
+        goto out;
     memcpy(keep, t->ps.w, t->ps.total * sizeof *keep);
     memset(figures, 0, FIGURE_COUNT * sizeof *figures);
     avatar_task_update(t);
@@ -346,8 +338,8 @@ static int avatar_task_validate(struct task *t, double *figures,
     for (int k = 0; k < FIGURE_COUNT; k++)
         figures[k] /= (double)(t->nvalidation * VALIDATION_FRAMES);
     memcpy(t->ps.w, keep, t->ps.total * sizeof *keep);
-    free(tmp);
-    free(keep);
+out:
+    arena_release(&a);
     return rc;
 }
 
@@ -413,14 +405,6 @@ static int avatar_task_sheet(struct task *t, uint8_t **rgb, size_t *H,
     return rc;
 }
 
-static const struct task_type avatar_task_type = {
-    0,
-    avatar_task_release,
-    avatar_task_pass,
-    avatar_task_update,
-    avatar_task_validate,
-    avatar_task_sheet};
-
 /* ---- making it ---------------------------------------------------------- */
 
 /* Stage "all": E_m, its crops and its terms. */
@@ -434,12 +418,11 @@ static int avatar_task_add_motion(struct task *t, const char *net,
     memcpy(t->part_name + PICTURE_COUNT, motion_term_name,
            sizeof motion_term_name);
     t->nparts = PICTURE_COUNT + TERM_COUNT;
-    m->crops = calloc(T * (N * N * 3 + 2 * MOTION_OUT), sizeof *m->crops);
-    if (!m->crops)
-        return error_set(err, EX_OSERR, "out of memory");
-    m->out = m->crops + T * N * N * 3;
-    m->dout = m->out + T * MOTION_OUT;
-    return motion_encoder_init(&m->net, &t->ps, "motion.", net, err);
+    m->crops = arena_take(&t->memory, T * N * N * 3, sizeof *m->crops);
+    m->out = arena_take(&t->memory, T * MOTION_OUT, sizeof *m->out);
+    m->dout = arena_take(&t->memory, T * MOTION_OUT, sizeof *m->dout);
+    return arena_check(&t->memory, "crops", err) ||
+           motion_encoder_init(&m->net, &t->ps, "motion.", net, err) ? -1 : 0;
 }
 
 /* The discriminator and its terms, behind all others. */
@@ -501,20 +484,12 @@ static int avatar_task_plan(struct task *t, struct impl *m, struct error *err)
     return motion_loss_init(&m->loss, t->head, err);
 }
 
-int task_avatar_init(struct task *t, struct error *err)
+static int avatar_task_init(struct task *t, struct error *err)
 {
     const struct train_config *c = t->config;
-    struct impl *m = calloc(1, sizeof *m);
+    struct impl *m = t->impl;
     struct avatar_config model;
 
-    if (!m)
-        return error_set(err, EX_OSERR, "out of memory");
-    t->impl = m;
-    t->type = &avatar_task_type;
-    t->nparts = PICTURE_COUNT;
-    memcpy(t->part_name, picture_term_name, sizeof picture_term_name);
-    t->nfigures = FIGURE_COUNT;
-    memcpy(t->figure_name, figure_name, sizeof figure_name);
     if (c->micro != 1)
         return error_set(err, EX_CONFIG, "micro: %lld (expected 1 in this "
                          "stage: a pass is one person)",
@@ -530,3 +505,9 @@ int task_avatar_init(struct task *t, struct error *err)
     m->tr.fixed = !strncmp(c->learn, "refine.", strlen("refine."));
     return avatar_task_plan(t, m, err);
 }
+
+const struct task_type avatar_task = {
+    sizeof(struct impl), 0, PICTURE_COUNT, FIGURE_COUNT, picture_term_name,
+    figure_name, avatar_task_init, avatar_task_release, avatar_task_pass,
+    avatar_task_update, avatar_task_validate, avatar_task_sheet
+};

@@ -1,9 +1,7 @@
 /* E_m's confidence head (lib/net/confidence_head.h): logistic regression on the
  * pooled features of the encoder as it is, from crops in place against
  * negative samples. */
-#include <stdlib.h>
 #include <string.h>
-#include <sysexits.h>
 
 #include "lib/lab/data/negative.h"
 #include "lib/lab/data/contact_sheet.h"
@@ -35,14 +33,7 @@ static void confidence_task_release(struct task *t)
 {
     struct impl *m = t->impl;
 
-    if (!m)
-        return;
     mobilenet_release(&m->net);
-    free(m->rgb);
-    free(m->place);
-    free(m->how);
-    free(m);
-    t->impl = NULL;
 }
 
 /* Half of the crops are in place. */
@@ -199,11 +190,6 @@ static int confidence_task_sheet(struct task *t, uint8_t **rgb, size_t *H,
     return rc;
 }
 
-static const struct task_type confidence_task_type = {
-    0, confidence_task_release, confidence_task_pass, confidence_task_update,
-    confidence_task_validate, confidence_task_sheet
-};
-
 /* Encoder and head; only the head learns. */
 static int confidence_task_networks(struct task *t, struct error *err)
 {
@@ -225,27 +211,24 @@ static int confidence_task_networks(struct task *t, struct error *err)
     return mobilenet_plan(&m->net, m->batch, CROP_NET, CROP_NET, opt, err);
 }
 
-int task_confidence_init(struct task *t, struct error *err)
+static int confidence_task_init(struct task *t, struct error *err)
 {
-    struct impl *m = calloc(1, sizeof *m);
+    struct impl *m = t->impl;
 
-    if (!m)
-        return error_set(err, EX_OSERR, "out of memory");
-    t->impl = m;
-    t->type = &confidence_task_type;
-    t->nparts = 1;
-    t->part_name[0] = "logistic";
-    t->nfigures = FIGURE_COUNT;
-    memcpy(t->figure_name, figure_name, sizeof figure_name);
     m->batch = (size_t)t->config->micro;
     if (confidence_task_networks(t, err))
         return -1;
-    m->how = calloc(m->batch, sizeof *m->how);
-    m->rgb = malloc(m->batch * (CROP + m->net.features) * sizeof *m->rgb);
-    m->place = malloc(m->batch * CROP * sizeof *m->place);
-    if (!m->how || !m->rgb || !m->place)
-        return error_set(err, EX_OSERR, "out of memory (batch of %zu)",
-                         m->batch);
-    m->pooled = m->rgb + m->batch * CROP;
-    return 0;
+    m->how = arena_take(&t->memory, m->batch, sizeof *m->how);
+    m->rgb = arena_take(&t->memory, m->batch * CROP, sizeof *m->rgb);
+    m->pooled = arena_take(&t->memory, m->batch * m->net.features,
+                           sizeof *m->pooled);
+    m->place = arena_take(&t->memory, m->batch * CROP, sizeof *m->place);
+    return arena_check(&t->memory, "a batch", err);
 }
+
+static const char *const confidence_task_part[] = {"logistic"};
+const struct task_type confidence_task = {
+    sizeof(struct impl), 0, 1, FIGURE_COUNT, confidence_task_part, figure_name,
+    confidence_task_init, confidence_task_release, confidence_task_pass,
+    confidence_task_update, confidence_task_validate, confidence_task_sheet
+};

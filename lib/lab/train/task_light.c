@@ -1,7 +1,5 @@
 /* The light network alone: people of scans, whose light is known. */
 #include <math.h>
-#include <stdlib.h>
-#include <sysexits.h>
 
 #include "lib/lab/train/encoder_task.h"
 #include "lib/lab/train/task.h"
@@ -23,11 +21,7 @@ static void light_task_release(struct task *t)
 {
     struct impl *m = t->impl;
 
-    if (!m)
-        return;
-    encoder_task_release(&m->e);
-    free(m);
-    t->impl = NULL;
+    params_release(&m->e.copy);
 }
 
 /* People without a known light teach nothing. */
@@ -95,25 +89,18 @@ static int light_task_sheet(struct task *t, uint8_t **rgb, size_t *H,
     return encoder_task_sheet(&m->e, t, rgb, H, W, err);
 }
 
-static const struct task_type light_task_type = {
-    0, light_task_release, light_task_pass, light_task_update,
-    light_task_validate, light_task_sheet
-};
-
-int task_light_init(struct task *t, struct error *err)
+static int light_task_init(struct task *t, struct error *err)
 {
-    struct impl *m = calloc(1, sizeof *m);
+    struct impl *m = t->impl;
 
-    if (!m)
-        return error_set(err, EX_OSERR, "out of memory");
-    t->impl = m;
-    t->type = &light_task_type;
-    t->nparts = 1;
-    t->part_name[0] = "light";
-    t->nfigures = FIGURE_COUNT;
-    for (int k = 0; k < FIGURE_COUNT; k++)
-        t->figure_name[k] = figure_name[k];
     light_net_init(&m->net, &t->ps);
     return encoder_task_fill(t, err) ||
            encoder_task_init(&m->e, t, 3, err) ? -1 : 0;
 }
+
+static const char *const light_task_part[] = {"light"};
+const struct task_type light_task = {
+    sizeof(struct impl), 0, 1, FIGURE_COUNT, light_task_part, figure_name,
+    light_task_init, light_task_release, light_task_pass, light_task_update,
+    light_task_validate, light_task_sheet
+};

@@ -3,7 +3,6 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sysexits.h>
 
 #include "lib/lab/data/contact_sheet.h"
 #include "lib/lab/data/portrait_sample.h"
@@ -32,14 +31,9 @@ static void matte_task_release(struct task *t)
 {
     struct impl *m = t->impl;
 
-    if (!m)
-        return;
     matte_net_release(&m->net);
     matte_net_release(&m->validator);
     params_release(&m->copy);
-    free(m->rgb);
-    free(m);
-    t->impl = NULL;
 }
 
 /* Item i of the batch from what r draws: somebody of the pool. */
@@ -171,11 +165,6 @@ static int matte_task_sheet(struct task *t, uint8_t **rgb, size_t *H,
     return 0;
 }
 
-static const struct task_type matte_task_type = {
-    -1, matte_task_release, matte_task_pass, matte_task_update,
-    matte_task_validate, matte_task_sheet
-};
-
 /* The network, and its copy for validation. */
 static int matte_task_networks(struct task *t, struct error *err)
 {
@@ -192,27 +181,25 @@ static int matte_task_networks(struct task *t, struct error *err)
     return matte_net_plan(&m->validator, 1, opt, err);
 }
 
-int task_matte_init(struct task *t, struct error *err)
+static int matte_task_init(struct task *t, struct error *err)
 {
-    struct impl *m = calloc(1, sizeof *m);
+    struct impl *m = t->impl;
 
-    if (!m)
-        return error_set(err, EX_OSERR, "out of memory");
-    t->impl = m;
-    t->type = &matte_task_type;
-    t->nparts = 1;
-    t->part_name[0] = "entropy";
-    t->nfigures = FIGURE_COUNT;
-    memcpy(t->figure_name, figure_name, sizeof figure_name);
     params_init(&m->copy);
     m->batch = (size_t)t->config->micro;
-    m->rgb = malloc(m->batch * PIXELS * 7 * sizeof *m->rgb);
-    if (!m->rgb)
-        return error_set(err, EX_OSERR, "out of memory (batch of %zu)",
-                         m->batch);
+    m->rgb = arena_take(&t->memory, m->batch * PIXELS * 7, sizeof *m->rgb);
+    if (arena_check(&t->memory, "a batch", err))
+        return -1;
     m->alpha = m->rgb + 3 * m->batch * PIXELS;
     m->weight = m->alpha + m->batch * PIXELS;
     m->logit = m->weight + m->batch * PIXELS;
     m->dlogit = m->logit + m->batch * PIXELS;
     return matte_task_networks(t, err);
 }
+
+static const char *const matte_task_part[] = {"entropy"};
+const struct task_type matte_task = {
+    sizeof(struct impl), -1, 1, FIGURE_COUNT, matte_task_part, figure_name,
+    matte_task_init, matte_task_release, matte_task_pass, matte_task_update,
+    matte_task_validate, matte_task_sheet
+};

@@ -36,24 +36,16 @@ static const char *const figure_name[FIGURE_COUNT] = {
     "pose_deg", "yaw_deg", "pitch_deg", "roll_deg", "landmark_pct",
     "jaw_corr", "blink_corr", "vertex_mm"};
 
-/* NULL before it is made. */
 static void motion_task_release(struct task *t)
 {
     struct impl *m = t->impl;
 
-    if (!m)
-        return;
     motion_encoder_release(&m->net);
     motion_encoder_release(&m->validator);
     motion_loss_release(&m->loss);
     for (size_t i = 0; m->id && i < (size_t)t->config->pool; i++)
         identity_release(&m->id[i]);
-    free(m->error);
-    free(m->id);
-    free(m->id_of);
-    encoder_task_release(&m->e);
-    free(m);
-    t->impl = NULL;
+    params_release(&m->e.copy);
 }
 
 /* ---- a pass ------------------------------------------------------------- */
@@ -311,11 +303,6 @@ static int motion_task_sheet(struct task *t, uint8_t **rgb, size_t *H,
 
 /* ---- making it ---------------------------------------------------------- */
 
-static const struct task_type motion_task_type = {
-    1.5, motion_task_release, motion_task_pass, motion_task_update,
-    motion_task_validate, motion_task_sheet
-};
-
 /* Declare, fill and plan the network and its copy for validation. */
 static int motion_task_networks(struct task *t, struct error *err)
 {
@@ -337,24 +324,14 @@ static int motion_task_networks(struct task *t, struct error *err)
     return motion_encoder_plan(&m->validator, 1, opt, err);
 }
 
-int task_motion_init(struct task *t, struct error *err)
+static int motion_task_init(struct task *t, struct error *err)
 {
     const struct train_config *c = t->config;
-    struct impl *m = calloc(1, sizeof *m);
+    struct impl *m = t->impl;
 
-    if (!m)
-        return error_set(err, EX_OSERR, "out of memory");
-    t->impl = m;
-    t->type = &motion_task_type;
-    t->nparts = TERM_COUNT;
-    memcpy(t->part_name, motion_term_name, sizeof motion_term_name);
-    t->nfigures = FIGURE_COUNT;
-    memcpy(t->figure_name, figure_name, sizeof figure_name);
-    m->id = calloc((size_t)c->pool, sizeof *m->id);
-    m->id_of = calloc((size_t)c->pool, sizeof *m->id_of);
-    m->error = calloc((size_t)c->micro, sizeof *m->error);
-    if (!m->id || !m->id_of || !m->error)
-        return error_set(err, EX_OSERR, "out of memory");
+    m->id = arena_take(&t->memory, (size_t)c->pool, sizeof *m->id);
+    m->id_of = arena_take(&t->memory, (size_t)c->pool, sizeof *m->id_of);
+    m->error = arena_take(&t->memory, (size_t)c->micro, sizeof *m->error);
     if (encoder_task_init(&m->e, t, MOTION_OUT, err) ||
         motion_loss_init(&m->loss, t->head, err))
         return -1;
@@ -364,3 +341,9 @@ int task_motion_init(struct task *t, struct error *err)
                          "which are not pairs", m->e.batch);
     return motion_task_networks(t, err);
 }
+
+const struct task_type motion_task = {
+    sizeof(struct impl), 1.5, TERM_COUNT, FIGURE_COUNT, motion_term_name,
+    figure_name, motion_task_init, motion_task_release, motion_task_pass,
+    motion_task_update, motion_task_validate, motion_task_sheet
+};

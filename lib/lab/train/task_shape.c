@@ -3,7 +3,6 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sysexits.h>
 
 #include "lib/net/shape_encoder.h"
 #include "lib/track/tta.h"
@@ -28,17 +27,12 @@ static void shape_task_release(struct task *t)
 {
     struct impl *m = t->impl;
 
-    if (!m)
-        return;
     shape_encoder_release(&m->net);
     shape_tta_release(&m->tta);
     shape_encoder_release(&m->validator);
     shape_loss_release(&m->vertex);
     shape_loss_release(&m->landmark);
-    encoder_task_release(&m->e);
-    free(m->truth);
-    free(m);
-    t->impl = NULL;
+    params_release(&m->e.copy);
 }
 
 /* ---- a pass ------------------------------------------------------------- */
@@ -164,11 +158,6 @@ static int shape_task_sheet(struct task *t, uint8_t **rgb, size_t *H,
 
 /* ---- making it ---------------------------------------------------------- */
 
-static const struct task_type shape_task_type = {
-    1.5, shape_task_release, shape_task_pass, shape_task_update,
-    shape_task_validate, shape_task_sheet
-};
-
 /* Declare, fill and plan the network and its copy for validation. */
 static int shape_task_networks(struct task *t, struct error *err)
 {
@@ -191,27 +180,26 @@ static int shape_task_networks(struct task *t, struct error *err)
     return shape_tta_init(&m->tta, &m->validator, t->head, err);
 }
 
-int task_shape_init(struct task *t, struct error *err)
+static int shape_task_init(struct task *t, struct error *err)
 {
     size_t directions = t->head->nshape < OUT ? t->head->nshape : OUT;
-    struct impl *m = calloc(1, sizeof *m);
+    struct impl *m = t->impl;
 
-    if (!m)
-        return error_set(err, EX_OSERR, "out of memory");
-    t->impl = m;
-    t->type = &shape_task_type;
-    t->nparts = PARTS;
-    t->part_name[PART_VERTEX] = "vertex";
-    t->part_name[PART_LANDMARK] = "landmark";
-    t->part_name[PART_BETA] = "beta";
-    t->nfigures = FIGURE_COUNT;
-    memcpy(t->figure_name, figure_name, sizeof figure_name);
-    m->truth = malloc((size_t)t->config->micro * OUT * sizeof *m->truth);
-    if (!m->truth)
-        return error_set(err, EX_OSERR, "out of memory");
+    m->truth = arena_take(&t->memory, (size_t)t->config->micro * OUT,
+                          sizeof *m->truth);
     if (encoder_task_init(&m->e, t, OUT, err) ||
         shape_loss_vertices(&m->vertex, t->head, directions, err) ||
         shape_loss_landmarks(&m->landmark, t->head, directions, err))
         return -1;
     return shape_task_networks(t, err);
 }
+
+static const char *const shape_task_part[PARTS] = {
+    [PART_VERTEX] = "vertex", [PART_LANDMARK] = "landmark",
+    [PART_BETA] = "beta"
+};
+const struct task_type shape_task = {
+    sizeof(struct impl), 1.5, PARTS, FIGURE_COUNT, shape_task_part, figure_name,
+    shape_task_init, shape_task_release, shape_task_pass, shape_task_update,
+    shape_task_validate, shape_task_sheet
+};
