@@ -2,7 +2,6 @@
  * frame. */
 #include "lib/lab/fit/labels.h"
 
-#include <cjson/cJSON.h>
 #include <ctype.h>
 #include <math.h>
 #include <stdlib.h>
@@ -10,118 +9,31 @@
 #include <strings.h>
 #include <sysexits.h>
 
-#include "formats/safetensors.h"
+#include "lib/lab/people/label_rows.h"
 
 /* ---- reading ------------------------------------------------------------- */
 
-/* The tensors of a file, while it is read. */
-struct label_rows {
-    const struct safetensors *st;
-    size_t n, columns;
-    float *landmark, *blend;
-    int32_t *found;
-    cJSON *names;               /* list of n strings */
-    int column[ARKIT_COUNT];    /* of blend; -1: none */
-};
-
-static void label_rows_release(struct label_rows *r)
-{
-    free(r->landmark);
-    free(r->blend);
-    free(r->found);
-    cJSON_Delete(r->names);
-}
-
-/* A metadata list of n strings; NULL and *err. */
-static cJSON *label_list(const struct safetensors *st, const char *key,
-                         size_t n, struct error *err)
-{
-    const char *text = st_meta(st, key);
-    cJSON *list = text ? cJSON_Parse(text) : NULL, *e;
-    bool good = cJSON_IsArray(list) && (size_t)cJSON_GetArraySize(list) == n;
-
-    cJSON_ArrayForEach(e, list)
-        good = good && cJSON_IsString(e);
-    if (good)
-        return list;
-    cJSON_Delete(list);
-    error_set(err, EX_DATAERR, "%s: metadata %s: expected a JSON list of %zu "
-              "names", st_path(st), key, n);
-    return NULL;
-}
-
-/* The columns of our components. */
-static int label_columns(struct label_rows *r, struct error *err)
-{
-    cJSON *list = label_list(r->st, "blendshape_names", r->columns, err), *e;
-    int i = 0, known = 0;
-
-    for (int k = 0; k < ARKIT_COUNT; k++)
-        r->column[k] = -1;
-    if (!list)
-        return -1;
-    cJSON_ArrayForEach(e, list) {
-        int c[2], n = arkit_find(c, e->valuestring);
-
-        for (int k = 0; k < n; k++)
-            r->column[c[k]] = i;
-        known += n > 0;
-        i++;
-    }
-    cJSON_Delete(list);
-    return known ? 0 : error_set(err, EX_DATAERR, "%s: metadata "
-                                 "blendshape_names: none of ARKit's is there",
-                                 st_path(r->st));
-}
-
-/* The arrays of a labels file, whose lengths must agree. */
-static int label_rows_read(struct label_rows *r, const struct safetensors *st,
-                           struct error *err)
-{
-    size_t dims[3] = {0, LANDMARK_COUNT, 3}, two[2], count;
-    const struct st_tensor *b = st_find(st, "blendshapes");
-
-    *r = (struct label_rows){.st = st};
-    r->landmark = st_load_f32(st, "landmarks", 3, dims, &count, err);
-    if (!r->landmark)
-        return -1;
-    r->n = count / (3 * LANDMARK_COUNT);
-    two[0] = r->n;
-    two[1] = 0;
-    r->found = st_load_i32(st, "found", 1, two, NULL, err);
-    if (r->found)
-        r->blend = st_load_f32(st, "blendshapes", 2, two, NULL, err);
-    if (!r->blend)
-        return -1;
-    r->columns = b->dim[1];
-    if (label_columns(r, err))
-        return -1;
-    r->names = label_list(st, "names", r->n, err);
-    return r->names ? 0 : -1;
-}
-
-/* Row i, called name, to l; 0 too when its name is no "file#frame". */
+/* Row i of the file at path to l; -1 too when its name is no "file#frame". */
 static int label_append(struct labels *l, const struct label_rows *r,
-                        size_t i, const char *name, struct error *err)
+                        size_t i, const char *path, struct error *err)
 {
     struct label *to = &l->label[l->count];
-    const char *hash = strrchr(name, '#');
+    const char *name = r->name[i], *hash = strrchr(name, '#');
     char *end = NULL;
     unsigned long long frame = hash ? strtoull(hash + 1, &end, 10) : 0;
 
     if (!hash || hash == name || !isdigit((unsigned char)hash[1]) || *end)
         return error_set(err, EX_DATAERR, "%s: name %zu is '%.80s' (expected "
-                         "FILE#FRAME)", st_path(r->st), i, name);
+                         "FILE#FRAME)", path, i, name);
     *to = (struct label){.frame = frame};
     for (int p = 0; p < LANDMARK_COUNT; p++)
         for (int c = 0; c < 2; c++) {
-            double x = (double)r->landmark[(i * LANDMARK_COUNT + (size_t)p) *
-                                           3 + (size_t)c];
+            double x = (double)r->landmark[i][p][c];
 
             if (fabs(x) > 1e6)
                 return error_set(err, EX_DATAERR, "%s: landmarks: row %zu, "
-                                 "point %d is %g (expected pixels)",
-                                 st_path(r->st), i, p, x);
+                                 "point %d is %g (expected pixels)", path, i,
+                                 p, x);
             to->at[p][c] = x;
         }
     for (int k = 0; k < ARKIT_COUNT; k++)
@@ -146,30 +58,18 @@ bool label_is_named(const char *name, const struct label_names *of)
 int labels_read(struct labels *l, const char *path,
                 const struct label_names *except, struct error *err)
 {
-    struct safetensors *st = st_open(path, err);
-    struct label_rows r = {0};
-    struct label *grown;
-    const cJSON *e;
-    size_t i = 0;
-    int rc = -1;
+    struct label_rows r;
+    struct label *grown = NULL;
+    int rc = label_rows_read(&r, path, err);
 
-    if (!st || label_rows_read(&r, st, err))
-        goto out;
-    grown = realloc(l->label, (l->count + r.n + 1) * sizeof *grown);
-    if (!grown) {
-        error_set(err, EX_OSERR, "out of memory");
-        goto out;
-    }
-    l->label = grown;
-    rc = 0;
-    cJSON_ArrayForEach(e, r.names) {
-        if (!rc && r.found[i] && !label_is_named(e->valuestring, except))
-            rc = label_append(l, &r, i, e->valuestring, err);
-        i++;
-    }
-out:
+    if (rc == 0 &&
+        !(grown = realloc(l->label, (l->count + r.n + 1) * sizeof *grown)))
+        rc = error_set(err, EX_OSERR, "out of memory");
+    l->label = grown ? grown : l->label;
+    for (size_t i = 0; i < r.n && rc == 0; i++)
+        if (r.found[i] && !label_is_named(r.name[i], except))
+            rc = label_append(l, &r, i, path, err);
     label_rows_release(&r);
-    st_close(st);
     return rc;
 }
 

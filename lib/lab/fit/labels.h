@@ -1,9 +1,5 @@
-/* Labelled pictures: files of landmarks and blendshapes (safetensors), one row
- * for each frame of photographs and clips:
- *   landmarks f32 [N,478,3]  pixels of the picture, x right, y down
- *   blendshapes f32 [N,52]   0 to 1, names in metadata blendshape_names
- *   found u8 [N]             0: no face, the row is left out
- *   metadata names           JSON list of "file#frame" */
+/* Labelled pictures, from files of lib/lab/people/label_rows.h.  A row without a
+ * face is left out. */
 #ifndef SPID_LAB_FIT_LABELS_H
 #define SPID_LAB_FIT_LABELS_H
 

@@ -6,7 +6,6 @@
 #include "lib/lab/people/landmark_map.h"
 
 enum {
-    LANDMARK_COUNT = 478,       /* LANDMARK_FACE, then five of each iris */
     LANDMARK_LID = 16, LANDMARK_LIP = 40, LANDMARK_OVAL = 36,
     LANDMARK_BOX = 41, LANDMARK_SPANS = 11,
     LANDMARK_GAP = 4

@@ -7,6 +7,7 @@
 #include "lib/base/error.h"
 
 #define LANDMARK_FACE 468       /* of MediaPipe's face, without the irises */
+#define LANDMARK_COUNT 478      /* with five of each */
 
 /* What landmarks mean: the scan's vertex, and how loosely (cm). */
 struct landmark_map {

@@ -3,7 +3,6 @@
 #include "lib/base/sort.h"
 #include "lib/lab/people/scan_act.h"
 
-#include <cjson/cJSON.h>
 #include <math.h>
 #include <stdbool.h>
 #include <stdio.h>
@@ -11,10 +10,9 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "formats/safetensors.h"
+#include "lib/lab/people/label_rows.h"
 #include "lib/lab/people/vec.h"
 
-#define LABELS 52
 #define ROUNDS 12               /* of the clustering */
 
 struct act_seen {               /* weights of pictures, one after another */
@@ -62,27 +60,6 @@ static void act_take_calm(struct act_seen *s, size_t first)
     }
 }
 
-/* Columns of the labels that our components take. */
-static int act_columns(int column[ARKIT_COUNT], const struct safetensors *st,
-                       struct error *err)
-{
-    const char *text = st_meta(st, "blendshape_names");
-    cJSON *names = text ? cJSON_Parse(text) : NULL;
-    int rc = cJSON_GetArraySize(names) == LABELS ? 0 : -1;
-
-    for (int k = 0; k < ARKIT_COUNT; k++)
-        column[k] = -1;
-    for (int i = 0; !rc && i < LABELS; i++) {
-        const cJSON *n = cJSON_GetArrayItem(names, i);
-        int c[2], m = cJSON_IsString(n) ? arkit_find(c, n->valuestring) : 0;
-        for (int j = 0; j < m; j++)
-            column[c[j]] = i;
-    }
-    cJSON_Delete(names);
-    return rc ? error_set(err, EX_DATAERR, "%s: no %d blendshape_names "
-                          "(expected ARKit's)", st_path(st), LABELS) : 0;
-}
-
 /* Room for n more pictures. */
 static int act_grow(struct act_seen *s, size_t n, struct error *err)
 {
@@ -95,60 +72,33 @@ static int act_grow(struct act_seen *s, size_t n, struct error *err)
                                        "pictures)", n);
 }
 
-/* The rows b (n,52) of pictures with these names, person by person; those of
- * `real/` are left out. */
-static void act_add_rows(struct act_seen *s, const float *b, const int *column,
-                         const cJSON *names)
+/* The rows of a labels file, person by person, as weights of the expressions;
+ * those of `real/` are left out. */
+static int act_add_labels(struct act_seen *s, const struct label_rows *r,
+                          struct error *err)
 {
-    const cJSON *name;
     const char *last = "";
     size_t first = s->n;
 
-    cJSON_ArrayForEach(name, names) {
-        const char *t = cJSON_IsString(name) ? name->valuestring : "real/";
-        const float *row = b;
+    if (act_grow(s, r->n, err))
+        return -1;
+    for (size_t i = 0; i < r->n; i++) {
+        const char *name = r->name[i];
+        const float *row = r->blend + i * r->columns;
 
-        b += LABELS;
-        if (strncmp(last, t, act_stem(t) + 1)) {
+        if (strncmp(last, name, act_stem(name) + 1)) {
             act_take_calm(s, first);
             first = s->n;
-            last = t;
+            last = name;
         }
-        if (!strncmp(t, "real/", 5))
+        if (!strncmp(name, "real/", 5))
             continue;
         for (int k = 0; k < ARKIT_COUNT; k++)
-            s->w[s->n][k] = column[k] < 0 ? 0 : row[column[k]];
+            s->w[s->n][k] = r->column[k] < 0 ? 0 : row[r->column[k]];
         s->n++;
     }
     act_take_calm(s, first);
-}
-
-/* The rows of a labels file, as weights of the expressions. */
-static int act_add_labels(struct act_seen *s, const struct safetensors *st,
-                          struct error *err)
-{
-    size_t dims[2] = {0, LABELS}, n;
-    int column[ARKIT_COUNT], rc;
-    const char *text = st_meta(st, "names");
-    float *b;
-    cJSON *names;
-
-    if (act_columns(column, st, err))
-        return -1;
-    b = st_load_f32(st, "blendshapes", 2, dims, &n, err);
-    if (!b)
-        return -1;
-    n /= LABELS;
-    names = text ? cJSON_Parse(text) : NULL;
-    rc = cJSON_IsArray(names) && (size_t)cJSON_GetArraySize(names) == n
-             ? act_grow(s, n, err)
-             : error_set(err, EX_DATAERR, "%s: names: expected a list of %zu",
-                         st_path(st), n);
-    if (!rc)
-        act_add_rows(s, b, column, names);
-    cJSON_Delete(names);
-    free(b);
-    return rc;
+    return 0;
 }
 
 /* The kind whose mean is nearest to weights w. */
@@ -227,11 +177,13 @@ int act_model_fit(struct act_model *m, const char *dir, struct error *err)
 
     memset(m, 0, sizeof *m);
     for (int i = 0; !rc && i < 2; i++) {
+        struct label_rows r;
         char path[4096];
+
         snprintf(path, sizeof path, "%s/labels/%s.safetensors", dir, file[i]);
-        struct safetensors *st = st_open(path, err);
-        rc = st ? act_add_labels(&s, st, err) : -1;
-        st_close(st);
+        rc = label_rows_read(&r, path, err) || act_add_labels(&s, &r, err)
+                 ? -1 : 0;
+        label_rows_release(&r);
     }
     if (!rc && s.n < ACT_KINDS)
         rc = error_set(err, EX_DATAERR, "%s/labels: %zu pictures (expected "

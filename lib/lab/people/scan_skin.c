@@ -3,7 +3,6 @@
  * (principal components) and fine grain. */
 #include "lib/lab/people/scan_skin.h"
 
-#include <cjson/cJSON.h>
 #include <math.h>
 #include <stdbool.h>
 #include <stdio.h>
@@ -12,7 +11,6 @@
 #include <sysexits.h>
 
 #include "formats/image.h"
-#include "formats/safetensors.h"
 #include "lib/base/parallel.h"
 #include "lib/base/sort.h"
 #include "lib/lab/people/scan_register.h"
@@ -261,25 +259,6 @@ static void skin_drop_hair(struct skin_sample *o, const struct skin_model *s,
     }
 }
 
-/* JPEG readers make grey of what is missing: a photograph must end as one
- * does. */
-static int skin_check_whole(const char *path, struct error *err)
-{
-    FILE *f = fopen(path, "rb");
-    uint8_t b[4] = {0};
-    bool whole = false;
-
-    if (!f)
-        return 0;                       /* image_read says why */
-    if (fread(b, 1, 2, f) == 2 && (b[0] != 0xff || b[1] != 0xd8))
-        whole = true;                   /* no JPEG */
-    else if (!fseek(f, -2, SEEK_END) && fread(b + 2, 1, 2, f) == 2)
-        whole = b[2] == 0xff && b[3] == 0xd9;
-    fclose(f);
-    return whole ? 0 : error_set(err, EX_DATAERR, "%s: cut (expected a whole "
-                                 "JPEG)", path);
-}
-
 int skin_sample_take(struct skin_sample *o, const struct skin_model *s,
                      const struct skin_chart *c, const struct scan_face *f,
                      const struct register_map *m, const char *path,
@@ -296,9 +275,11 @@ int skin_sample_take(struct skin_sample *o, const struct skin_model *s,
         table[i] = skin_decode((uint8_t)i);
     if (!shape)
         return error_set(err, EX_OSERR, "out of memory for skin");
-    if (skin_check_whole(path, err) || image_read(&im, path, err))
+    if (image_read(&im, path, err))
         goto out;
-    if (register_fit(&r, m, f, point, true)) {
+    if (im.damaged) {
+        error_set(err, EX_DATAERR, "%s: cut (expected a whole JPEG)", path);
+    } else if (register_fit(&r, m, f, point, true)) {
         error_set(err, EX_OSERR, "out of memory for skin");
     } else {
         float *normal = shape + one;
@@ -323,32 +304,17 @@ static int skin_list_photographs(struct skin_list *l, const char *dir,
                                  struct arena *room, struct error *err)
 {
     char path[4096];
-    size_t dims[3] = {0, 478, 3}, n;
 
     snprintf(path, sizeof path, "%s/labels/photos.safetensors", dir);
-    struct safetensors *st = st_open(path, err);
-    if (!st)
+    if (label_rows_read(&l->all, path, err))
         return -1;
-    l->point = arena_keep(room, st_load_f32(st, "landmarks", 3, dims, &n, err),
-                          err);
-    const char *text = st_meta(st, "names");
-    l->names = text ? cJSON_Parse(text) : NULL;
-    st_close(st);
-    if (!l->point)
-        return -1;
-    n /= 478 * 3;
-    if ((size_t)cJSON_GetArraySize(l->names) != n)
-        return error_set(err, EX_DATAERR, "%s: names: expected a list of "
-                         "%zu", path, n);
-    l->row = arena_take(room, n, sizeof *l->row);
+    l->row = arena_take(room, l->all.n, sizeof *l->row);
     if (arena_check(room, "skin", err))
         return -1;
-    for (size_t i = 0; i < n; i++) {
-        const cJSON *e = cJSON_GetArrayItem(l->names, (int)i);
-        if (cJSON_IsString(e) && strstr(e->valuestring, "london/")
-            && strstr(e->valuestring, "_neutral"))
+    for (size_t i = 0; i < l->all.n; i++)
+        if (strstr(l->all.name[i], "london/") &&
+            strstr(l->all.name[i], "_neutral"))
             l->row[l->n++] = i;
-    }
     return l->n >= 4 ? 0 : error_set(err, EX_DATAERR, "%s: %zu neutral "
                                      "photographs (expected at least 4)",
                                      path, l->n);
@@ -369,13 +335,12 @@ static int skin_take(void *ctx, size_t i, struct error *err)
     const struct skin_take *c = ctx;
     const struct skin_list *l = c->l;
     char path[4096], name[512];
-    const char *e = cJSON_GetArrayItem(l->names, (int)l->row[i])->valuestring;
-    const char *base = strrchr(e, '/');
+    const char *base = strrchr(l->all.name[l->row[i]], '/');
 
     snprintf(name, sizeof name, "%.*s", (int)strcspn(base, "#"), base);
     snprintf(path, sizeof path, "%s/photos/london%s", c->dir, name);
     return skin_fit_add(c->t, i, c->s, c->f, c->m, path,
-                        l->point + l->row[i] * 478 * 3, err);
+                        l->all.landmark[l->row[i]][0], err);
 }
 
 /* Every photograph of the list by itself, in parallel. */
@@ -408,7 +373,7 @@ int skin_model_fit(struct skin_model *s, const struct scan_face *f,
          skin_fit_init(&t, l.n, &room, err) ||
          skin_take_all(&t, s, f, &m, &l, dir, err) ||
          skin_fit_finish(s, &t, memory, err);
-    cJSON_Delete(l.names);
+    label_rows_release(&l.all);
     arena_release(&room);
     return rc ? -1 : 0;
 }

@@ -2,8 +2,7 @@
 #ifndef SPID_LAB_PEOPLE_SCAN_SKIN_FIT_H
 #define SPID_LAB_PEOPLE_SCAN_SKIN_FIT_H
 
-#include <cjson/cJSON.h>
-
+#include "lib/lab/people/label_rows.h"
 #include "lib/lab/people/scan_register.h"
 #include "lib/lab/people/scan_skin.h"
 
@@ -13,9 +12,8 @@ struct skin_chart {             /* the texture square on the mesh */
 };
 
 struct skin_list {              /* photographs to fit to */
-    cJSON *names;
-    float *point;               /* (all,478,3) landmarks */
-    size_t *row, n;             /* rows that are taken */
+    struct label_rows all;
+    size_t *row, n;             /* those that are taken */
 };
 
 struct skin_sample {            /* a photograph on the texture square */
