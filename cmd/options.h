@@ -92,6 +92,8 @@ void option_animation_done(const struct animation *a);
 /* Say that pictures go without the sound of a clip that is not there. */
 struct framesink;
 void option_sound_tell(const struct framesink *s);
+/* Say that a source's picture is damaged, and that its matte is a guess. */
+void option_source_tell(const char *name, bool damaged, bool guessed);
 /* Say where the faces of an input are, when there are several, and which was
  * taken; `option` takes another. */
 void option_faces_tell(const char *name, const struct track_faces *faces,
@@ -101,6 +103,9 @@ void option_faces_tell(const char *name, const struct track_faces *faces,
 struct driver;
 void option_driver_tell(const char *name, const struct driver *d,
                         const char *option);
+/* Say how many pictures of a clip are damaged. */
+struct framesource;
+void option_damage_tell(const char *name, const struct framesource *in);
 /* Say that a driver's face was lost, or found again, in this frame. */
 struct track_result;
 void option_track_tell(const char *name, uint64_t frame,

@@ -19,6 +19,23 @@ void option_faces_tell(const char *name, const struct track_faces *faces,
            name, faces->n, at, faces->chosen + 1, option);
 }
 
+void option_source_tell(const char *name, bool damaged, bool guessed)
+{
+    if (damaged)
+        warn("%s: the picture is damaged or cut short: what is missing is grey",
+             name);
+    if (guessed)
+        warn("%s: the matte is by the head's outline and the colours alone "
+             "(--mask FILE gives a better one)", name);
+}
+
+void option_damage_tell(const char *name, const struct framesource *in)
+{
+    if (framesource_damaged(in))
+        warn("%s: %zu pictures are damaged or cut short: what is missing is "
+             "grey", name, framesource_damaged(in));
+}
+
 void option_driver_tell(const char *name, const struct driver *d,
                         const char *option)
 {

@@ -91,12 +91,7 @@ static void animate_check_usage(char **operand, int operands)
 static void animate_report_source(const struct prepared *s, const char *name)
 {
     option_faces_tell(name, &s->faces, "face");
-    if (s->damaged)
-        warn("%s: the picture is damaged or cut short: what is missing is grey",
-             name);
-    if (s->guessed)
-        warn("%s: the matte is by the head's outline and the colours alone "
-             "(--mask FILE gives a better one)", name);
+    option_source_tell(name, s->damaged, s->guessed);
     if (cli.stats) {
         stats_end("A: shape", stats_begin() - s->shape_s);
         stats_end("A: branches", stats_begin() - s->bake_s);
@@ -138,9 +133,8 @@ static int animate_run_clip(const struct job *job, struct error *err)
         option_animation_done(&a);
     if (a.take)
         take_warn(a.take, job->driver);
-    if (a.frames && framesource_damaged(a.frames))
-        warn("%s: %zu pictures are damaged or cut short: what is missing is "
-             "grey", job->driver, framesource_damaged(a.frames));
+    if (a.frames)
+        option_damage_tell(job->driver, a.frames);
     animation_close(&a);
     return rc;
 }

@@ -191,9 +191,7 @@ static void branches_move_avatar(struct stream_writer *out, const char *input)
         double begun = stats_begin();
 
         if (mover_apply(&m, out, &rec, &err)) {
-            error_prefix(&err, "%s: frame %llu", stream_name(in),
-                         (unsigned long long)rec.frame);
-            rc = -1;
+            rc = stream_blame(in, &rec, &err);
             break;
         }
         if (record_is(&rec, RECORD_MESH))

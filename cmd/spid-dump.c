@@ -225,8 +225,7 @@ static int dump_stream(struct stream_reader *in, struct outputs *out,
         stats_end(check ? "check" : "write", begun);
         if (rc) {
             if (err->code == EX_DATAERR)
-                error_prefix(err, "%s: frame %llu", stream_name(in),
-                             (unsigned long long)rec.frame);
+                stream_blame(in, &rec, err);
             return -1;
         }
         dump_count_record(tally, &rec);

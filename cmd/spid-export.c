@@ -221,11 +221,8 @@ static void export_stream(struct export *x, const char *input)
     int rc = in ? 1 : -1;
 
     while (rc > 0 && (rc = stream_read(in, &rec, &err)) > 0)
-        if (export_record(x, &rec, &err)) {
-            error_prefix(&err, "%s: frame %llu", stream_name(in),
-                         (unsigned long long)rec.frame);
-            rc = -1;
-        }
+        if (export_record(x, &rec, &err))
+            rc = stream_blame(in, &rec, &err);
     if (rc < 0)
         die_error(&err);
     stream_close(in);
@@ -237,9 +234,8 @@ int main(int argc, char **argv)
 {
     static struct export x;
     int at = cli_parse(&usage, argc, argv);
+    const char *input = cli_stream_operand(at, argc, argv);
 
-    if (argc - at > 1)
-        die(EX_USAGE, "more than one stream");
     if (lint_path)
         return export_lint_file(lint_path);
     export_networks();
@@ -248,7 +244,7 @@ int main(int argc, char **argv)
         return EX_OK;
     }
     export_open_all(&x);
-    export_stream(&x, at < argc ? argv[at] : "-");
+    export_stream(&x, input);
     export_print_drawn(&x);
     export_print_page(&x);
     if (x.coarse)

@@ -132,9 +132,7 @@ int main(int argc, char **argv)
         die_error(&err);
     while ((rc = stream_read(in, &rec, &err)) > 0)
         if (flame_pass_record(out, &f, &rec, &err)) {
-            error_prefix(&err, "%s: frame %llu", stream_name(in),
-                         (unsigned long long)rec.frame);
-            rc = -1;
+            rc = stream_blame(in, &rec, &err);
             break;
         }
     if (rc < 0) {               /* no END: the next program knows */

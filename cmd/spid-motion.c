@@ -220,9 +220,7 @@ static void motion_report_clip(const struct program *p)
     if (p->lost)
         warn("%s: no face in %zu frame%s in all", framesource_name(p->in),
              p->lost, p->lost == 1 ? "" : "s");
-    if (framesource_damaged(p->in))
-        warn("%zu pictures are damaged or cut short: what is missing is grey",
-             framesource_damaged(p->in));
+    option_damage_tell(framesource_name(p->in), p->in);
 }
 
 static void motion_release(struct program *p)

@@ -194,8 +194,7 @@ static int refine_pass_stream(struct program *p, struct error *err)
     while (begun = stats_begin(), (rc = ahead_read(p->ahead, &rec, err)) > 0) {
         stats_end("decode", begun);
         if (refine_pass_record(p, rec, err))
-            return error_prefix(err, "%s: frame %llu", stream_name(p->in),
-                                (unsigned long long)rec->frame);
+            return stream_blame(p->in, rec, err);
     }
     return rc;
 }

@@ -72,9 +72,7 @@ static void shape_read_pictures(struct program *p, const char *path)
     if (image_read(&p->picture, path, &err)
         || (mask_path && image_read(&p->mask, mask_path, &err)))
         die_error(&err);
-    if (p->picture.damaged)
-        warn("%s: the picture is damaged or cut short: what is missing is grey",
-             path);
+    option_source_tell(path, p->picture.damaged, false);
     stats_end("decode", begun);
 }
 
@@ -128,9 +126,7 @@ static void shape_make_identity(struct program *p, char **path, int paths)
     if (s->rotated)
         warn("%s: the face lay on its side or upside down: turned by %d "
              "degrees clockwise", path[0], 90 * s->rotated);
-    if (s->how == SOURCE_HEAD)
-        warn("%s: the matte is by the head's outline and the colours alone "
-             "(--mask FILE gives a better one)", path[0]);
+    option_source_tell(path[0], false, s->how == SOURCE_HEAD);
 }
 
 /* CONF, SRCI, SHAP and MOTN. */

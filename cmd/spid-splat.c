@@ -174,9 +174,7 @@ int main(int argc, char **argv)
     splat_open_renderer(&r, sink);
     while ((rc = stream_read(in, &rec, &err)) > 0)
         if (render_record(&r, &rec, &err)) {
-            error_prefix(&err, "%s: frame %llu", stream_name(in),
-                         (unsigned long long)rec.frame);
-            rc = -1;
+            rc = stream_blame(in, &rec, &err);
             break;
         }
     if (rc == 0)

@@ -57,6 +57,13 @@ const char *stream_name(const struct stream_reader *r)
     return r->name;
 }
 
+int stream_blame(const struct stream_reader *r, const struct record *rec,
+                 struct error *err)
+{
+    return error_prefix(err, "%s: frame %llu", r->name,
+                        (unsigned long long)rec->frame);
+}
+
 /* Without a source as yet. NULL: no memory. */
 static struct stream_reader *reader_new(const char *name,
                                         const struct stream_options *opt,

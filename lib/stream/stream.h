@@ -127,6 +127,9 @@ int stream_read(struct stream_reader *r, struct record *rec,
 
 /* Name for messages: the path, or "<stdin>". */
 const char *stream_name(const struct stream_reader *r);
+/* -1, and err begins with where it is: the stream's name and rec's frame. */
+int stream_blame(const struct stream_reader *r, const struct record *rec,
+                 struct error *err);
 
 void stream_close(struct stream_reader *r);      /* NULL is allowed */
 

@@ -68,11 +68,8 @@ static int driver_read_record(struct driver *d, struct driver_frame *f,
         }
         f->picture.index = rec.frame;
         f->picture.time = rec.time;
-        if (motion_read(&f->r.motion, &rec, d->nexp, err) == 0)
-            return 1;
-        error_prefix(err, "%s: frame %llu", stream_name(d->records),
-                     (unsigned long long)rec.frame);
-        return -1;
+        return motion_read(&f->r.motion, &rec, d->nexp, err)
+                   ? stream_blame(d->records, &rec, err) : 1;
     }
     return rc;
 }

@@ -136,8 +136,7 @@ static int motions_side_read(struct side *s, const char *path,
         }
         if ((record_is(&rec, RECORD_SHAP) && motions_side_fold(s, &rec, err)) ||
             (record_is(&rec, RECORD_MOTN) && motions_side_take(s, &rec, err))) {
-            rc = error_prefix(err, "%s: frame %llu", path,
-                              (unsigned long long)rec.frame);
+            rc = stream_blame(in, &rec, err);
             break;
         }
     }

@@ -110,8 +110,7 @@ int curves_read(struct curves *c, const char *path, bool first,
         if (!record_is(&rec, RECORD_MOTN) || (first && c->n))
             continue;
         if (curves_add(c, &rec, err)) {
-            rc = error_prefix(err, "%s: frame %llu", path,
-                              (unsigned long long)rec.frame);
+            rc = stream_blame(r, &rec, err);
             break;
         }
     }
