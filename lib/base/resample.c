@@ -4,26 +4,11 @@
 #include "lib/base/cpu.h"
 #include "lib/base/resample_kernel.h"
 
-struct kernels {
-    grid_sample_fn *sample;
-    grid_sample_dgrid_fn *dgrid;
-    grid_sample_dx_fn *dx;
-};
-
-#define KERNELS(isa) { \
-    grid_sample_##isa, grid_sample_dgrid_##isa, grid_sample_dx_##isa \
-}
-
 /* The versions for this processor. */
-static const struct kernels *resample_kernels(void)
+static const struct grid_kernels *resample_kernels(void)
 {
-    static const struct kernels baseline = KERNELS(baseline);
-#ifdef SPID_X86
-    static const struct kernels avx2 = KERNELS(avx2);
-    static const struct kernels avx512 = KERNELS(avx512);
-#endif
-
-    return CPU_PICK(&baseline, &avx2, &avx512);
+    return CPU_PICK(&grid_kernels_baseline, &grid_kernels_avx2,
+                    &grid_kernels_avx512);
 }
 
 void grid_sample(float *out, const float *x, const float *grid, size_t B,

@@ -117,9 +117,9 @@ static void resample_forward(void *ctx, size_t i)
 }
 
 /* out (B,N,C): the picture at each point, 0 outside. */
-void ISA(grid_sample)(float *out, const float *x, const float *grid, size_t B,
-                      size_t H, size_t W, size_t C, size_t N, bool align,
-                      bool border)
+static void resample_sample(float *out, const float *x, const float *grid,
+                            size_t B, size_t H, size_t W, size_t C, size_t N,
+                            bool align, bool border)
 {
     struct grid_call c = {out, NULL, x, grid, H, W, C, N, align, border};
 
@@ -152,9 +152,9 @@ static void resample_backward_grid(void *ctx, size_t i)
     c->out[2 * i + 1] += (float)(sy * slope[1]);
 }
 
-void ISA(grid_sample_dgrid)(float *ggrid, const float *gout, const float *x,
-                            const float *grid, size_t B, size_t H, size_t W,
-                            size_t C, size_t N, bool align, bool border)
+static void resample_dgrid(float *ggrid, const float *gout, const float *x,
+                           const float *grid, size_t B, size_t H, size_t W,
+                           size_t C, size_t N, bool align, bool border)
 {
     struct grid_call c = {ggrid, gout, x, grid, H, W, C, N, align, border};
 
@@ -191,9 +191,9 @@ static void resample_backward_x(void *ctx, size_t j)
 }
 
 /* Each thread adds into its own channels of one picture. */
-void ISA(grid_sample_dx)(float *gx, const float *gout, const float *grid,
-                         size_t B, size_t H, size_t W, size_t C, size_t N,
-                         bool align, bool border)
+static void resample_dx(float *gx, const float *gout, const float *grid,
+                        size_t B, size_t H, size_t W, size_t C, size_t N,
+                        bool align, bool border)
 {
     struct grid_call c = {gx, gout, NULL, grid, H, W, C, N, align, border};
     const size_t slices = B * ((C + SLICE - 1) / SLICE);
@@ -201,3 +201,7 @@ void ISA(grid_sample_dx)(float *gx, const float *gout, const float *grid,
     parallel_for(slices, B * N * C > FEW ? 1 : slices, resample_backward_x,
                  &c);
 }
+
+const struct grid_kernels ISA(grid_kernels) = {
+    resample_sample, resample_dgrid, resample_dx
+};
