@@ -6,10 +6,11 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
+#include <sys/mman.h>
 #include <sysexits.h>
 
 #include "formats/outfile.h"
+#include "lib/base/file.h"
 
 #define MAGIC "\x93NUMPY"
 #define PREAMBLE 10            /* magic, version, u16 length: version 1 */
@@ -231,27 +232,6 @@ int npy_header_read(struct npy_header *h, const void *head, size_t have,
     return rc;
 }
 
-/* Read the header text of f; NULL when this is not an npy file. */
-static char *npy_read_text(FILE *f)
-{
-    unsigned char head[12];
-    size_t size, more;
-    char *text;
-
-    if (fread(head, PREAMBLE, 1, f) != 1)
-        return NULL;
-    more = head[6] > 1 ? 2 : 0;
-    if ((more && fread(head + PREAMBLE, more, 1, f) != 1) ||
-        !npy_preamble(&size, head, PREAMBLE + more) ||
-        !(text = calloc(1, size + 1)))
-        return NULL;
-    if (size && fread(text, size, 1, f) != 1) {
-        free(text);
-        return NULL;
-    }
-    return text;
-}
-
 bool npy_view(struct array_view *v, const struct npy_header *h)
 {
     *v = (struct array_view){.swap = h->swap, .ndim = h->ndim};
@@ -260,62 +240,37 @@ bool npy_view(struct array_view *v, const struct npy_header *h)
            array_view_pack(v, h->fortran);
 }
 
-/* Everything of an open file. */
-static int npy_read(struct npy *a, FILE *f, struct error *err)
+/* The array of a file's bytes. */
+static int npy_read(struct npy *a, const char *file, size_t bytes,
+                    struct error *err)
 {
-    struct npy_header e = { 0 };
-    struct array_view v = { 0 };
-    struct stat st;
-    size_t count = 0, left;
-    unsigned char *raw = NULL;
-    char *text = npy_read_text(f);
-    int rc = -1;
+    struct npy_header h;
+    struct array_view v;
 
-    if (!text || fstat(fileno(f), &st) || !S_ISREG(st.st_mode))
-        return error_set(err, EX_DATAERR, "not an npy file"), free(text), -1;
-    left = (size_t)(st.st_size - ftell(f));
-    if (npy_parse_header(&e, &count, text, left, err))
-        goto out;
-    if (!npy_view(&v, &e) || e.ndim > 5) {
-        error_set(err, EX_DATAERR, "dtype is not supported (expected bool, "
-                  "integers, f2, f4 or f8, at most 5 dimensions)");
-        goto out;
-    }
-    a->ndim = e.ndim;
-    memcpy(a->dim, e.dim, sizeof a->dim);
-    raw = malloc(count * e.size + 1);
-    if (!raw) {
-        error_set(err, EX_OSERR, "out of memory");
-        goto out;
-    }
-    if (count && fread(raw, e.size, count, f) != count) {
-        error_set(err, EX_IOERR, "cannot read: %s", strerror(errno));
-        goto out;
-    }
-    a->data = array_view_to_stream(&a->dtype, &v, raw, err);
-    rc = a->data ? 0 : -1;
-out:
-    free(raw);
-    free(text);
-    return rc;
+    if (npy_header_read(&h, file, bytes, bytes, err))
+        return -1;
+    if (!npy_view(&v, &h) || h.ndim > 5)
+        return error_set(err, EX_DATAERR, "dtype is not supported (expected "
+                         "bool, integers, f2, f4 or f8, at most 5 "
+                         "dimensions)");
+    a->ndim = h.ndim;
+    memcpy(a->dim, h.dim, sizeof a->dim);
+    a->data = array_view_to_stream(&a->dtype, &v, file + h.bytes, err);
+    return a->data ? 0 : -1;
 }
 
 int npy_load(struct npy *a, const char *path, struct error *err)
 {
-    FILE *f = fopen(path, "rb");
-    int rc;
+    size_t bytes;
+    void *file = file_map(&bytes, path, err);
 
     *a = (struct npy){ 0 };
-    if (!f)
-        return error_set(err, EX_NOINPUT, "%s: cannot open: %s", path,
-                         strerror(errno));
-    rc = npy_read(a, f, err);
-    fclose(f);
-    if (rc) {
-        npy_release(a);
-        return error_prefix(err, "%s", path);
-    }
-    return 0;
+    if (!file)
+        return -1;
+    const int rc = npy_read(a, file, bytes, err) ? error_prefix(err, "%s", path)
+                                                 : 0;
+    munmap(file, bytes);
+    return rc;
 }
 
 void npy_release(struct npy *a)
