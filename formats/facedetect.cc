@@ -161,29 +161,3 @@ size_t facedetect_find(struct facedetect *d, struct square *face, size_t max,
     }
     return n;
 }
-
-bool facedetect_confirm(struct facedetect *d, const struct frame *f,
-                        struct square q)
-{
-    const int n = 96;
-    std::vector<float> crop((size_t)(3 * n * n));
-    std::vector<cv::Rect> found;
-
-    try {
-        q.size *= 1.15;                /* Haar wants some room */
-        crop_sample_u8(crop.data(), (size_t)n, f->rgb, f->width, f->height,
-                       3 * f->width, q);
-        cv::Mat in(n, n, CV_32FC3, crop.data()), grey;
-        cv::cvtColor(in, grey, cv::COLOR_RGB2GRAY);
-        grey.convertTo(grey, CV_8U, 255);
-        cv::equalizeHist(grey, grey);
-        d->frontal.detectMultiScale(grey, found, 1.15, 1, 0,
-                                    cv::Size(n * 2 / 5, n * 2 / 5));
-        for (const cv::Rect &b : found)
-            if (std::abs(b.x + b.width / 2 - n / 2) < n / 4
-                && std::abs(b.y + b.height / 2 - n / 2) < n / 4)
-                return true;
-    } catch (const std::exception &) {
-    }
-    return false;
-}

@@ -24,9 +24,4 @@ void facedetect_close(struct facedetect *d);     /* NULL is allowed */
 size_t facedetect_find(struct facedetect *d, struct square *face, size_t max,
                        bool all, bool certain, const struct frame *f);
 
-/* Is there a frontal face in about the middle of the square q (a face crop),
- * about as large as its face should be?  Cheap: works on 96 x 96 pixels. */
-bool facedetect_confirm(struct facedetect *d, const struct frame *f,
-                        struct square q);
-
 #endif

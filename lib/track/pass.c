@@ -182,6 +182,6 @@ int track_settle(struct track *t, struct track_result *r, const struct frame *f,
     t->crop = crop;
     t->last = r->motion;
     t->has_thumb = thumb_make(t->thumb, t->input) > THUMB_FLAT;
-    t->since_check = t->misses = 0;
+    t->since_check = 0;
     return 0;
 }

@@ -16,18 +16,16 @@
 #include "lib/track/thumb.h"
 #include "lib/track/window.h"
 
-#define CHECK_EVERY 30         /* frames between looks by the detector */
-#define CHECK_AGAIN 5          /* and after one that failed */
+#define CHECK_EVERY 30         /* frames between looks for another face, */
+#define CHECK_AGAIN 5          /* and after a face was found again */
 #define CUT_CORRELATION 0.3    /* of thumbnails: below it is another scene */
 #define CONFIDENCE_ENOUGH 0.35 /* E_m less sure than this lost its face */
-#define FRONTAL 0.85           /* from here on the detector finds faces */
 #define UNLIKE 0.6             /* correlation with the first frame's face from
                                 * which on another one's is looked for; one
                                 * person's is 0.62 to 1 in the shared clips,
                                 * another's 0.2 to 0.6 */
 #define REGAINED 12            /* such looks, CHECK_AGAIN frames apart */
 #define SAME_FACE 0.5          /* of the crop's side: nearer, faces are one */
-#define DOUBTS 3               /* failed checks until the face is lost */
 
 int track_init(struct track *t, const struct identity *id,
                struct motion_encoder *net, const struct track_options *opt,
@@ -94,29 +92,18 @@ static bool track_is_other(struct track *t, const struct frame *f)
     return other;
 }
 
-/* Whether the detector, asked now and then, still sees a face where a frontal
- * one is claimed. */
-static const char *track_doubtful(struct track *t, const struct motion *m,
-                                  const struct frame *f)
+/* Where several faces are, or one was found again: asked now and then, whether
+ * it is still the first frame's that is followed. */
+static const char *track_doubtful(struct track *t, const struct frame *f)
 {
-    struct square q;
+    const bool doubted = t->regained || t->faces.n > 1;
 
-    if (t->opt.has_crop || !t->detector
-        || ++t->since_check < (t->regained ? CHECK_AGAIN : CHECK_EVERY))
+    if (t->opt.has_crop || !t->detector || !doubted ||
+        ++t->since_check < (t->regained ? CHECK_AGAIN : CHECK_EVERY))
         return NULL;
     t->since_check = 0;
     t->regained -= t->regained > 0;
-    if ((t->regained || t->faces.n > 1) && track_is_other(t, f))
-        return "it is another's";
-    if (-m->R[8] < FRONTAL)
-        return NULL;
-    q = square_out_of(t->crop, t->window, t->opt.size);
-    if (facedetect_confirm(t->detector, f, q)) {
-        t->misses = 0;
-        return NULL;
-    }
-    t->since_check = CHECK_EVERY - CHECK_AGAIN;
-    return ++t->misses >= DOUBTS ? "no face where it was" : NULL;
+    return track_is_other(t, f) ? "it is another's" : NULL;
 }
 
 /* ---- frames ----------------------------------------------------------- */
@@ -267,8 +254,8 @@ static int track_recover(struct track *t, struct track_result *r,
 }
 
 /* NULL, or why E_m's motion of the crop in t->input cannot be that of the head
- * that was followed: blank, another scene, implausible, doubted by the detector
- * or by E_m itself. */
+ * that was followed: blank, another scene, implausible, another's, or doubted by
+ * E_m itself. */
 static const char *track_find_fault(struct track *t,
                                     const struct track_result *r,
                                     const struct frame *f)
@@ -287,7 +274,7 @@ static const char *track_find_fault(struct track *t,
         t->regained = REGAINED;
     why = track_implausible(t, &r->motion, next, t->crop, f);
     if (!why)
-        why = track_doubtful(t, &r->motion, f);
+        why = track_doubtful(t, f);
     if (!why && r->confidence < CONFIDENCE_ENOUGH)
         why = "no whole, upright face is seen";
     if (why)

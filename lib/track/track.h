@@ -1,7 +1,7 @@
 /* From frames to motion (Phase B's first half): which crop the motion encoder
  * sees, what its output means, and what happens when the face is lost.  The
  * crop of a frame comes from the last frame's projected head; the detector is
- * used at the start, for checks, and after a loss.  spid-motion, spid-shape and
+ * used at the start, after a loss, and where several faces are.  spid-motion, spid-shape and
  * spid animate all call this, so that they see the same. */
 #ifndef SPID_TRACK_TRACK_H
 #define SPID_TRACK_TRACK_H
@@ -97,7 +97,7 @@ struct track {
                                          * is followed */
     int regained;                       /* looks until a face that was found
                                          * again is taken for the same one's */
-    size_t since_check, misses;
+    size_t since_check;                 /* frames */
     struct motion last;                 /* as the network said it */
     struct oneeuro filter;
     float thumb[THUMB * THUMB];

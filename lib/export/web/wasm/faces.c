@@ -11,13 +11,6 @@ EM_JS(int, faces_find, (double *face, int max, const uint8_t *rgb, int W, int H)
     return found.length;
 })
 
-/* Whether one is in about the middle of the square (x, y, size). */
-EM_JS(int, faces_in_middle, (const uint8_t *rgb, int W, int H, double x, double y,
-                             double size), {
-    return Module.faces(HEAPU8.subarray(rgb, rgb + 3 * W * H), W, H).some((f) =>
-        Math.max(Math.abs(f.x - x), Math.abs(f.y - y)) < size / 4 && f.size > size / 4);
-})
-
 struct facedetect *facedetect_open(struct error *err)
 {
     static char any;
@@ -40,12 +33,4 @@ size_t facedetect_find(struct facedetect *d, struct square *face, size_t max,
     (void)certain;
     return (size_t)faces_find(&face->x, (int)max, f->rgb, (int)f->width,
                               (int)f->height);
-}
-
-bool facedetect_confirm(struct facedetect *d, const struct frame *f,
-                        struct square q)
-{
-    (void)d;
-    return faces_in_middle(f->rgb, (int)f->width, (int)f->height, q.x, q.y,
-                           q.size);
 }
