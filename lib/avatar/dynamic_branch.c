@@ -31,16 +31,16 @@
 #define SEAM_MM 4.5f    /* the photograph is used for lips moved less than this
                          * from where it shows them */
 #define ON_TEETH_MM 1.5f        /* the same where it shows teeth in their place */
-/* Cosines between which trust in a surface's colours begins and is whole: of hair 1
- * and 8 mm from the outline of a head 75 mm in radius; of skin, which is darker
- * there and has hair beside it, 6 mm, as much as the pose may be off
- * (SOURCE_MESH_OFF), and 15.  Measured with HELD: tests/bench/README.md, "How
- * long the photograph holds". */
-#define HAIR_SIDEWAYS 0.15f
-#define HAIR_SQUARE 0.45f
+/* Cosines between which the photograph is trusted where a surface lies, and wholly:
+ * 1 and 8 mm from the outline of a head 75 mm in radius; with its colours elsewhere,
+ * too, hair's from there on, skin's, which is darker there and has hair beside
+ * it, from 6 mm, as much as the pose may be off (SOURCE_MESH_OFF), and 15.
+ * tests/bench/README.md, "How long the photograph holds". */
+#define SIDEWAYS 0.15f
+#define SQUARE 0.45f
 #define SKIN_SIDEWAYS 0.4f
 #define SKIN_SQUARE 0.6f
-#define STEEP 1.98f     /* the slope where trust in hair is whole */
+#define STEEP 1.98f     /* a surface rises by so much where trust is whole */
 #define HELD 0.6f       /* where the photograph is trusted a surface fades by so
                          * much less as it turns: it is gone not at 2.5 but 4.8
                          * times, where a pixel of 0.5 mm is nearly as coarse as
@@ -104,7 +104,7 @@ int dynamic_branch_plan(struct dynamic_branch *b, size_t points,
         {&b->pixel, 4 * D, false}, {&b->h, D * b->width, false},
         {&b->in, D * b->inputs, false}, {&b->din, D * b->inputs, true},
         {&b->logit, 3 * D, false}, {&b->trust, D, false},
-        {&b->skin, D, false}, {&b->hull, D, false},
+        {&b->held, D, false}, {&b->skin, D, false}, {&b->hull, D, false},
         {&b->seam, D, false}, {&b->on_teeth, D, false},
         {&b->first, 4 * D, false}, {&b->more, FURTHER_SUMS * D, false},
         {&b->tmp, COMPLETION_SCRATCH(D), false}
@@ -238,19 +238,18 @@ static void dynamic_branch_uncover_teeth(const struct source_mesh *mesh,
     for (size_t k = 0; k < b->count; k++) {
         b->seam[k] = fmaxf(b->seam[k], b->on_teeth[k]);
         b->trust[k] *= 1 - b->on_teeth[k];
+        b->held[k] *= 1 - b->on_teeth[k];
     }
 }
 
-/* Trust in the colour that point k shows at cosine nv. */
-static float dynamic_branch_square(const struct dynamic_branch *b, size_t k,
-                                   float nv, const struct head *h)
+/* How much of point k is scalp. */
+static float dynamic_branch_hair(const struct dynamic_branch *b, size_t k,
+                                 const struct head *h)
 {
-    const float skin = branch_ramp(nv, SKIN_SIDEWAYS, SKIN_SQUARE);
     size_t end[2];
 
     densify_ends(end, b->dense, k);
-    return !h->hair ? skin : skin + (h->hair[end[0]] + h->hair[end[1]]) / 2 *
-                      (branch_ramp(nv, HAIR_SIDEWAYS, HAIR_SQUARE) - skin);
+    return h->hair ? (h->hair[end[0]] + h->hair[end[1]]) / 2 : 0;
 }
 
 PARALLEL(dynamic_branch_start_part, k, struct dynamic_branch *, b, float *, eye,
@@ -264,10 +263,13 @@ PARALLEL(dynamic_branch_start_part, k, struct dynamic_branch *, b, float *, eye,
     extra[1] = b->seen[k];
     extra[2] = b->seen[k] * branch_ramp(nv, 0.05f, 0.4f);
     extra[3] = matte;
-    b->trust[k] *= b->seen[k] * dynamic_branch_square(b, k, nv, mesh->head) *
-                  branch_ramp(matte, 0.5f, 0.9f) * (1 - b->lid[k]) *
-                  (1 - mesh->weights->lining[k]) * (1 - b->seam[k]) *
-                  (1 - b->fold[k]);
+    b->trust[k] *= b->seen[k] * branch_ramp(matte, 0.5f, 0.9f) *
+                  (1 - b->lid[k]) * (1 - mesh->weights->lining[k]) *
+                  (1 - b->seam[k]) * (1 - b->fold[k]);
+    b->held[k] = b->trust[k] * branch_ramp(nv, SIDEWAYS, SQUARE);
+    b->trust[k] *= branch_ramp(nv, SKIN_SIDEWAYS, SKIN_SQUARE);
+    b->trust[k] += dynamic_branch_hair(b, k, mesh->head) *
+                   (b->held[k] - b->trust[k]);
     memcpy(rgb + 3 * k, pixel, 3 * sizeof *rgb);
     b->start.visible[k] = 1 - mesh->weights->lining[k];
     b->start.scale_shift[k] =
@@ -369,8 +371,6 @@ static void dynamic_branch_start(const struct source_picture *picture,
     float *rgb = b->logit;
 
     dynamic_branch_look(picture, mesh, b);
-    for (size_t k = 0; k < b->count; k++)
-        b->first[4 * k + 3] = b->trust[k];
     dynamic_branch_hull(picture, mesh, b);
     if (b->has_more)
         further_take(b->pixel, b->trust, rgb, b->facing, b->more, b->count);
@@ -566,7 +566,7 @@ void dynamic_branch_tilt(float *tilt, const float *neck, size_t n,
     for (size_t k = 0; k < n; k++) {
         const float *to = b->normals + 3 * k;
         const float front = dynamic_branch_front(b, k);
-        const float hold = 1 - HELD * b->first[4 * k + 3];
+        const float hold = 1 - HELD * b->held[k];
         const float by = (1 - neck[k]) / fmaxf(b->facing[k], 1 / TILT_STEEPEST);
 
         for (size_t c = 0; c < 2; c++) {

@@ -55,7 +55,8 @@ struct dynamic_branch {
                                          * in the picture */
     float light[3];                     /* l on the picture, head frame: set
                                          * before _forward */
-    float *trust;                       /* (D) in the sampled colour, */
+    float *held;                        /* (D) trust in the picture there, */
+    float *trust;                       /* (D) in its colour elsewhere, too, */
     float *skin;                        /* (D) and in its being skin */
     float *first;                       /* (D,4) colour and trust of the first
                                          * picture */

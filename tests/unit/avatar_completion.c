@@ -152,11 +152,11 @@ static void tilt_slopes(void)
  * is, and a frame from their own side believes it where nobody is no more. */
 static void tilt_hidden(void)
 {
-    float first[12] = {0, 0, 0, 1}, seen[3] = {1, 0, 0};
+    float held[3] = {1}, seen[3] = {1, 0, 0};
     float facing[3] = {1, -0.5f, 0}, tilt[6] = {0.5f, 0.5f};
     float normals[9] = {0, 0, 1, sqrtf(0.75f), 0, -0.5f, 0, 1, 0};
     const float neck[3] = {0, 0, 1}, toward[2] = {0.6f, 0};
-    const struct dynamic_branch b = {.first = first, .seen = seen,
+    const struct dynamic_branch b = {.held = held, .seen = seen,
                                      .facing = facing, .normals = normals};
     const struct source_mesh m = {.cam = {1, 0, 0, 0, 0, -1, 0, 0,
                                           0, 0, -1, 12}};
