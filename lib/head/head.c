@@ -34,6 +34,17 @@ static int head_check_finite(const char *name, const float *x, size_t n,
     return head_check_range(name, x, 0, n, err);
 }
 
+/* Shares from 0 to 1. */
+static int head_check_shares(const char *name, const float *x, size_t n,
+                             struct error *err)
+{
+    for (size_t i = 0; i < n; i++)
+        if (!(x[i] >= 0 && x[i] <= 1))
+            return error_set(err, EX_DATAERR, "%s[%zu] is %f (expected 0 to 1)",
+                             name, i, (double)x[i]);
+    return 0;
+}
+
 /* Indices into an array of `limit`. */
 static int head_check_indices(const char *name, const int32_t *x, size_t n,
                               size_t limit, struct error *err)
@@ -127,7 +138,7 @@ static int head_check_arrays(const struct head_arrays *a, struct error *err)
          head_check_sums("landmark_bary", a->landmark_bary, HEAD_LANDMARKS, 3,
                          1e-3, err)))
         return -1;
-    if ((a->hair && head_check_finite("hair", a->hair, V, err)) ||
+    if ((a->hair && head_check_shares("hair", a->hair, V, err)) ||
         (a->uv && head_check_finite("uv", a->uv, 2 * V, err)) ||
         (a->region && head_check_indices("region", a->region, V, 256, err)))
         return -1;

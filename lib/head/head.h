@@ -71,7 +71,7 @@ struct head_arrays {
     const int32_t *landmark_faces;      /* (68), or NULL: no landmarks */
     const float *landmark_bary;         /* (68,3) */
     const int32_t *region;      /* (V) or NULL */
-    const float *hair;          /* (V) or NULL */
+    const float *hair;          /* (V) density, 0 to 1, or NULL */
     const float *uv;            /* (V,2) or NULL */
     size_t nlid, nlid_shape;    /* 0: lids close alike for everyone */
     const int32_t *lid_vertices, *lid_sides;    /* (nlid) */

@@ -61,7 +61,18 @@ static void make_head(struct head *h, struct random *r, size_t V)
         J[j * V + j * 7 % V] = 1;
     a.weights = w;
     a.J_regressor = J;
+    float *hair = random_numbers(r, V, 1);
+    struct error err = {0};
+
+    hair[V - 1] = 1.5f;
+    for (size_t v = 0; v + 1 < V; v++)
+        hair[v] = fabsf(hair[v]);
+    a.hair = hair;
+    check_at(V, "hair denser than 1 is refused",
+             head_init(h, &a, &err) ? 0 : 1, 0.5);
+    hair[V - 1] = 1;
     random_head_init(h, &a);
+    free(hair);
     free(w);
     free(J);
 }
