@@ -21,35 +21,10 @@ static void cli_help_option(const struct cli_option *o)
         printf("  %-24s  %s\n", left, o->help);
 }
 
-/* "Usage: program words", broken before a word outside all brackets so that
- * no line is longer than 79. */
-static void cli_help_usage(const struct cli_usage *u)
-{
-    int indent = 8 + (int)strlen(u->program), at = indent - 1;
-    const char *p = u->synopsis;
-
-    printf("Usage: %s", u->program);
-    while (*p) {
-        int n = 0, depth = 0;
-
-        for (; p[n] && (depth || p[n] != ' '); n++)
-            depth += p[n] == '[' ? 1 : p[n] == ']' ? -1 : 0;
-        if (at + 1 + n > 79 && at >= indent) {
-            printf("\n%*s", indent - 1, "");
-            at = indent - 1;
-        }
-        printf(" %.*s", n, p);
-        at += 1 + n;
-        p += n;
-        p += strspn(p, " \n");
-    }
-}
-
 void cli_print_help(const struct cli_usage *u,
                     const struct cli_option *all, int n)
 {
-    cli_help_usage(u);
-    printf("\n\n%s\n\n", u->purpose);
+    printf("Usage: %s %s\n\n%s\n\n", u->program, u->synopsis, u->purpose);
     for (int i = 0; i < n; i++)
         cli_help_option(&all[i]);
     printf("\nSee %s(1) for the rest.\n", u->program);

@@ -58,12 +58,7 @@ static const struct cli_option options[] = {
 };
 
 static const struct cli_usage usage = {
-    "spid-animate", "[-s] [--size N] [--mask FILE] [--crop X,Y,SIZE] "
-    "[--face N] [--driver-face N] [-b WHAT] [--into-source] [--cut] "
-    "[-f FORMAT] [--alpha] [--no-sound] [--no-tta] [--absolute] "
-    "[--neutral FRAME] [--fps RATE] [--precision TYPE] [--head FILE] "
-    "[-o FILE] [-j N] [-m MODEL] [-q] [--stats FILE] "
-    "[--list FILE | SOURCE DRIVER]",
+    "spid-animate", "[OPTION ...] [--list FILE | SOURCE DRIVER]",
     "drive a person's picture by a video", options
 };
 

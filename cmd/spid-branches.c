@@ -43,9 +43,7 @@ static const struct cli_option options[] = {
 };
 
 static const struct cli_usage usage = {
-    "spid-branches", "[-b ID | -i FILE] [--full] [--without PART] "
-    "[--prune EPS] [--head FILE] [--precision TYPE] [-o FILE] [-j N] "
-    "[-m MODEL] [-q] [--stats FILE] [STREAM]",
+    "spid-branches", "[-b ID | -i FILE] [OPTION ...] [STREAM]",
     "bake an avatar's Gaussians, or move them by driven meshes", options
 };
 

@@ -70,9 +70,7 @@ static const struct cli_option options[] = {
 };
 
 static const struct cli_usage usage = {
-    "spid-dump", "[-cq] [--json [--values]] [--safetensors FILE] [--npy DIR] "
-    "[--ply FILE] [--frames A:B] [--only TYPE] [--max-bytes SIZE] [-o FILE] "
-    "[STREAM]",
+    "spid-dump", "[OPTION ...] [STREAM]",
     "show or convert what a stream holds", options
 };
 

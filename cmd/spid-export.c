@@ -55,12 +55,7 @@ static const struct cli_option options[] = {
 };
 
 static const struct cli_usage usage = {
-    "spid-export",
-    "[--ply FILE] [--ply-compressed FILE] [--splat FILE] "
-    "[--glb-splats FILE] [--glb-head FILE] [--obj FILE] [--html FILE] "
-    "[--live] [--web FILE] [--onnx DIR] [--frame N] [-i FILE] [--head FILE] "
-    "[--expressions N] [--correctives] [--model-space] [-o FILE] "
-    "[-j N] [-m MODEL] [-q] [--stats FILE] [STREAM] | --lint FILE",
+    "spid-export", "[OPTION ...] [STREAM] | --lint FILE",
     "write Gaussians and the driven head for other programs", options
 };
 

@@ -22,8 +22,7 @@ static const struct cli_option options[] = {
 };
 
 static const struct cli_usage usage = {
-    "spid-flame", "[-i FILE] [--head FILE] [--keep-motion] [-o FILE] [-j N] "
-    "[-m MODEL] [-q] [--stats FILE] [STREAM]",
+    "spid-flame", "[OPTION ...] [STREAM]",
     "pose the head model for every MOTN record", options
 };
 

@@ -36,11 +36,7 @@ static const struct cli_option options[] = {
 };
 
 static const struct cli_usage usage = {
-    "spid-live", "[-s] [-p] [-f FORMAT] [-b WHAT] [--public] [--patience SECONDS] "
-    "[--frames N] [--relative] [--no-tta] [--fps RATE] [--mask FILE] "
-    "[--crop X,Y,SIZE] [--face N] [--driver-face N] [--precision TYPE] "
-    "[--head FILE] [-o FILE] [-j N] [-m MODEL] [-q] [--stats FILE] "
-    "SOURCE CAMERA",
+    "spid-live", "[OPTION ...] SOURCE CAMERA",
     "drive a person's picture by a camera", options
 };
 

@@ -57,12 +57,7 @@ static const struct cli_option options[] = {
 };
 
 static const struct cli_usage usage = {
-    "spid-motion",
-    "[--crop X,Y,SIZE] [--face N] [--window X,Y,SIZE] [--smooth HZ] [--no-tta] "
-    "[--no-align] "
-    "[--relative FILE] [--neutral FRAME] [--overlay FILE] [--arkit FILE] "
-    "[--fps RATE] [--bt601] [-i FILE] [--head FILE] [--precision TYPE] "
-    "[-o FILE] [-j N] [-m MODEL] [-q] [--stats FILE] [INPUT...]",
+    "spid-motion", "[OPTION ...] [INPUT...]",
     "estimate head motion from video, pictures or piped frames", options};
 
 struct program {

@@ -52,9 +52,7 @@ static const struct cli_option options[] = {
 };
 
 static const struct cli_usage usage = {
-    "spid-pack", "[-q] [--raw] [--fps N] [-t TYPE [-s] [--frame N]] "
-    "[--ply FILE] [--eye X,Y,Z] [--flat] [--model-space] [--arkit FILE "
-    "[--relative FILE] [--head FILE]] [--max-bytes SIZE] [-o FILE] SOURCE ...",
+    "spid-pack", "[OPTION ...] SOURCE ...",
     "make a stream from JSON, npy and safetensors files, or streams\n\n"
     "SOURCE is a stream, a .json or .ply file, a directory or .safetensors\n"
     "file of spid-dump, or plain arrays: NAME=FILE.npy, NAME.npy,\n"

@@ -44,9 +44,7 @@ static const struct cli_option options[] = {
 };
 
 static const struct cli_usage usage = {
-    "spid-refine", "[--precision TYPE] [--roi] [--size N] [--format FORMAT] "
-    "[--background WHAT] [-i FILE] [--alpha] [--fps RATE] [--bt601] "
-    "[-o FILE] [-j N] [-m MODEL] [-q] [--stats FILE] [STREAM]",
+    "spid-refine", "[OPTION ...] [STREAM]",
     "refine splatted feature images into pictures", options
 };
 

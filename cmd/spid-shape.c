@@ -36,9 +36,7 @@ static const struct cli_option options[] = {
 };
 
 static const struct cli_usage usage = {
-    "spid-shape", "[--crop X,Y,SIZE] [--face N] [--window X,Y,SIZE] [--mask FILE] "
-    "[--overlay FILE.png] [--head FILE] [--precision TYPE] [-o FILE] [-j N] "
-    "[-m MODEL] [-q] [--stats FILE] PICTURE [MORE...]",
+    "spid-shape", "[OPTION ...] PICTURE [MORE...]",
     "make an identity from pictures of a person", options
 };
 

@@ -104,10 +104,7 @@ static const struct cli_option options[] = {
 };
 
 static const struct cli_usage usage = {
-    "spid-splat", "[-s N] [-c N] [--camera LIST] [--focal F] [--branch LIST] "
-    "[-f NAME] [-b R,G,B|FILE] [--alpha] [--depth] [--covered] [--imag] "
-    "[--exact] [--rules NAME] [--no-photo] [--places] [--max-bytes SIZE] "
-    "[-o FILE] [-j N] [-m MODEL] [-q] [--stats FILE] [STREAM]",
+    "spid-splat", "[OPTION ...] [STREAM]",
     "draw Gaussians", options
 };
 

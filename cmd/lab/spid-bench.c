@@ -28,9 +28,7 @@ static const struct cli_option options[] = {
 };
 
 static const struct cli_usage usage = {
-    "spid-bench", "[--json | --tsv] [--plot FILE] [-s S] "
-    "[--scene FILE] "
-    "[-m MODEL] [-j THREADS] [-o FILE] STAGE...",
+    "spid-bench", "[OPTION ...] STAGE...",
     "speed against error of every knob", options
 };
 

@@ -87,11 +87,7 @@ static const struct cli_option options[] = {
 };
 
 static const struct cli_usage usage = {
-    "spid-fit", "--assets DIR [--base DIR] [--except PREFIX] [--same A,B] "
-    "[--hold PREFIX] [--held FILE] [--size PIXELS] [--rounds N] [--every N] "
-    "[--plain] [--matte] [--motions FILE] [--acts N] "
-    "[--head FILE] "
-    "[-o FILE] [-j N] [-m MODEL] [-q] [--stats FILE] LABELS ...",
+    "spid-fit", "--assets DIR [OPTION ...] LABELS ...",
     "make training data of labelled pictures", options
 };
 

@@ -28,9 +28,7 @@ static const struct cli_option options[] = {
 };
 
 static const struct cli_usage usage = {
-    "spid-head",
-    "-o FILE [--from SCANS] [--check SCANS] [--people N] [--head FILE] "
-    "[--avatar FILE] [-j N] [-m MODEL] [-q] [--stats FILE]",
+    "spid-head", "-o FILE [OPTION ...]",
     "write the built-in head model, compare it with scans", options
 };
 

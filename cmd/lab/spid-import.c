@@ -47,11 +47,7 @@ static const struct cli_option options[] = {
 };
 
 static const struct cli_usage usage = {
-    "spid-import",
-    "FILE -o OUT [--as KIND] [--eyelids FILE] [--landmarks FILE]"
-    " [--linear FILE] [--config FILE] [--encoders MODEL] [--head FILE]"
-    " [--from-head FILE] [-j N] [-m MODEL] [-q] [--stats FILE]"
-    " | FILE --list",
+    "spid-import", "FILE -o OUT [OPTION ...] | FILE --list",
     "convert public checkpoints to safetensors", options
 };
 

@@ -44,9 +44,7 @@ static const struct cli_option options[] = {
 };
 
 static const struct cli_usage usage = {
-    "spid-prepare", "-o DIR [--frames N] [--least N] [--min-face PIXELS] "
-    "[--size PIXELS] [--part I/N] [--head FILE] [--precision TYPE] [-j N] "
-    "[-m MODEL] [-q] [--stats FILE] CLIP|FOLDER|@LIST ...",
+    "spid-prepare", "-o DIR [OPTION ...] CLIP|FOLDER|@LIST ...",
     "videos of people as training records", options
 };
 

@@ -12,8 +12,7 @@ static const struct cli_option options[] = {
 };
 
 static const struct cli_usage usage = {
-    "spid-report",
-    "[--sheet FILE] [-o FILE] [-j N] [-m MODEL] [-q] [--stats FILE] RUN",
+    "spid-report", "[OPTION ...] RUN",
     "write one HTML page of a run: videos, motion, pictures, times, metrics",
     options};
 

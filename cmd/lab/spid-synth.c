@@ -78,10 +78,7 @@ static const struct cli_option options[] = {
 };
 
 static const struct cli_usage usage = {
-    "spid-synth", "[-n N] [--frames N] [-s N] [--first N] [--size PIXELS] "
-    "[--fps RATE] [--effects X] [--turn LIST] [--without mesh] [--format NAME] "
-    "[--assets DIR] [--traits FILE] [--head FILE] [-o FILE] [-j N] [-m MODEL] "
-    "[-q] [--stats FILE]",
+    "spid-synth", "[OPTION ...]",
     "make people: pictures with their true parameters", options
 };
 
