@@ -110,44 +110,40 @@ static std::vector<cv::Rect> facedetect_search(cv::CascadeClassifier &c,
 
 /* The picture in grey with its longest side at most `side`; returns the
  * scale. */
-static double facedetect_shrink_grey(cv::Mat &grey, const cv::Mat &in,
+static double facedetect_shrink_grey(cv::Mat &grey, struct mipmap *picture,
                                      double side)
 {
-    cv::Mat small = in;
+    const struct mipmap_level *l = picture->level;
+    size_t level = 0;
 
-    /* cv::resize would take longer than the search */
-    while (std::max(small.cols, small.rows) >= 4 * side) {
-        cv::Mat half(small.rows / 2, small.cols / 2, CV_8UC3);
-
-        crop_halve(half.data, small.data, (size_t)half.cols * 2,
-                   (size_t)half.rows * 2, (size_t)small.cols * 3);
-        small = half;
-    }
+    /* cv::resize of the picture would take longer than the search */
+    while (level + 1 < picture->levels &&
+           (double)std::max(l[level].W, l[level].H) >= 4 * side)
+        level++;
+    l = mipmap_whole(picture, level);
+    cv::Mat small((int)l->H, (int)l->W, CV_8UC3, const_cast<uint8_t *>(l->rgb));
     const double k = std::min(1.0, side / std::max(small.cols, small.rows));
 
     if (k < 1)
         cv::resize(small, small, cv::Size(), k, k, cv::INTER_AREA);
     cv::cvtColor(small, grey, cv::COLOR_RGB2GRAY);
     cv::equalizeHist(grey, grey);
-    return (double)small.cols / (double)in.cols;
+    return (double)grey.cols / (double)picture->level->W;
 }
 
 size_t facedetect_find(struct facedetect *d, struct square *face, size_t max,
-                       bool all, bool certain, const struct frame *f)
+                       bool all, bool certain, struct mipmap *picture)
 {
     size_t n = 0;
 
-    if (f->width == 0 || f->height == 0)
-        return 0;
     try {
-        cv::Mat in((int)f->height, (int)f->width, CV_8UC3,
-                   const_cast<uint8_t *>(f->rgb)), grey;
+        cv::Mat grey;
         std::vector<cv::Rect> found;
-        double k = facedetect_shrink_grey(grey, in, QUICK_SIDE);
+        double k = facedetect_shrink_grey(grey, picture, QUICK_SIDE);
         if (!all)
             found = facedetect_search(d->frontal, grey, 5, certain);
         if (found.empty()) {
-            k = facedetect_shrink_grey(grey, in, SEARCH_SIDE);
+            k = facedetect_shrink_grey(grey, picture, SEARCH_SIDE);
             found = facedetect_search(d->frontal, grey, 12, certain);
         }
         for (const cv::Rect &box : found) {

@@ -5,9 +5,9 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "formats/framesource.h"
-#include "lib/base/error.h"
 #include "lib/base/crop.h"
+#include "lib/base/error.h"
+#include "lib/base/mipmap.h"
 
 struct facedetect;
 
@@ -22,6 +22,6 @@ void facedetect_close(struct facedetect *d);     /* NULL is allowed */
  * are looked for when there is no large one, or when all are wanted, which takes
  * four times as long. */
 size_t facedetect_find(struct facedetect *d, struct square *face, size_t max,
-                       bool all, bool certain, const struct frame *f);
+                       bool all, bool certain, struct mipmap *picture);
 
 #endif

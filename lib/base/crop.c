@@ -106,7 +106,7 @@ struct extent extent_resize(struct extent e, size_t n, size_t w)
 
 void extent_repeat_edges(float *rgb, size_t n, size_t step, struct extent e)
 {
-    if (e.x[0] >= e.x[1] || e.y[0] >= e.y[1])
+    if (extent_is_empty(&e))
         return;
     for (size_t i = 0; i < n * n; i++) {
         const size_t x = i % n, y = i / n;
@@ -355,18 +355,16 @@ void crop_sample_u8(float *out, size_t n, const uint8_t *rgb, size_t W,
 
 /* One row. */
 PARALLEL(crop_halve_part, y, uint8_t *, out, const uint8_t *, rgb, size_t, w,
-         size_t, stride)
+         size_t, stride, size_t, stride_in)
 {
-    crop_kernels()->halve(out + 3 * y * w, rgb + 2 * y * stride,
-                          rgb + (2 * y + 1) * stride, w);
+    crop_kernels()->halve(out + y * stride, rgb + 2 * y * stride_in,
+                          rgb + (2 * y + 1) * stride_in, w);
 }
 
-void crop_halve(uint8_t *out, const uint8_t *rgb, size_t W, size_t H,
-                size_t stride)
+void crop_halve(uint8_t *out, const uint8_t *rgb, size_t w, size_t h,
+                size_t stride, size_t stride_in)
 {
-    /* in its own place a row is written over what the one before has read */
-    parallel_each(crop_halve_part, H / 2, out == rgb ? H : 16, out, rgb, W / 2,
-                  stride);
+    parallel_each(crop_halve_part, h, 16, out, rgb, w, stride, stride_in);
 }
 
 /* ---- resizing a square to 8 bits -------------------------------------- */

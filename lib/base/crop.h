@@ -45,6 +45,11 @@ static inline bool extent_has(const struct extent *e, size_t x, size_t y)
     return x >= e->x[0] && x < e->x[1] && y >= e->y[0] && y < e->y[1];
 }
 
+static inline bool extent_is_empty(const struct extent *e)
+{
+    return e->x[0] >= e->x[1] || e->y[0] >= e->y[1];
+}
+
 /* Of the square's n x n pixels those whose middles lie in a picture of W x H;
  * beyond its border alone: empty. */
 struct extent square_extent(size_t n, size_t W, size_t H, struct square q);
@@ -86,10 +91,10 @@ void crop_sample_backward(float *grgb, double gq[3], const float *gout,
 void crop_sample_ref(double *out, size_t n, const double *rgb, size_t W,
                      size_t H, struct square q);
 
-/* out [H/2,W/2,3] = means of 2 x 2 pixels: done before crop_sample_u8 while
- * the square has more than two pixels for one of the crop.  out may be rgb. */
-void crop_halve(uint8_t *out, const uint8_t *rgb, size_t W, size_t H,
-                size_t stride);
+/* out [h,w,3] = means of 2 x 2 pixels of rgb [2h,2w,3], of which rows are
+ * stride and stride_in bytes apart. */
+void crop_halve(uint8_t *out, const uint8_t *rgb, size_t w, size_t h,
+                size_t stride, size_t stride_in);
 
 /* The square of an 8-bit picture as n x n 8-bit pixels, antialiased when it
  * shrinks, black beyond square_extent and nowhere mixed with it: the

@@ -18,10 +18,8 @@ struct square track_window(const struct track *t, struct square crop)
 }
 
 /* E_m about a square of the picture, which sets the window before the first
- * face is found: 1, it is sure of a face there, which is followed; 0; -1. */
-static int track_try(struct track *t, struct track_result *r,
-                     const struct frame *f, struct square q,
-                     struct error *err)
+ * face is found: whether it is sure of a face there, which is followed. */
+static bool track_try(struct track *t, struct track_result *r, struct square q)
 {
     const double size = t->opt.size;
 
@@ -30,30 +28,26 @@ static int track_try(struct track *t, struct track_result *r,
     q = square_into(q, t->window, size);
     if (!(q.x > 0 && q.y > 0 && q.x < size && q.y < size &&
           q.size > size / 32))
-        return 0;
-    if (track_settle(t, r, f, q, err) != 0)
-        return -1;
+        return false;
+    track_settle(t, r, q);
     return (double)r->confidence >= FOUND;
 }
 
 /* Of n of the detector's faces those that E_m is sure of, into *faces; of these
  * the one that looks most like the first frame's is chosen, or in a first frame
- * the one that was asked for.  0; -1. */
-static int track_compare(struct track_faces *faces, struct track *t,
-                         struct track_result *r, const struct square *face,
-                         size_t n, const struct frame *f, struct error *err)
+ * the one that was asked for. */
+static void track_compare(struct track_faces *faces, struct track *t,
+                          struct track_result *r, const struct square *face,
+                          size_t n)
 {
     double max = -2;
 
     *faces = (struct track_faces){.chosen = t->opt.face
                                       ? (size_t)t->opt.face - 1 : 0};
     for (size_t i = 0; i < n; i++) {
-        const int found = track_try(t, r, f, crop_from_detection(face[i]),
-                                    err);
+        const bool found = track_try(t, r, crop_from_detection(face[i]));
         const double similar = thumb_correlate(t->first_thumb, t->thumb);
 
-        if (found < 0)
-            return -1;
         if (!found)
             continue;
         if (t->started && similar > max) {
@@ -63,12 +57,10 @@ static int track_compare(struct track_faces *faces, struct track *t,
         faces->crop[faces->n++] = square_out_of(t->crop, t->window,
                                                 t->opt.size);
     }
-    return 0;
 }
 
 /* The detector's face, where E_m agrees: 1, 0, -1 no detector. */
-static int track_detect(struct track *t, struct track_result *r,
-                        const struct frame *f, bool certain,
+static int track_detect(struct track *t, struct track_result *r, bool certain,
                         struct error *err)
 {
     const double begun = cpu_seconds();
@@ -79,36 +71,29 @@ static int track_detect(struct track *t, struct track_result *r,
     if (!t->detector && !(t->detector = facedetect_open(err)))
         return -1;
     const size_t n = facedetect_find(t->detector, face, TRACK_FACES, all,
-                                     certain, f);
+                                     certain, &t->picture);
     r->detect_s += cpu_seconds() - begun;
     if (n == 1 && t->opt.face <= 1)
-        return track_try(t, r, f, crop_from_detection(face[0]), err);
-    if (track_compare(&faces, t, r, face, n, f, err))
-        return -1;
+        return track_try(t, r, crop_from_detection(face[0]));
+    track_compare(&faces, t, r, face, n);
     if (!t->started)
         t->faces = faces;
     if (faces.n > t->max_faces)
         t->max_faces = faces.n;
-    return faces.chosen < faces.n
-               ? track_try(t, r, f, faces.crop[faces.chosen], err)
-               : 0;
+    return faces.chosen < faces.n && track_try(t, r, faces.crop[faces.chosen]);
 }
 
-/* Of a level's squares the one whose face E_m is surest of: 1, then *best is
- * the crop that it settled on, in picture pixels; 0; -1. */
-static int track_try_level(struct track *t, struct track_result *r,
-                           struct square *best, const struct frame *f,
-                           size_t level, struct error *err)
+/* Of a level's squares the one whose face E_m is surest of: whether there is
+ * one, and then *best, the crop that it settled on, in picture pixels. */
+static bool track_try_level(struct square *best, struct track *t,
+                            struct track_result *r, size_t level)
 {
     struct square q[SEARCH_BEST];
-    const size_t n = search_level(q, &t->search, level);
+    const size_t n = search_level(q, &t->search, &t->picture, level);
     double confidence = 0;
 
     for (size_t i = 0; i < n; i++) {
-        const int found = track_try(t, r, f, q[i], err);
-        if (found < 0)
-            return -1;
-        if (!found || (double)r->confidence < confidence)
+        if (!track_try(t, r, q[i]) || (double)r->confidence < confidence)
             continue;
         confidence = (double)r->confidence;
         *best = square_out_of(t->crop, t->window, t->opt.size);
@@ -116,34 +101,30 @@ static int track_try_level(struct track *t, struct track_result *r,
     return confidence > 0;
 }
 
-/* The largest face that E_m is sure of, wherever it is: 1, 0, -1. */
-static int track_search(struct track *t, struct track_result *r,
-                        const struct frame *f, size_t levels,
-                        struct error *err)
+/* The largest face that E_m is sure of, wherever it is. */
+static bool track_search(struct track *t, struct track_result *r, size_t levels)
 {
     const double begun = cpu_seconds();
     struct square best;
-    int found = 0;
+    bool found = false;
 
-    if (!t->tta.net->confidence.ps || !levels)
-        return 0;
-    if (search_take(&t->search, f, err))
-        return -1;
+    if (!t->tta.net->confidence.ps)
+        return false;
     for (size_t k = 0; k < levels && !found; k++)
-        found = track_try_level(t, r, &best, f, k, err);
+        found = track_try_level(&best, t, r, k);
     r->detect_s += cpu_seconds() - begun;
-    return found == 1 ? track_try(t, r, f, best, err) : found;
+    return found && track_try(t, r, best);
 }
 
-int track_find(struct track *t, struct track_result *r, const struct frame *f,
+int track_find(struct track *t, struct track_result *r,
                struct track_effort effort, struct error *err)
 {
     const struct motion last = t->last;
     const struct square crop = t->crop;
-    int found = track_detect(t, r, f, effort.certain, err);
+    int found = track_detect(t, r, effort.certain, err);
 
     if (found == 0 && (t->started || t->opt.face <= 1))
-        found = track_search(t, r, f, effort.levels, err);
+        found = track_search(t, r, effort.levels);
     if (found != 1) {
         t->last = last;
         t->crop = crop;

@@ -11,8 +11,8 @@ struct square track_window(const struct track *t, struct square crop);
 
 /* A face: the detector's, which is fast, or wherever E_m is sure of one.  1,
  * and it is followed, or before the first frame is done the window is set, too;
- * 0, t is as it was; -1, no memory, no detector. */
-int track_find(struct track *t, struct track_result *r, const struct frame *f,
+ * 0, t is as it was; -1, no detector. */
+int track_find(struct track *t, struct track_result *r,
                struct track_effort effort, struct error *err);
 
 #endif

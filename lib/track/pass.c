@@ -3,9 +3,7 @@
 #include "lib/track/pass.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
-#include <sysexits.h>
 
 #include "lib/base/camera.h"
 #include "lib/base/cpu.h"
@@ -21,58 +19,10 @@
 #define BEHIND (-0.2)          /* cosine of a head's turn: its back is shown */
 #define VISIBLE 0.4            /* least share of the crop in the picture */
 
-/* ---- what the network sees --------------------------------------------- */
-
-/* The part of the picture about q at half size, until two pixels of it or
- * fewer make one of the crop.  Updates picture, sizes and q. */
-static int track_shrink(struct track *t, const uint8_t **rgb, size_t *W,
-                        size_t *H, size_t *stride, struct square *q)
+void track_cut(float *out, struct track *t, struct square crop)
 {
-    while (q->size > 2 * CROP_NET && *W > 1 && *H > 1) {
-        double l = floor(q->x - q->size / 2) - 4;
-        double u = floor(q->y - q->size / 2) - 4;
-        size_t x0 = l > 0 ? (size_t)fmin(l, (double)*W) / 2 * 2 : 0;
-        size_t y0 = u > 0 ? (size_t)fmin(u, (double)*H) / 2 * 2 : 0;
-        double r = q->x + q->size / 2 + 4, b = q->y + q->size / 2 + 4;
-        size_t x1 = r < (double)*W ? (size_t)fmax(r, (double)x0) : *W;
-        size_t y1 = b < (double)*H ? (size_t)fmax(b, (double)y0) : *H;
-        size_t w = (x1 - x0) / 2, h = (y1 - y0) / 2;
-        uint8_t *out;
-        if (w == 0 || h == 0)
-            return 0;
-        /* the first step writes the buffer, the others shrink in place */
-        if (3 * w * h > t->half_room) {
-            uint8_t *grown = malloc(3 * w * h);
-            if (!grown)
-                return -1;
-            free(t->half);
-            t->half = grown;
-            t->half_room = 3 * w * h;
-        }
-        out = t->half;
-        crop_halve(out, *rgb + y0 * *stride + 3 * x0, 2 * w, 2 * h, *stride);
-        *rgb = out;
-        *stride = 3 * w;
-        *W = w;
-        *H = h;
-        q->x = (q->x - (double)x0) / 2;
-        q->y = (q->y - (double)y0) / 2;
-        q->size /= 2;
-    }
-    return 0;
-}
-
-int track_cut(float *out, struct track *t, const struct frame *f,
-              struct square crop, struct error *err)
-{
-    struct square q = square_out_of(crop, t->window, t->opt.size);
-    const uint8_t *rgb = f->rgb;
-    size_t W = f->width, H = f->height, stride = 3 * W;
-
-    if (track_shrink(t, &rgb, &W, &H, &stride, &q) != 0)
-        return error_set(err, EX_OSERR, "no memory to shrink a frame");
-    crop_sample_u8(out, CROP_NET, rgb, W, H, stride, q);
-    return 0;
+    mipmap_sample(out, CROP_NET, &t->picture,
+                  square_out_of(crop, t->window, t->opt.size));
 }
 
 /* ---- what the network says -------------------------------------------- */
@@ -100,14 +50,13 @@ void track_project(float *uv, struct track *t, const struct motion *m)
     camera_project(uv, NULL, cam, (float)t->opt.size, lmk, HEAD_LANDMARKS);
 }
 
-int track_encode(struct track *t, struct track_result *r, const struct frame *f,
-                 struct square crop, bool follows, struct error *err)
+void track_encode(struct track *t, struct track_result *r, struct square crop,
+                  bool follows)
 {
     float out[MOTION_OUT];
     double t0 = cpu_seconds(), t1, t2;
 
-    if (track_cut(t->input, t, f, crop, err) != 0)
-        return -1;
+    track_cut(t->input, t, crop);
     t1 = cpu_seconds();
     (follows ? motion_tta_follow : motion_tta_forward)(out, &t->tta, t->input);
     r->confidence = motion_tta_confidence(&t->tta, 0);
@@ -116,7 +65,6 @@ int track_encode(struct track *t, struct track_result *r, const struct frame *f,
     r->crop_s += t1 - t0;
     r->network_s += t2 - t1;
     r->heads_s += cpu_seconds() - t2;
-    return 0;
 }
 
 /* ---- where it leads ----------------------------------------------------- */
@@ -129,20 +77,19 @@ struct square track_next_crop(struct track *t, const struct motion *m)
     return crop_from_landmarks(uv, HEAD_LANDMARKS);
 }
 
-double track_visible(const struct track *t, struct square crop,
-                     const struct frame *f)
+double track_visible(const struct track *t, struct square crop)
 {
+    const struct mipmap_level *f = t->picture.level;
     struct square q = square_out_of(crop, t->window, t->opt.size);
     const double half = q.size / 2;
-    double w = fmin(q.x + half, (double)f->width) - fmax(q.x - half, 0);
-    double h = fmin(q.y + half, (double)f->height) - fmax(q.y - half, 0);
+    double w = fmin(q.x + half, (double)f->W) - fmax(q.x - half, 0);
+    double h = fmin(q.y + half, (double)f->H) - fmax(q.y - half, 0);
 
     return w > 0 && h > 0 ? w * h / (q.size * q.size) : 0;
 }
 
 const char *track_implausible(const struct track *t, const struct motion *m,
-                              struct square next, struct square used,
-                              const struct frame *f)
+                              struct square next, struct square used)
 {
     double move = hypot(next.x - used.x, next.y - used.y);
 
@@ -155,22 +102,21 @@ const char *track_implausible(const struct track *t, const struct motion *m,
         return "its size jumped";
     if (-m->R[8] < BEHIND)
         return "it turned away";
-    if (track_visible(t, next, f) < VISIBLE)
+    if (track_visible(t, next) < VISIBLE)
         return "it left the picture";
     return NULL;
 }
 
-int track_settle(struct track *t, struct track_result *r, const struct frame *f,
-                 struct square guess, struct error *err)
+void track_settle(struct track *t, struct track_result *r,
+                  struct square guess)
 {
     struct square crop = guess, next;
     double before = INFINITY, step;
 
     for (int i = 0; i < LAST_PASSES; i++) {
-        if (track_encode(t, r, f, crop, false, err) != 0)
-            return -1;
+        track_encode(t, r, crop, false);
         next = track_next_crop(t, &r->motion);
-        if (track_implausible(t, &r->motion, next, guess, f))
+        if (track_implausible(t, &r->motion, next, guess))
             break;
         step = (hypot(next.x - crop.x, next.y - crop.y)
                 + fabs(next.size - crop.size)) / crop.size;
@@ -183,5 +129,4 @@ int track_settle(struct track *t, struct track_result *r, const struct frame *f,
     t->last = r->motion;
     t->has_thumb = thumb_make(t->thumb, t->input) > THUMB_FLAT;
     t->since_check = 0;
-    return 0;
 }

@@ -7,28 +7,25 @@
 #include "lib/track/track.h"
 
 /* The paper's line: r's motion and confidence of the picture in one crop;
- * follows: it is that of the last crop's face a frame later.  -1 only when
- * memory is short. */
-int track_encode(struct track *t, struct track_result *r, const struct frame *f,
-                 struct square crop, bool follows, struct error *err);
+ * follows: it is that of the last crop's face a frame later. */
+void track_encode(struct track *t, struct track_result *r, struct square crop,
+                  bool follows);
 
 /* The crop that the projected head asks for. */
 struct square track_next_crop(struct track *t, const struct motion *m);
 
 /* Share of a crop that lies in the picture. */
-double track_visible(const struct track *t, struct square crop,
-                     const struct frame *f);
+double track_visible(const struct track *t, struct square crop);
 
 /* NULL, or why m, which asks for the crop `next`, cannot be the head that was in
  * the crop `used`. */
 const char *track_implausible(const struct track *t, const struct motion *m,
-                              struct square next, struct square used,
-                              const struct frame *f);
+                              struct square next, struct square used);
 
 /* Passes from a first guess until the crop is the one that its own projection
  * asks for, which t then follows; a projection far from the guess is not
- * followed.  0; -1 as track_encode. */
-int track_settle(struct track *t, struct track_result *r, const struct frame *f,
-                 struct square guess, struct error *err);
+ * followed. */
+void track_settle(struct track *t, struct track_result *r,
+                  struct square guess);
 
 #endif

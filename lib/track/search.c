@@ -4,7 +4,6 @@
 #include "lib/track/search.h"
 
 #include <math.h>
-#include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
@@ -34,46 +33,9 @@ int search_init(struct search *s, struct motion_encoder *net,
     return 0;
 }
 
-/* Whether a picture is shrunk to half of W x H once more. */
-static bool search_shrinks(size_t W, size_t H)
-{
-    return (W < H ? W : H) >= 2 * SEARCH_SIDE;
-}
-
-int search_take(struct search *s, const struct frame *f, struct error *err)
-{
-    const size_t W = f->width, H = f->height;
-    const uint8_t *rgb = f->rgb;
-    const bool shrinks = search_shrinks(W, H);
-    const size_t room = shrinks ? 3 * (W / 2) * (H / 2) : 3 * W * H;
-
-    if (room > s->room) {
-        uint8_t *small = realloc(s->small, room);
-
-        if (!small)
-            return error_set(err, EX_OSERR, "no memory to look for a face in "
-                             "a picture of %zu x %zu pixels", W, H);
-        s->small = small;
-        s->room = room;
-    }
-    s->W = W;
-    s->H = H;
-    s->shrunk = 1;
-    if (!shrinks)
-        memcpy(s->small, rgb, room);
-    for (; search_shrinks(s->W, s->H); rgb = s->small) {
-        crop_halve(s->small, rgb, s->W / 2 * 2, s->H / 2 * 2, 3 * s->W);
-        s->W /= 2;
-        s->H /= 2;
-        s->shrunk /= 2;
-    }
-    return 0;
-}
-
 void search_release(struct search *s)
 {
     free(s->rgb);
-    free(s->small);
     memset(s, 0, sizeof *s);
 }
 
@@ -102,15 +64,26 @@ static size_t search_keep(struct square *best, float *confidence, size_t n,
     return n;
 }
 
-/* E_m on `count` squares of the shrunken picture. */
+const struct mipmap_level *search_take(struct mipmap *picture)
+{
+    const struct mipmap_level *l = picture->level;
+    size_t k = 0;
+
+    while ((l[k].W < l[k].H ? l[k].W : l[k].H) >= 2 * SEARCH_SIDE)
+        k++;
+    return mipmap_whole(picture, k);
+}
+
+/* E_m on `count` squares of the picture. */
 static size_t search_look(struct search *s, struct square *best, float *confidence,
-                          size_t n, const struct square *q, size_t count)
+                          size_t n, const struct mipmap_level *l,
+                          const struct square *q, size_t count)
 {
     const size_t crop = 3 * CROP_NET * CROP_NET;
 
     for (size_t i = 0; i < s->net->batch; i++)  /* the last one fills up */
-        crop_sample_u8(s->rgb + i * crop, CROP_NET, s->small, s->W, s->H,
-                       3 * s->W, q[i < count ? i : count - 1]);
+        crop_sample_u8(s->rgb + i * crop, CROP_NET, l->rgb, l->W, l->H,
+                       3 * l->W, q[i < count ? i : count - 1]);
     motion_encoder_forward(s->out, s->rgb, s->net);
     for (size_t i = 0; i < count; i++)
         n = search_keep(best, confidence, n, q[i], motion_encoder_confidence(s->net, i));
@@ -136,11 +109,13 @@ static double search_middle(size_t i, size_t n, double side, size_t length)
 }
 
 size_t search_level(struct square best[SEARCH_BEST], struct search *s,
-                    size_t level)
+                    struct mipmap *picture, size_t level)
 {
-    const double side = SEARCH_LARGEST * fmin((double)s->W, (double)s->H) /
+    const struct mipmap_level *l = search_take(picture);
+    const double shrunk = (double)(1u << (l - picture->level));
+    const double side = SEARCH_LARGEST * fmin((double)l->W, (double)l->H) /
                         pow(SEARCH_RATIO, (double)level);
-    const size_t nx = search_along(side, s->W), ny = search_along(side, s->H);
+    const size_t nx = search_along(side, l->W), ny = search_along(side, l->H);
     float confidence[SEARCH_BEST] = {0};
     struct square q[16];
     size_t n = 0, waiting = 0;
@@ -148,18 +123,18 @@ size_t search_level(struct square best[SEARCH_BEST], struct search *s,
     if (side < 16)
         return 0;
     for (size_t k = 0; k < nx * ny; k++) {
-        q[waiting++] = (struct square){search_middle(k % nx, nx, side, s->W),
-                                       search_middle(k / nx, ny, side, s->H),
+        q[waiting++] = (struct square){search_middle(k % nx, nx, side, l->W),
+                                       search_middle(k / nx, ny, side, l->H),
                                        side};
         if (waiting < s->net->batch && waiting < 16 && k + 1 < nx * ny)
             continue;
-        n = search_look(s, best, confidence, n, q, waiting);
+        n = search_look(s, best, confidence, n, l, q, waiting);
         waiting = 0;
     }
     for (size_t i = 0; i < n; i++) {
-        best[i].x /= s->shrunk;
-        best[i].y /= s->shrunk;
-        best[i].size /= s->shrunk;
+        best[i].x *= shrunk;
+        best[i].y *= shrunk;
+        best[i].size *= shrunk;
     }
     return n;
 }

@@ -6,11 +6,10 @@
 #define SPID_TRACK_SEARCH_H
 
 #include <stddef.h>
-#include <stdint.h>
 
-#include "formats/framesource.h"
 #include "lib/base/crop.h"
 #include "lib/base/error.h"
+#include "lib/base/mipmap.h"
 #include "lib/net/motion_encoder.h"
 
 #define SEARCH_BEST 4           /* candidates of a level */
@@ -19,25 +18,22 @@
 
 struct search {
     struct motion_encoder *net; /* borrowed, planned for a batch */
-    uint8_t *small;             /* the picture, shrunken */
-    size_t room;                /* bytes of it */
-    size_t W, H;                /* of it */
-    double shrunk;              /* its pixels over the picture's */
     float *rgb, *out;           /* (B,224,224,3), (B,120) */
 };
 
 /* For an encoder with a sure head.  EX_OSERR. */
 int search_init(struct search *s, struct motion_encoder *net,
                 struct error *err);
-/* The picture from now on; memory is kept from one to the next.  EX_OSERR. */
-int search_take(struct search *s, const struct frame *f, struct error *err);
 /* Free what it holds; zeroed then. */
 void search_release(struct search *s);
+
+/* The picture as small as it is searched. */
+const struct mipmap_level *search_take(struct mipmap *picture);
 
 /* The squares of a level that E_m is surest of, the surest first, in picture
  * pixels; returns how many, 0 when the picture is too small for them.  A level's
  * squares are 2/3 as wide as those of the one before. */
 size_t search_level(struct square best[SEARCH_BEST], struct search *s,
-                    size_t level);
+                    struct mipmap *picture, size_t level);
 
 #endif

@@ -104,40 +104,31 @@ static int source_find_face(struct source *s, struct track *t,
     return 0;
 }
 
-/* What shape_tta_forward needs to cut a crop of window pixels. */
-struct source_view {
-    struct track *t;
-    const struct image *im;
-};
-
-/* The tracker's cut of square q: a tta_crop_fn, ctx is a
- * struct source_view. */
+/* The cut of square q by the tracker ctx: a tta_crop_fn. */
 static int source_crop(void *ctx, float *rgb, struct square q,
                        struct error *err)
 {
-    const struct source_view *v = ctx;
-    const struct frame f = source_frame(v->im);
-
-    return track_cut(rgb, v->t, &f, q, err);
+    (void)err;
+    track_cut(rgb, ctx, q);
+    return 0;
 }
 
 /* beta and light of the crop the motion encoder last saw. */
 static int source_find_shape(struct source *s, struct track *t,
-                             const struct image *im, const struct head *head,
-                             struct encoders *nets, struct error *err)
+                             const struct head *head, struct encoders *nets,
+                             struct error *err)
 {
     double begun = cpu_seconds();
     float beta[SHAPE_ENCODER_OUT];
     const float *c = s->person.source.crop;
-    struct source_view v = {t, im};
     struct shape_tta l;
     int rc = -1;
 
     if (shape_tta_init(&l, &nets->shape, head, err) ||
         shape_tta_forward(beta, &l, (struct square){c[0], c[1], c[2]},
-                          source_crop, &v, err) ||
+                          source_crop, t, err) ||
         light_of_crop(&s->person.source, &nets->light,
-                      (struct square){c[0], c[1], c[2]}, source_crop, &v, err))
+                      (struct square){c[0], c[1], c[2]}, source_crop, t, err))
         goto out;
     s->person.nshape = head->nshape < SHAPE_ENCODER_OUT ? head->nshape
                                                         : SHAPE_ENCODER_OUT;
@@ -333,7 +324,7 @@ int source_find(struct source *s, struct image *im, struct image *mask,
     int rc = head_fold(&mean, head, NULL, 0, err) ||
              track_init(&t, &mean, &nets->motion, &whole, err) ||
              source_find_face(s, &t, im, mask, err) ||
-             source_find_shape(s, &t, im, head, nets, err) ||
+             source_find_shape(s, &t, head, nets, err) ||
              source_cut_window(s, im, (size_t)opt->size, err) ? -1 : 0;
     track_release(&t);
     identity_release(&mean);

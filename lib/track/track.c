@@ -58,7 +58,7 @@ void track_release(struct track *t)
     motion_tta_release(&t->tta);
     search_release(&t->search);
     free(t->input);
-    free(t->half);
+    mipmap_release(&t->picture);
     memset(t, 0, sizeof *t);
 }
 
@@ -66,7 +66,7 @@ void track_release(struct track *t)
 
 /* Whether another face in the picture looks more like the first frame's than
  * the one that is followed since it was found again. */
-static bool track_is_other(struct track *t, const struct frame *f)
+static bool track_is_other(struct track *t)
 {
     const struct square q = square_out_of(t->crop, t->window, t->opt.size);
     struct square face[TRACK_FACES];
@@ -77,24 +77,23 @@ static bool track_is_other(struct track *t, const struct frame *f)
     thumb_make(thumb, t->input);
     const double similar = thumb_correlate(t->first_thumb, thumb);
     n = facedetect_find(t->detector, face, TRACK_FACES, t->faces.n > 1, false,
-                        f);
+                        &t->picture);
     for (size_t i = 0; i < n && !other; i++) {
         const struct square c = crop_from_detection(face[i]);
 
-        if (hypot(c.x - q.x, c.y - q.y) < SAME_FACE * q.size ||
-            track_cut(t->input, t, f, square_into(c, t->window, t->opt.size),
-                      NULL))
+        if (hypot(c.x - q.x, c.y - q.y) < SAME_FACE * q.size)
             continue;
+        track_cut(t->input, t, square_into(c, t->window, t->opt.size));
         thumb_make(thumb, t->input);
         other = thumb_correlate(t->first_thumb, thumb) > similar;
     }
-    track_cut(t->input, t, f, t->crop, NULL);   /* as it was */
+    track_cut(t->input, t, t->crop);    /* as it was */
     return other;
 }
 
 /* Where several faces are, or one was found again: asked now and then, whether
  * it is still the first frame's that is followed. */
-static const char *track_doubtful(struct track *t, const struct frame *f)
+static const char *track_doubtful(struct track *t)
 {
     const bool doubted = t->regained || t->faces.n > 1;
 
@@ -103,15 +102,15 @@ static const char *track_doubtful(struct track *t, const struct frame *f)
         return NULL;
     t->since_check = 0;
     t->regained -= t->regained > 0;
-    return track_is_other(t, f) ? "it is another's" : NULL;
+    return track_is_other(t) ? "it is another's" : NULL;
 }
 
 /* ---- frames ----------------------------------------------------------- */
 
 /* Align E_m's motion of the crop in t->input with earlier frames. */
-static void track_align(struct track *t, struct track_result *r,
-                        const struct frame *f)
+static void track_align(struct track *t, struct track_result *r)
 {
+    const struct mipmap_level *f = t->picture.level;
     const float *seen = r->motion.crop;
     const struct square crop = {seen[0], seen[1], seen[2]};
     const struct square q = square_out_of(crop, t->window, t->opt.size);
@@ -122,8 +121,8 @@ static void track_align(struct track *t, struct track_result *r,
         return;
     align_step(&t->align, &r->motion, t->input, crop,
                (struct align_bounds){-left / q.size, -top / q.size,
-                                     ((double)f->width - left) / q.size,
-                                     ((double)f->height - top) / q.size},
+                                     ((double)f->W - left) / q.size,
+                                     ((double)f->H - top) / q.size},
                t->opt.size);
     r->heads_s += cpu_seconds() - begun;
 }
@@ -138,8 +137,7 @@ static void track_deliver(struct track *t, struct track_result *r, double time)
 }
 
 /* The first frame's motion, of the crop that r is of. */
-static int track_begin(struct track *t, struct track_result *r,
-                       const struct frame *f, struct error *err)
+static void track_begin(struct track *t, struct track_result *r, double time)
 {
     if (!t->opt.has_window) {
         window_about_head(&t->window, &r->motion, t->opt.size, t->opt.whole);
@@ -147,11 +145,11 @@ static int track_begin(struct track *t, struct track_result *r,
         t->crop = (struct square){r->motion.crop[0], r->motion.crop[1],
                                   r->motion.crop[2]};
         /* settled as if this window had been given */
-        if (!t->opt.has_crop && track_settle(t, r, f, t->crop, err))
-            return -1;
+        if (!t->opt.has_crop)
+            track_settle(t, r, t->crop);
     }
     align_restart(&t->align);
-    track_align(t, r, f);
+    track_align(t, r);
     if (!t->faces.n) {
         t->faces.n = 1;
         t->faces.crop[0] = square_out_of(t->crop, t->window, t->opt.size);
@@ -160,8 +158,7 @@ static int track_begin(struct track *t, struct track_result *r,
     t->started = true;
     t->regained = 0;
     t->lost = 0;                /* a live source may start several times */
-    track_deliver(t, r, f->time);
-    return 1;
+    track_deliver(t, r, time);
 }
 
 int track_start(struct track *t, struct track_result *r, const struct frame *f,
@@ -174,35 +171,38 @@ int track_start(struct track *t, struct track_result *r, const struct frame *f,
     t->faces.n = t->faces.chosen = 0;
     if (f->width == 0 || f->height == 0)
         return 0;
-    /* what the search for a lost face holds is there from the start */
-    if (!t->opt.still && t->search.net && search_take(&t->search, f, err))
+    if (mipmap_take(&t->picture, f->rgb, f->width, f->height, err))
         return -1;
+    /* what the search for a lost face holds is there from the start */
+    if (!t->opt.still && t->search.net)
+        search_take(&t->picture);
     if (!t->opt.has_crop) {
-        const int found = track_find(t, r, f, effort ? *effort : t->effort,
-                                     err);
-        return found == 1 ? track_begin(t, r, f, err) : found;
+        const int found = track_find(t, r, effort ? *effort : t->effort, err);
+
+        if (found == 1)
+            track_begin(t, r, f->time);
+        return found;
     }
     t->window = track_window(t, t->opt.crop);
     crop = square_into(t->opt.crop, t->window, t->opt.size);
-    if (track_visible(t, crop, f) <= 0)
+    if (track_visible(t, crop) <= 0)
         return error_set(err, EX_DATAERR, "--crop is beyond %zux%zu",
                          f->width, f->height);
-    if (track_encode(t, r, f, crop, false, err) != 0)
-        return -1;
+    track_encode(t, r, crop, false);
     t->crop = crop;
     t->last = r->motion;
-    return track_begin(t, r, f, err);
+    track_begin(t, r, f->time);
+    return 1;
 }
 
 /* While the face is lost: does the last crop look unlike the frame before? */
-static bool track_changed(struct track *t, const struct frame *f)
+static bool track_changed(struct track *t)
 {
     float thumb[THUMB * THUMB];
     const bool had = t->has_thumb;
     double same;
 
-    if (track_cut(t->input, t, f, t->crop, NULL) != 0)
-        return false;
+    track_cut(t->input, t, t->crop);
     t->has_thumb = thumb_make(thumb, t->input) > THUMB_FLAT;
     same = thumb_correlate(t->thumb, thumb);
     memcpy(t->thumb, thumb, sizeof thumb);
@@ -211,7 +211,7 @@ static bool track_changed(struct track *t, const struct frame *f)
 
 /* No face in this frame: the last motion stays. */
 static void track_deliver_lost(struct track *t, struct track_result *r,
-                               const struct frame *f, const char *why)
+                               double time, const char *why)
 {
     r->motion = t->last;
     r->event = t->lost ? TRACK_NOTHING : TRACK_LOST;
@@ -219,46 +219,39 @@ static void track_deliver_lost(struct track *t, struct track_result *r,
     if (!t->lost)
         t->has_thumb = false;
     t->lost++;
-    track_deliver(t, r, f->time);
+    track_deliver(t, r, time);
 }
 
 /* Look for the face again; repeat the last motion when there is none. */
-static int track_recover(struct track *t, struct track_result *r,
-                         const struct frame *f, const char *why,
-                         struct error *err)
+static void track_recover(struct track *t, struct track_result *r,
+                          double time, const char *why)
 {
-    struct error none = {0};
+    struct error none = {0};    /* no detector: as without one */
     int found = 0;
 
     /* every frame at first, then every sixth, or when something happens:
      * looking costs 30 ms and more */
-    if (t->lost < 3 || t->lost % TRACK_LOOKS == 0 || track_changed(t, f))
-        found = track_find(t, r, f, t->effort, &none);
-    if (found < 0 && none.code == EX_OSERR) {
-        *err = none;
-        return -1;
-    }
+    if (t->lost < 3 || t->lost % TRACK_LOOKS == 0 || track_changed(t))
+        found = track_find(t, r, t->effort, &none);
     if (found != 1) {
-        track_deliver_lost(t, r, f, why);
-        return 0;
+        track_deliver_lost(t, r, time, why);
+        return;
     }
-    track_align(t, r, f);
+    track_align(t, r);
     t->regained = REGAINED;
     if (t->lost) {
         r->event = TRACK_FOUND;
         oneeuro_reset(&t->filter);
     }
     t->lost = 0;
-    track_deliver(t, r, f->time);
-    return 0;
+    track_deliver(t, r, time);
 }
 
 /* NULL, or why E_m's motion of the crop in t->input cannot be that of the head
  * that was followed: blank, another scene, implausible, another's, or doubted by
  * E_m itself. */
 static const char *track_find_fault(struct track *t,
-                                    const struct track_result *r,
-                                    const struct frame *f)
+                                    const struct track_result *r)
 {
     float thumb[THUMB * THUMB];
     const struct square next = track_next_crop(t, &r->motion);
@@ -272,9 +265,9 @@ static const char *track_find_fault(struct track *t,
     }
     if (thumb_correlate(t->first_thumb, thumb) < UNLIKE && !t->regained)
         t->regained = REGAINED;
-    why = track_implausible(t, &r->motion, next, t->crop, f);
+    why = track_implausible(t, &r->motion, next, t->crop);
     if (!why)
-        why = track_doubtful(t, f);
+        why = track_doubtful(t);
     if (!why && r->confidence < CONFIDENCE_ENOUGH)
         why = "no whole, upright face is seen";
     if (why)
@@ -287,16 +280,20 @@ static const char *track_find_fault(struct track *t,
 int track_step(struct track *t, struct track_result *r, const struct frame *f,
                struct error *err)
 {
-    const char *why;
+    const char *why = "still no face";
 
     memset(r, 0, sizeof *r);
-    if (t->lost)
-        return track_recover(t, r, f, "still no face", err);
-    if (track_encode(t, r, f, t->crop, true, err) != 0)
+    if (mipmap_take(&t->picture, f->rgb, f->width, f->height, err))
         return -1;
-    if (!t->opt.has_crop && (why = track_find_fault(t, r, f)))
-        return track_recover(t, r, f, why, err);
-    track_align(t, r, f);
+    if (!t->lost) {
+        track_encode(t, r, t->crop, true);
+        why = t->opt.has_crop ? NULL : track_find_fault(t, r);
+    }
+    if (why) {
+        track_recover(t, r, f->time, why);
+        return 0;
+    }
+    track_align(t, r);
     if (!t->opt.has_crop)
         t->crop = track_next_crop(t, &r->motion);
     t->last = r->motion;

@@ -13,6 +13,7 @@
 #include "formats/framesource.h"
 #include "lib/base/error.h"
 #include "lib/base/crop.h"
+#include "lib/base/mipmap.h"
 #include "lib/head/lbs.h"
 #include "lib/net/motion_encoder.h"
 #include "lib/head/motion.h"
@@ -104,8 +105,7 @@ struct track {
     float first_thumb[THUMB * THUMB];   /* the first frame's face */
     float *input;                       /* (224,224,3) */
     struct search search;               /* for where else a face is */
-    uint8_t *half;                      /* shrunken part of the picture */
-    size_t half_room;
+    struct mipmap picture;              /* the frame at hand */
 };
 
 /* id: the head the landmarks are projected of (the mean head when nobody is
@@ -124,14 +124,13 @@ int track_start(struct track *t, struct track_result *r, const struct frame *f,
                 const struct track_effort *effort, struct error *err);
 
 /* The next frame, after track_start has found one.  0; -1 only when memory is
- * short. */
+ * short: a frame larger than the ones before. */
 int track_step(struct track *t, struct track_result *r, const struct frame *f,
                struct error *err);
 
-/* out (224,224,3) = a crop (window pixels) of the frame, as the networks see it.
- * -1 only when memory is short. */
-int track_cut(float *out, struct track *t, const struct frame *f,
-              struct square crop, struct error *err);
+/* out (224,224,3) = a crop (window pixels) of the frame that was started or
+ * stepped to last and is still there, as the networks see it. */
+void track_cut(float *out, struct track *t, struct square crop);
 
 /* Motion from one row of the encoder's output and the crop it saw: 6D to R
  * (always a rotation: motion_code.h says how), t' to t.  m->pose.exp is left

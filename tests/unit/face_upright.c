@@ -20,6 +20,7 @@ static void count_picture(struct count *c, struct facedetect *d,
 {
     struct error err = {0};
     struct image im = {0}, turned;
+    struct mipmap picture = {0};
     struct square face;
 
     if (image_read(&im, path, &err))
@@ -27,12 +28,12 @@ static void count_picture(struct count *c, struct facedetect *d,
     c->pictures++;
     for (int q = 0; q < 4; q++) {
         REQUIRE(rotated_copy(&turned, &im, q, &err) == 0, "%s", err.text);
-        const struct frame f = {.width = turned.width,
-                                .height = turned.height, .rgb = turned.rgb};
-
-        c->certain[q] += facedetect_find(d, &face, 1, false, true, &f) > 0;
+        REQUIRE(mipmap_take(&picture, turned.rgb, turned.width, turned.height,
+                            &err) == 0, "%s", err.text);
+        c->certain[q] += facedetect_find(d, &face, 1, false, true, &picture) > 0;
         image_release(&turned);
     }
+    mipmap_release(&picture);
     image_release(&im);
 }
 

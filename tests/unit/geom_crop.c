@@ -8,6 +8,7 @@
 #include "lib/base/cpu.h"
 #include "lib/base/random.h"
 #include "lib/base/crop.h"
+#include "lib/base/mipmap.h"
 #include "tests/check.h"
 
 static struct square some_square(struct random *r, size_t W, size_t H)
@@ -243,6 +244,63 @@ static void time_crop(void)
     free(out);
 }
 
+/* Pixels of level k of a picture of which `made` is there that are not the mean
+ * of 2 x 2 of the level before, rounded. */
+static size_t count_wrong(const struct mipmap *m, size_t k)
+{
+    const struct mipmap_level *l = m->level + k, *from = l - 1;
+    size_t wrong = 0;
+
+    for (size_t y = l->made.y[0]; y < l->made.y[1]; y++)
+        for (size_t x = 3 * l->made.x[0]; x < 3 * l->made.x[1]; x++) {
+            const uint8_t *a = from->rgb + 3 * (2 * y * from->W + x / 3 * 2) +
+                               x % 3;
+            const uint8_t *b = a + 3 * from->W;
+
+            wrong += l->rgb[3 * y * l->W + x] != (a[0] + a[3] + b[0] + b[3] + 2) / 4;
+        }
+    return wrong;
+}
+
+/* Squares of pictures, cut while more and more of their levels is there, and
+ * again from a mipmap that has all of them. */
+static void test_mipmap(void)
+{
+    struct mipmap some = {0}, all = {0};
+    struct error err = {0};
+    struct random r;
+    size_t wrong = 0;
+    int differ = 0;
+
+    random_init(&r, 5, "mipmap");
+    for (int t = 0; t < 40; t++) {
+        const size_t W = 1 + random_below(&r, 300), H = 1 + random_below(&r, 300);
+        enum { N = 9 };
+        float a[3 * N * N], b[3 * N * N];
+        uint8_t *u = malloc(3 * W * H);
+
+        for (size_t i = 0; i < 3 * W * H; i++)
+            u[i] = (uint8_t)random_below(&r, 256);
+        REQUIRE(!mipmap_take(&some, u, W, H, &err) &&
+                !mipmap_take(&all, u, W, H, &err), "%s", err.text);
+        mipmap_whole(&all, all.levels - 1);
+        for (int i = 0; i < 9; i++) {
+            const struct square q = some_square(&r, W, H);
+
+            mipmap_sample(a, N, &some, q);
+            mipmap_sample(b, N, &all, q);
+            differ += memcmp(a, b, sizeof a) != 0;
+        }
+        for (size_t k = 1; k < some.levels; k++)
+            wrong += count_wrong(&some, k) + count_wrong(&all, k);
+        free(u);
+    }
+    check("a mipmap's pixels other than means", (double)wrong, 0);
+    check("squares other than from a whole mipmap", differ, 0);
+    mipmap_release(&some);
+    mipmap_release(&all);
+}
+
 int main(void)
 {
     test_sampling();
@@ -250,6 +308,7 @@ int main(void)
     test_translation();
     test_squares();
     test_resize();
+    test_mipmap();
     time_crop();
     return check_status();
 }
