@@ -17,6 +17,7 @@
 
 static struct track_options track_options;
 static const char *head_path, *mask_path, *overlay_path;
+static long picture_size;
 static enum nn_type precision = OPTION_PRECISION_DEFAULT;
 
 static const struct cli_option options[] = {
@@ -24,6 +25,8 @@ static const struct cli_option options[] = {
                 "face crop: centre and side in pixels of the picture"),
     OPTION_FACE("face", &track_options.face, "the picture"),
     OPTION_WINDOW(&track_options, "portrait window (default: about the face)"),
+    OPTION_INT("size", 0, &picture_size, 32, PERSON_LARGEST, "N",
+               "for pictures of N by N pixels at most (default: of any size)"),
     OPTION_STRING("mask", 0, &mask_path, "FILE",
                   "matte: a picture of the same size, white where the "
                   "person is"),
@@ -59,6 +62,8 @@ static void shape_open_model(struct program *p)
         || encoders_open(&p->nets, &p->model, true, precision, &err))
         die_error(&err);
     track_options.size = (double)p->model.config.size;
+    track_options.finest = picture_size ? source_finest((size_t)picture_size)
+                                        : 0;
 }
 
 /* The picture and its mask. */

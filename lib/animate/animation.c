@@ -21,6 +21,7 @@ int animation_load(struct prepare *models, struct animation_options *opt,
         return -1;
     opt->track.size = (double)models->model.config.size;
     opt->framing.model_size = models->model.config.size;
+    models->look.finest = framing_finest(&opt->framing);
     a->model = &models->model;
     a->rules = models->model.config.system == SYSTEM_GAGAVATAR
                    ? SPLAT_DGR : SPLAT_GSPLAT;

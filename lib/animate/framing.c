@@ -6,6 +6,7 @@
 #include <sysexits.h>
 
 #include "lib/photo/backdrop.h"
+#include "lib/track/source.h"
 
 /* SpiD* draws pictures as large as they are; the refiner works at the model's
  * size at most, and what it gives is enlarged. */
@@ -21,6 +22,13 @@ static void framing_choose_size(struct pipeline_options *opt,
     opt->size = opt->picture;
     if (!opt->star && opt->size > model)
         opt->size = model;
+}
+
+size_t framing_finest(const struct framing_options *want)
+{
+    if (want->into_source && !want->size)
+        return PERSON_LARGEST;
+    return source_finest(want->size ? (size_t)want->size : want->model_size);
 }
 
 /* Pixels of n that lie between 0 and end, of a window that starts at `start`

@@ -27,6 +27,10 @@ struct framing {
     struct background background;       /* the photograph's own, or none */
 };
 
+/* source_finest of such pictures; all there is where the photograph says how large
+ * they are. */
+size_t framing_finest(const struct framing_options *want);
+
 /* Sizes, part and inset of opt for a source, which f points into and which
  * must stay.  EX_DATAERR when the source has no photograph for it. */
 int framing_init(struct framing *f, struct animate_options *opt,

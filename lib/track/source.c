@@ -25,6 +25,11 @@ const char *source_matte_name(enum source_matte how)
     return name[how];
 }
 
+size_t source_finest(size_t drawn)
+{
+    return 2 * drawn < PERSON_LARGEST ? 2 * drawn : PERSON_LARGEST;
+}
+
 /* The picture, and its mask, turned by quarters in their place. */
 static int source_turn(struct image *im, struct image *mask, int quarters,
                        struct error *err)
@@ -296,11 +301,11 @@ static int source_fit_outline(struct source *s, size_t n,
     return rc;
 }
 
-/* The window's picture as fine as it is in the photograph. */
+/* The window's picture as fine as it is in the photograph and is wanted. */
 static int source_enlarge(struct source *s, const struct image *im,
                           struct error *err)
 {
-    const double own = fmin(round(s->window.size), PERSON_LARGEST);
+    const double own = fmin(round(s->window.size), (double)s->finest);
 
     return own > (double)s->person.size
                ? source_cut_window(s, im, (size_t)own, err) : 0;
@@ -315,6 +320,7 @@ int source_find(struct source *s, struct image *im, struct image *mask,
     struct track t = {0};
 
     memset(s, 0, sizeof *s);
+    s->finest = opt->finest ? opt->finest : PERSON_LARGEST;
     whole.whole = true;
     whole.still = true;
     if (im->width < 16 || im->height < 16)

@@ -23,6 +23,7 @@ struct source {
                                  * shape and motion; no hashes */
     enum source_matte how;
     struct square window;       /* in the picture */
+    size_t finest;              /* pixels along it that are kept at most */
     struct track_faces faces;   /* in it, as it stands upright */
     struct extent inside;       /* the window's pixels that show it */
     float confidence;                 /* of E_m that it shows a face, 0 to 1 */
@@ -30,6 +31,10 @@ struct source {
                                  * was given to stand upright, 0 to 3 */
     double crop_s, motion_s, shape_s, matte_s, detect_s;
 };
+
+/* Pixels along a window that pictures of `drawn` pixels show: twice as many, for a
+ * head that comes closer, PERSON_LARGEST at most. */
+size_t source_finest(size_t drawn);
 
 /* From a picture (and mask, NULL or of the same size; its red channel counts)
  * with the head it is for; `opt` may fix crop and window.  A picture that is

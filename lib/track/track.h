@@ -26,6 +26,8 @@
 
 struct track_options {
     double size;                /* S of the portrait window: 512 */
+    size_t finest;              /* pixels along a photograph's window that are
+                                 * kept at most; 0: PERSON_LARGEST */
     long face;                  /* which, the largest is 1; 0: that one */
     bool has_crop, has_window;
     struct square crop;         /* fixed face crop, picture pixels */

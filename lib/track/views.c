@@ -23,7 +23,8 @@ int views_init(struct views *v, const struct source *first,
                const struct track_options *opt, struct error *err)
 {
     *v = (struct views){
-        .first = first, .head = head, .nets = nets, .opt.size = opt->size
+        .first = first, .head = head, .nets = nets, .opt.size = opt->size,
+        .opt.finest = opt->finest
     };
     return head_fold(&v->mean, head, NULL, 0, err);
 }

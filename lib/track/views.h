@@ -37,7 +37,8 @@ struct views_report {
     struct track_faces faces;   /* in that picture */
 };
 
-/* None yet.  first: after source_find; opt's size is used alone.  EX_OSERR. */
+/* None yet.  first: after source_find; opt's size and finest are used alone.
+ * EX_OSERR. */
 int views_init(struct views *v, const struct source *first,
                const struct head *head, struct encoders *nets,
                const struct track_options *opt, struct error *err);

@@ -73,6 +73,22 @@ PY
     spid-dump b.spid | grep -q 'u8\[2048,2048,3\]'
 }
 
+@test "of a large photograph as much is kept as its pictures show" {
+    command -v ffmpeg >/dev/null || skip "no ffmpeg (apt: ffmpeg)"
+    ffmpeg -v error -i source.png -vf scale=768:768 big.png
+    spid-shape -q -m model --size 128 big.png -o s.spid
+    spid-dump s.spid | grep -q 'u8\[256,256,3\]'
+    spid-branches -q -m model --bake s.spid -o a.spid
+    spid-animate -q --absolute -m model -s a.spid drive.y4m -o pipe.y4m
+    spid-animate -q --absolute -m model -s -b black big.png drive.y4m -o one.y4m
+    cmp one.y4m pipe.y4m
+    spid-shape -q -m model big.png -o s.spid            # all of it
+    spid-branches -q -m model --bake s.spid -o a.spid
+    spid-animate -q --absolute -m model -s --size 512 a.spid drive.y4m -o pipe.y4m
+    spid-animate -q --absolute -m model -s --size 512 -b black big.png drive.y4m -o one.y4m
+    cmp one.y4m pipe.y4m
+}
+
 @test "--size: one process and the pipe give the same bytes" {
     set -o pipefail
     spid-motion -q -m model drive.y4m | spid-flame -m model -i avatar.spid |
