@@ -67,12 +67,6 @@ void attribute_heads_plan(struct attribute_heads *a,
     attribute_heads_layer(a, LAST, hidden, out);
 }
 
-void attribute_heads_release(struct attribute_heads *a)
-{
-    conv_release(&a->hidden);
-    conv_release(&a->last);
-}
-
 /* Head i's hidden layer, from its row `at` on: bias + gamma's part. */
 static void attribute_heads_gather(struct attribute_heads *a, int i, size_t at)
 {
@@ -135,8 +129,8 @@ void attribute_heads_forward(float *raw, const uint16_t *y, const float *gamma,
         in += a->inner[i].out;
         row += c->out;
     }
-    conv_update(&a->hidden, NULL);
-    conv_update(&a->last, NULL);
+    conv_update(&a->hidden);
+    conv_update(&a->last);
     conv_forward(a->h, y, &a->hidden);
     conv_forward(raw, a->h, &a->last);
 }

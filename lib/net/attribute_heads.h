@@ -30,8 +30,6 @@ void attribute_heads_plan(struct attribute_heads *a,
                           const struct conv inner[ATTRIBUTE_HEADS],
                           const struct conv outer[ATTRIBUTE_HEADS],
                           struct nn_plan *p, size_t rows, size_t width);
-/* Free what it holds besides the plan's memory. */
-void attribute_heads_release(struct attribute_heads *a);
 
 /* raw (rows, all attributes), one head's numbers after the other's, from y
  * (rows,width) in bfloat16 and gamma (27), which must last till the

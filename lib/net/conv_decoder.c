@@ -89,7 +89,7 @@ static void conv_decoder_fold(struct conv_decoder *d)
         for (size_t i = 0; i < HARMONIC_OUT * TAPS; i++)
             ones[i % TAPS] += im->gamma[i / TAPS] * w[own + i];
     }
-    conv_update(&im->conv[0], NULL);
+    conv_update(&im->conv[0]);
 }
 
 /* In the forward pass: ones[t] += gamma[j] w[in + j][t]. */
@@ -154,22 +154,18 @@ int conv_decoder_plan(struct conv_decoder *d, size_t batch, size_t height,
         return -1;
     for (size_t i = 0; im->folded && i < pixels; i++)
         im->x[i * im->padded + d->in] = 1;
-    conv_decoder_update(d);
     return 0;
 }
 
 void conv_decoder_update(struct conv_decoder *d)
 {
-    for (int i = d->impl->folded ? 1 : 0; i < 4; i++)
-        conv_update(&d->impl->conv[i], NULL);
+    nn_plan_update(&d->impl->plan);
 }
 
 void conv_decoder_release(struct conv_decoder *d)
 {
     if (!d->impl)
         return;
-    for (int i = 0; i < 4; i++)
-        conv_release(&d->impl->conv[i]);
     nn_plan_release(&d->impl->plan);
     free(d->impl);
     memset(d, 0, sizeof *d);

@@ -208,44 +208,16 @@ int dino_base_plan(struct dino_base *d, size_t batch, size_t input_h,
                      d->out);
     if (nn_plan_backward(p))
         dino_base_plan_gradients(d, max);
-    if (nn_plan_finish(p, err))
-        return -1;
-    dino_base_update(d);
-    return 0;
-}
-
-/* Every convolution that runs. */
-static void dino_base_each(struct dino_base *d, void (*what)(struct conv *))
-{
-    for (size_t k = 0; k < DINO_LEVELS; k++) {
-        struct dino_level *l = &d->level[k];
-        struct dino_fusion *f = &d->fusion[k];
-        struct conv *all[] = { &l->project, &l->grow, &l->shrink, &l->join,
-                               &f->out, &f->skip.conv1, &f->skip.conv2,
-                               &f->main.conv1, &f->main.conv2 };
-
-        for (size_t i = 0; i < sizeof all / sizeof *all; i++)
-            if (all[i]->impl)
-                what(all[i]);
-    }
-    if (d->last.impl)
-        what(&d->last);
-}
-
-/* conv_update as dino_base_each wants it. */
-static void dino_base_update_one(struct conv *c)
-{
-    conv_update(c, NULL);
+    return nn_plan_finish(p, err);
 }
 
 void dino_base_update(struct dino_base *d)
 {
-    dino_base_each(d, dino_base_update_one);
+    nn_plan_update(&d->plan);
 }
 
 void dino_base_release(struct dino_base *d)
 {
-    dino_base_each(d, conv_release);
     dinov2_release(&d->vit);
     nn_plan_release(&d->plan);
     memset(d, 0, sizeof *d);

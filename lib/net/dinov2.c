@@ -150,6 +150,22 @@ static void dinov2_block_plan(struct dinov2_block *b, struct nn_plan *p,
     b->f2 = train ? nn_plan_map(p, rows * E) : NULL;
 }
 
+/* The position embedding of the plan's grid. */
+static void dinov2_update_position(void *dinov2)
+{
+    const struct dinov2 *d = dinov2;
+    struct dinov2_impl *im = d->impl;
+    const float *pos = param_w(im->ps, im->pos);
+    size_t E = d->config.embed;
+
+    if (im->native) {
+        memcpy(im->position, pos, d->tokens * E * sizeof *pos);
+        return;
+    }
+    memcpy(im->position, pos, E * sizeof *pos);
+    rescale_forward(im->position + E, pos + E, &im->resize);
+}
+
 /* The position embedding, resized as the public code does (with its
  * offset). */
 static void dinov2_plan_position(struct dinov2 *d, size_t height, size_t width)
@@ -160,6 +176,7 @@ static void dinov2_plan_position(struct dinov2 *d, size_t height, size_t width)
 
     im->native = height == width && d->grid_h == G && d->grid_w == G;
     im->position = nn_plan_floats(p, d->tokens * E);
+    nn_plan_layer(p, (struct nn_layer){d, dinov2_update_position, NULL});
     if (!im->native)
         rescale_plan_factor(&im->resize, p, RESCALE_BICUBIC, 1, G, G,
                             d->grid_h, d->grid_w,
@@ -220,33 +237,12 @@ int dinov2_plan(struct dinov2 *d, size_t batch, size_t height, size_t width,
     }
     if (nn_plan_backward(p))
         dinov2_plan_backward(d, rows, E);
-    if (nn_plan_finish(p, err))
-        return -1;
-    dinov2_update(d);
-    return 0;
+    return nn_plan_finish(p, err);
 }
 
 void dinov2_update(struct dinov2 *d)
 {
-    struct dinov2_impl *im = d->impl;
-    size_t E = d->config.embed;
-    const float *pos = param_w(im->ps, im->pos);
-
-    conv_update(&im->patch, NULL);
-    for (size_t i = 0; i < d->config.depth; i++) {
-        struct dinov2_block *b = &im->block[i];
-
-        conv_update(&b->qkv, NULL);
-        conv_update(&b->proj, NULL);
-        conv_update(&b->fc1, NULL);
-        conv_update(&b->fc2, NULL);
-    }
-    if (im->native) {
-        memcpy(im->position, pos, d->tokens * E * sizeof *pos);
-        return;
-    }
-    memcpy(im->position, pos, E * sizeof *pos);
-    rescale_forward(im->position + E, pos + E, &im->resize);
+    nn_plan_update(&d->impl->plan);
 }
 
 void dinov2_release(struct dinov2 *d)
@@ -255,13 +251,6 @@ void dinov2_release(struct dinov2 *d)
 
     if (!im)
         return;
-    conv_release(&im->patch);
-    for (size_t i = 0; im->block && i < d->config.depth; i++) {
-        conv_release(&im->block[i].qkv);
-        conv_release(&im->block[i].proj);
-        conv_release(&im->block[i].fc1);
-        conv_release(&im->block[i].fc2);
-    }
     nn_plan_release(&im->plan);
     free(im->block);
     free(im);

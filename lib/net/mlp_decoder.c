@@ -147,32 +147,18 @@ int mlp_decoder_plan(struct mlp_decoder *d, size_t batch, size_t points,
         mlp_decoder_plan_heads(d, rows);
     if (nn_plan_backward(p))
         mlp_decoder_plan_gradients(d, rows);
-    if (nn_plan_finish(p, err))
-        return -1;
-    mlp_decoder_update(d);
-    return 0;
+    return nn_plan_finish(p, err);
 }
 
 void mlp_decoder_update(struct mlp_decoder *d)
 {
-    for (int i = 0; i < 4; i++)
-        conv_update(&d->impl->trunk[i], NULL);
-    for (int i = 0; i < ATTRIBUTE_HEADS && !d->impl->halves; i++) {
-        conv_update(&d->impl->inner[i], NULL);
-        conv_update(&d->impl->outer[i], NULL);
-    }
+    nn_plan_update(&d->impl->plan);
 }
 
 void mlp_decoder_release(struct mlp_decoder *d)
 {
     if (!d->impl)
         return;
-    for (int i = 0; i < 4; i++) {
-        conv_release(&d->impl->trunk[i]);
-        conv_release(&d->impl->inner[i]);
-        conv_release(&d->impl->outer[i]);
-    }
-    attribute_heads_release(&d->impl->heads);
     nn_plan_release(&d->impl->plan);
     free(d->impl);
     memset(d, 0, sizeof *d);

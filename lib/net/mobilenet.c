@@ -232,11 +232,6 @@ void mobilenet_release(struct mobilenet *m)
 
     if (!im)
         return;
-    conv_release(&im->stem.conv);
-    for (size_t i = 0; i < im->blocks; i++) {
-        conv_release(&im->block[i].up.conv);
-        conv_release(&im->block[i].down.conv);
-    }
     nn_plan_release(&im->plan);
     free(im);
     memset(m, 0, sizeof *m);
@@ -253,12 +248,14 @@ static void mobilenet_unit_plan(struct mobilenet_unit *u, struct nn_plan *p,
 
     if (u->depthwise) {
         u->dw.act = train ? ACT_NONE : u->act;
+        u->dw.norm = train ? NULL : &u->bn;
         depthwise_plan(&u->dw, p, batch, h, w);
         u->h = u->dw.oh;
         u->w = u->dw.ow;
     } else {
         u->conv.act = train ? ACT_NONE : u->act;
         u->conv.add = !train && add;
+        u->conv.norm = train ? NULL : &u->bn;
         conv_plan(&u->conv, p, batch, h, w);
         u->h = u->conv.oh;
         u->w = u->conv.ow;
@@ -339,36 +336,12 @@ int mobilenet_plan(struct mobilenet *m, size_t batch, size_t height,
     if (nn_plan_backward(p))
         for (size_t i = 0; i < 3; i++)
             im->grad[i] = nn_plan_floats(p, max);
-    if (nn_plan_finish(p, err))
-        return -1;
-    mobilenet_update(m);
-    return 0;
-}
-
-/* Weights changed; fold: the norm goes into them. */
-static void mobilenet_unit_update(struct mobilenet_unit *u, bool fold)
-{
-    if (u->depthwise)
-        depthwise_update(&u->dw, fold ? &u->bn : NULL);
-    else
-        conv_update(&u->conv, fold ? &u->bn : NULL);
+    return nn_plan_finish(p, err);
 }
 
 void mobilenet_update(struct mobilenet *m)
 {
-    struct mobilenet_impl *im = m->impl;
-    bool fold = !nn_plan_backward(&im->plan);
-
-    mobilenet_unit_update(&im->stem, fold);
-    for (size_t i = 0; i < im->blocks; i++) {
-        struct mobilenet_block *b = &im->block[i];
-
-        if (b->expand)
-            mobilenet_unit_update(&b->up, fold);
-        if (!b->last)
-            mobilenet_unit_update(&b->dw, fold);
-        mobilenet_unit_update(&b->down, fold);
-    }
+    nn_plan_update(&m->impl->plan);
 }
 
 /* ---- one pass -------------------------------------------------------------

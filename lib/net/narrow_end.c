@@ -41,6 +41,25 @@ void narrow_end_spread_backward(float *dtint, const float *dcolors,
 /* ---- two layers as one -----------------------------------------------------
  */
 
+/* Both layers' weights, one after the other's. */
+static void narrow_end_update(void *end)
+{
+    struct narrow_end *e = end;
+    const struct conv *layer[2] = {e->rgb, e->field};
+    size_t at = 0;
+
+    for (int i = 0; i < 2 && layer[i]; i++) {
+        const struct conv *c = layer[i];
+
+        memcpy(e->weight + at * c->in * 9, param_w(c->ps, c->weight),
+               c->out * c->in * 9 * sizeof *e->weight);
+        memcpy(e->bias + at, param_w(c->ps, c->bias),
+               c->out * sizeof *e->bias);
+        at += c->out;
+    }
+    winograd_update(&e->joint, e->weight, e->bias);
+}
+
 void narrow_end_plan(struct narrow_end *e, struct conv *rgb,
                      struct conv *field, float max, struct nn_plan *p)
 {
@@ -54,6 +73,7 @@ void narrow_end_plan(struct narrow_end *e, struct conv *rgb,
         return;
     both.out = (out + 15) / 16 * 16;
     winograd_plan(&e->joint, &both, p);
+    nn_plan_layer(p, (struct nn_layer){e, narrow_end_update, NULL});
     e->weight = nn_plan_floats(p, both.out * both.in * 9);
     e->bias = nn_plan_floats(p, both.out);
     e->map = nn_plan_floats(p, rgb->batch * cells * both.out);
@@ -62,25 +82,6 @@ void narrow_end_plan(struct narrow_end *e, struct conv *rgb,
     for (int i = 0; i < 2; i++)
         e->list[i] = nn_plan_bytes(p, cells / (TILE * TILE) *
                                       sizeof **e->list);
-}
-
-void narrow_end_update(struct narrow_end *e)
-{
-    const struct conv *layer[2] = {e->rgb, e->field};
-    size_t at = 0;
-
-    if (!e->joint.u)
-        return;
-    for (int i = 0; i < 2 && layer[i]; i++) {
-        const struct conv *c = layer[i];
-
-        memcpy(e->weight + at * c->in * 9, param_w(c->ps, c->weight),
-               c->out * c->in * 9 * sizeof *e->weight);
-        memcpy(e->bias + at, param_w(c->ps, c->bias),
-               c->out * sizeof *e->bias);
-        at += c->out;
-    }
-    winograd_update(&e->joint, e->weight, e->bias);
 }
 
 /* ---- what is seen ----------------------------------------------------------

@@ -37,8 +37,6 @@ void narrow_end_spread_backward(float *dtint, const float *dcolors,
  * serve them.  max: of a tint. */
 void narrow_end_plan(struct narrow_end *e, struct conv *rgb,
                      struct conv *field, float max, struct nn_plan *p);
-/* The weights in ps changed. */
-void narrow_end_update(struct narrow_end *e);
 
 /* What the next passes have to compute, of joint and of `before`, whose map
  * joint reads: what pixels see whose alpha is not 0, rows `stride` apart; all

@@ -98,24 +98,6 @@ void narrow_refiner_init(struct narrow_refiner *r, struct params *ps,
     r->photo1.add = true;
 }
 
-/* Every convolution of the network, NULL at the end. */
-static void narrow_refiner_convs(struct conv *c[18], struct narrow_refiner *r)
-{
-    struct conv *all[18] = {
-        &r->stem0, &r->stem1, &r->down1, &r->down2, &r->mid, &r->style1,
-        &r->style2, &r->up2, &r->cond1, &r->body1, &r->up1, &r->cond0,
-        &r->body0, &r->rgb, NULL, NULL, NULL, NULL
-    };
-
-    if (r->photos) {
-        all[14] = &r->photo0;
-        all[15] = &r->photo1;
-        all[16] = &r->field;
-    }
-
-    memcpy(c, all, sizeof all);
-}
-
 /* The way down: the features, to a quarter in size with the photograph beside
  * them, to an eighth, to a sixteenth. */
 static void narrow_refiner_plan_down(struct narrow_refiner *r)
@@ -196,12 +178,23 @@ static void narrow_refiner_plan_up(struct narrow_refiner *r)
     conv_plan(&r->rgb, p, B, h / 4, w / 4);
 }
 
+/* The conditional convolutions' weights for the relative pose in r. */
+static void narrow_refiner_set_turn(void *refiner)
+{
+    struct narrow_refiner *r = refiner;
+
+    conditional_conv_set(&r->conditional1, r->turn);
+    conditional_conv_set(&r->conditional0, r->turn);
+}
+
 /* The maps and layers in the order of the forward pass. */
 static void narrow_refiner_plan_forward(struct narrow_refiner *r)
 {
     struct nn_plan *p = &r->plan;
     size_t B = r->batch, h = r->h, w = r->w;
 
+    if (r->turns)
+        nn_plan_layer(p, (struct nn_layer){r, narrow_refiner_set_turn, NULL});
     narrow_refiner_plan_down(r);
     narrow_refiner_plan_middle(r);
     narrow_refiner_plan_up(r);
@@ -256,33 +249,12 @@ int narrow_refiner_plan(struct narrow_refiner *r, size_t batch, size_t h,
     narrow_refiner_plan_forward(r);
     if (nn_plan_backward(&r->plan))
         narrow_refiner_plan_backward(r);
-    if (nn_plan_finish(&r->plan, err))
-        return -1;
-    narrow_refiner_update(r);
-    return 0;
-}
-
-/* The conditional convolutions' weights for the relative pose in r. */
-static void narrow_refiner_set_turn(struct narrow_refiner *r)
-{
-    if (!r->turns)
-        return;
-    conditional_conv_set(&r->conditional1, r->turn);
-    conditional_conv_set(&r->conditional0, r->turn);
+    return nn_plan_finish(&r->plan, err);
 }
 
 void narrow_refiner_update(struct narrow_refiner *r)
 {
-    struct conv *c[18];
-
-    narrow_refiner_set_turn(r);
-    narrow_refiner_convs(c, r);
-    for (int i = 0; c[i]; i++)
-        if (c[i]->impl)
-            conv_update(c[i], NULL);
-    if (r->fused)
-        fused_stem_update(&r->stem);
-    narrow_end_update(&r->end);
+    nn_plan_update(&r->plan);
 }
 
 void narrow_refiner_turn(struct narrow_refiner *r,
@@ -292,17 +264,12 @@ void narrow_refiner_turn(struct narrow_refiner *r,
         return;
     memcpy(r->turn, turn, sizeof r->turn);
     narrow_refiner_set_turn(r);
-    conv_update(&r->cond1, NULL);
-    conv_update(&r->cond0, NULL);
+    conv_update(&r->cond1);
+    conv_update(&r->cond0);
 }
 
 void narrow_refiner_release(struct narrow_refiner *r)
 {
-    struct conv *c[18];
-
-    narrow_refiner_convs(c, r);
-    for (int i = 0; c[i]; i++)
-        conv_release(c[i]);
     nn_plan_release(&r->plan);
     memset(r, 0, sizeof *r);
 }

@@ -69,24 +69,18 @@ int plane_init_plan(struct plane_init *p, size_t batch, size_t height,
         im->grad[0] = nn_plan_floats(pl, pixels * p->width);
         im->grad[1] = nn_plan_floats(pl, pixels * p->width);
     }
-    if (nn_plan_finish(pl, err))
-        return -1;
-    plane_init_update(p);
-    return 0;
+    return nn_plan_finish(pl, err);
 }
 
 void plane_init_update(struct plane_init *p)
 {
-    for (int i = 0; i < 3; i++)
-        conv_update(&p->impl->conv[i], NULL);
+    nn_plan_update(&p->impl->plan);
 }
 
 void plane_init_release(struct plane_init *p)
 {
     if (!p->impl)
         return;
-    for (int i = 0; i < 3; i++)
-        conv_release(&p->impl->conv[i]);
     nn_plan_release(&p->impl->plan);
     free(p->impl);
     memset(p, 0, sizeof *p);

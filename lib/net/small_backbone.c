@@ -112,30 +112,16 @@ int small_backbone_plan(struct small_backbone *s, size_t batch, size_t input,
         s->dv[i] = nn_plan_floats(p, area * (i ? s->channels[i - 1]
                                                : s->features));
     }
-    if (nn_plan_finish(p, err))
-        return -1;
-    small_backbone_update(s);
-    return 0;
+    return nn_plan_finish(p, err);
 }
 
 void small_backbone_update(struct small_backbone *s)
 {
-    for (size_t i = 0; i < L; i++) {
-        conv_update(&s->down[i], NULL);
-        if (i)
-            conv_update(&s->same[i], NULL);
-        if (i + 1 < L)
-            conv_update(&s->up[i], NULL);
-    }
+    nn_plan_update(&s->plan);
 }
 
 void small_backbone_release(struct small_backbone *s)
 {
-    for (size_t i = 0; i < L; i++) {
-        conv_release(&s->down[i]);
-        conv_release(&s->same[i]);
-        conv_release(&s->up[i]);
-    }
     nn_plan_release(&s->plan);
     memset(s, 0, sizeof *s);
 }

@@ -260,66 +260,16 @@ int style_unet_plan(struct style_unet *s, size_t batch, struct nn_options opt,
     style_unet_plan_decoder(s);
     if (nn_plan_backward(&s->plan))
         style_unet_plan_gradients(s);
-    if (nn_plan_finish(&s->plan, err))
-        return -1;
-    style_unet_update(s);
-    return 0;
-}
-
-/* conv_update as style_unet_each wants it. */
-static void style_unet_update_one(struct conv *c)
-{
-    conv_update(c, NULL);
-}
-
-/* Every plain convolution that is planned. */
-static void style_unet_each(struct style_unet *s, void (*what)(struct conv *))
-{
-    struct conv *few[] = { &s->first, &s->final_conv, &s->final_linear,
-                           &s->first_res.conv1, &s->first_res.conv2,
-                           &s->first_res.skip };
-
-    for (size_t i = 0; i < sizeof few / sizeof *few; i++)
-        if (few[i]->impl)
-            what(few[i]);
-    for (size_t i = 0; i < 8; i++)
-        if (s->mlp[i].impl)
-            what(&s->mlp[i]);
-    for (size_t k = 0; k < s->levels; k++) {
-        struct style_level *l = &s->level[k];
-        struct conv *all[] = { &l->down.conv1, &l->down.conv2, &l->down.skip,
-                               &l->up.conv1, &l->up.conv2, &l->up.skip,
-                               &l->scale.a, &l->scale.b, &l->shift.a,
-                               &l->shift.b };
-
-        for (size_t i = 0; i < sizeof all / sizeof *all; i++)
-            if (all[i]->impl)
-                what(all[i]);
-    }
+    return nn_plan_finish(&s->plan, err);
 }
 
 void style_unet_update(struct style_unet *s)
 {
-    style_unet_each(s, style_unet_update_one);
-    style_conv_update(&s->conv1);
-    to_rgb_update(&s->rgb1);
-    for (size_t i = 0; i < s->levels; i++) {
-        style_conv_update(&s->level[i].enlarge);
-        style_conv_update(&s->level[i].same);
-        to_rgb_update(&s->level[i].rgb);
-    }
+    nn_plan_update(&s->plan);
 }
 
 void style_unet_release(struct style_unet *s)
 {
-    style_unet_each(s, conv_release);
-    style_conv_release(&s->conv1);
-    to_rgb_release(&s->rgb1);
-    for (size_t i = 0; i < s->levels; i++) {
-        style_conv_release(&s->level[i].enlarge);
-        style_conv_release(&s->level[i].same);
-        to_rgb_release(&s->level[i].rgb);
-    }
     nn_plan_release(&s->plan);
     memset(s, 0, sizeof *s);
 }

@@ -325,6 +325,30 @@ static void conv_plan_backward_weights(struct conv *c,
         conv_onednn_plan_backward_weights(c, s);
 }
 
+/* A planned layer into one that is only declared. */
+static void conv_layer_release(void *layer)
+{
+    struct conv *c = layer;
+    struct conv_impl *im = c->impl;
+
+    for (size_t i = 0; i < CONV_BANDS; i++) {
+        nn_call_release(&im->fwd.band[i].call);
+        nn_call_release(&im->bwd_data.band[i].call);
+    }
+    nn_call_release(&im->to_fwd);
+    nn_call_release(&im->to_bwd);
+    nn_call_release(&im->add_dw);
+    for (size_t i = 0; i < im->parts; i++)
+        nn_call_release(&im->part[i].call);
+    free(im);
+    c->impl = NULL;
+}
+
+static void conv_layer_update(void *layer)
+{
+    conv_update(layer);
+}
+
 void conv_plan(struct conv *c, struct nn_plan *p, size_t batch, size_t h,
                size_t w)
 {
@@ -339,8 +363,12 @@ void conv_plan(struct conv *c, struct nn_plan *p, size_t batch, size_t h,
         nn_plan_fail(p, EX_OSERR, "oneDNN could not start");
         return;
     }
-    conv_release(c);
+    assert(!c->impl);
     c->impl = im;
+    nn_plan_layer(p, (struct nn_layer){c, conv_layer_update,
+                                       conv_layer_release});
+    if (p->err.code)
+        return;
     c->plan = p;
     c->in_data = c->in_data ? c->in_data : c->in;
     conv_pad_axis(&s.top, &s.bottom, &s.oh, h, c);
@@ -371,25 +399,6 @@ void conv_plan(struct conv *c, struct nn_plan *p, size_t batch, size_t h,
 void linear_plan(struct conv *c, struct nn_plan *p, size_t rows)
 {
     conv_plan(c, p, 1, rows, 1);
-}
-
-void conv_release(struct conv *c)
-{
-    struct conv_impl *im = c->impl;
-
-    if (!im)
-        return;
-    for (size_t i = 0; i < CONV_BANDS; i++) {
-        nn_call_release(&im->fwd.band[i].call);
-        nn_call_release(&im->bwd_data.band[i].call);
-    }
-    nn_call_release(&im->to_fwd);
-    nn_call_release(&im->to_bwd);
-    nn_call_release(&im->add_dw);
-    for (size_t i = 0; i < im->parts; i++)
-        nn_call_release(&im->part[i].call);
-    free(im);
-    c->impl = NULL;
 }
 
 struct winograd *conv_winograd(struct conv *c)
@@ -432,9 +441,9 @@ static const float *conv_shuffled_weights(struct conv *c)
 }
 
 /* stage <- weights with the norm's scale, channels padded to in_data. */
-static const float *conv_staged_weights(struct conv *c,
-                                        const struct batch_norm *bn)
+static const float *conv_staged_weights(struct conv *c)
 {
+    const struct batch_norm *bn = c->norm;
     struct conv_impl *im = c->impl;
     const float *w = c->from ? c->from : param_w(c->ps, c->weight);
     const float *b = c->from_bias ? c->from_bias
@@ -466,11 +475,11 @@ static const float *conv_staged_weights(struct conv *c,
     return im->stage;
 }
 
-void conv_update(struct conv *c, const struct batch_norm *bn)
+void conv_update(struct conv *c)
 {
     struct conv_impl *im = c->impl;
     const float *w = c->shuffle ? conv_shuffled_weights(c)
-                                : conv_staged_weights(c, bn);
+                                : conv_staged_weights(c);
 
     im->method->update(c, w);
     if (im->bwd_data.count)

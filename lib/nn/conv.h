@@ -31,6 +31,7 @@ struct conv {
     bool add;                     /* forward adds to what out holds (before
                                    * act); its backward passes dout on */
     bool no_din;                  /* nobody asks for din */
+    const struct batch_norm *norm;  /* folded in; or NULL */
     size_t gamma;                 /* tensor (out) in ps that scales the whole
                                    * output, folded; or NN_NONE.  NN_INFER */
     const float *from;            /* weights in place of the tensor's, for
@@ -73,10 +74,8 @@ void conv_plan(struct conv *c, struct nn_plan *p, size_t batch, size_t h,
                size_t w);
 /* A linear layer on `rows` rows. */
 void linear_plan(struct conv *c, struct nn_plan *p, size_t rows);
-/* Weights changed.  bn (or NULL) is folded in. */
-void conv_update(struct conv *c, const struct batch_norm *bn);
-/* Free what _init and _plan allocated; zeroed then. */
-void conv_release(struct conv *c);
+/* This layer's weights changed; nn_plan_update does it for all of a plan's. */
+void conv_update(struct conv *c);
 
 /* out (B,oh,ow,out) = act(conv(in (B,h,w,in_data))); floats, or what half_in
  * and half_out say. */

@@ -34,34 +34,11 @@ static size_t depthwise_out_size(size_t *before, size_t size,
     return out;
 }
 
-void depthwise_plan(struct depthwise *d, struct nn_plan *p, size_t batch,
-                    size_t h, size_t w)
+/* Taps and bias from the weights, with the norm folded in. */
+static void depthwise_update(void *layer)
 {
-    size_t C = d->channels, K = d->kernel, S = d->stride;
-    size_t T = DEPTHWISE_COLUMNS, R = DEPTHWISE_ROWS, L = DEPTHWISE_LANES;
-    size_t whole = (C + L - 1) / L * L;
-
-    d->plan = p;
-    d->batch = batch;
-    d->h = h;
-    d->w = w;
-    d->oh = depthwise_out_size(&d->top, h, d);
-    d->ow = depthwise_out_size(&d->left, w, d);
-    d->taps = nn_plan_floats(p, K * K * whole);
-    d->bias = nn_plan_floats(p, whole);
-    size_t wide = (d->ow + T) * S + w + T + 2 * K;
-    size_t piece = ((R - 1) * S + K) * wide + (R + K) * (w + T + 2 * K);
-    d->pad_size = (piece + R * wide) * DEPTHWISE_LANES;
-    nn_plan_scratch(p, d->pad_size * sizeof(float) *
-                           (size_t)parallel_width());
-    if (!nn_plan_backward(p))
-        return;
-    d->flipped = nn_plan_floats(p, K * K * whole);
-    d->dw = nn_plan_floats(p, batch * K * K * C);
-}
-
-void depthwise_update(struct depthwise *d, const struct batch_norm *bn)
-{
+    struct depthwise *d = layer;
+    const struct batch_norm *bn = d->norm;
     const struct params *ps = d->ps;
     const float *w = param_w(ps, d->weight);
     size_t taps = d->kernel * d->kernel, L = DEPTHWISE_LANES;
@@ -83,6 +60,33 @@ void depthwise_update(struct depthwise *d, const struct batch_norm *bn)
                 d->flipped[at + (taps - 1 - i) * L] = w[c * taps + i] * scale;
         }
     }
+}
+
+void depthwise_plan(struct depthwise *d, struct nn_plan *p, size_t batch,
+                    size_t h, size_t w)
+{
+    size_t C = d->channels, K = d->kernel, S = d->stride;
+    size_t T = DEPTHWISE_COLUMNS, R = DEPTHWISE_ROWS, L = DEPTHWISE_LANES;
+    size_t whole = (C + L - 1) / L * L;
+
+    nn_plan_layer(p, (struct nn_layer){d, depthwise_update, NULL});
+    d->plan = p;
+    d->batch = batch;
+    d->h = h;
+    d->w = w;
+    d->oh = depthwise_out_size(&d->top, h, d);
+    d->ow = depthwise_out_size(&d->left, w, d);
+    d->taps = nn_plan_floats(p, K * K * whole);
+    d->bias = nn_plan_floats(p, whole);
+    size_t wide = (d->ow + T) * S + w + T + 2 * K;
+    size_t piece = ((R - 1) * S + K) * wide + (R + K) * (w + T + 2 * K);
+    d->pad_size = (piece + R * wide) * DEPTHWISE_LANES;
+    nn_plan_scratch(p, d->pad_size * sizeof(float) *
+                           (size_t)parallel_width());
+    if (!nn_plan_backward(p))
+        return;
+    d->flipped = nn_plan_floats(p, K * K * whole);
+    d->dw = nn_plan_floats(p, batch * K * K * C);
 }
 
 /* The calling thread's padded buffer in the plan's scratch. */

@@ -18,6 +18,7 @@ struct depthwise {
     size_t channels, kernel, stride;
     enum conv_pad pad;
     enum nn_act act;              /* of NN_INFER plans, with the folded norm */
+    const struct batch_norm *norm;      /* folded in; or NULL */
     /* as planned */
     size_t batch, h, w, oh, ow;
     size_t top, left;
@@ -35,8 +36,6 @@ void depthwise_init(struct depthwise *d, struct params *ps, const char *name,
 /* Inputs (batch,h,w,channels). */
 void depthwise_plan(struct depthwise *d, struct nn_plan *p, size_t batch,
                     size_t h, size_t w);
-/* Weights changed; bn (or NULL) is folded in. */
-void depthwise_update(struct depthwise *d, const struct batch_norm *bn);
 
 /* out (B,oh,ow,C) from in (B,h,w,C). */
 void depthwise_forward(float *out, const float *in, struct depthwise *d);

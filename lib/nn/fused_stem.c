@@ -18,19 +18,10 @@ bool fused_stem_possible(const struct conv *c)
            c->in >= 3;
 }
 
-void fused_stem_plan(struct fused_stem *f, const struct conv *c,
-                     struct nn_plan *p, size_t batch, size_t h, size_t w)
+/* The weights as the kernels read them. */
+static void fused_stem_update(void *layer)
 {
-    *f = (struct fused_stem){ .c = c, .batch = batch, .h = h, .w = w };
-    f->line = 4 * PIECE * c->in;
-    f->weight = nn_plan_floats(p, c->out * 4 * c->in);
-    f->bias = nn_plan_floats(p, c->out);
-    f->empty = nn_plan_floats(p, c->out);
-    f->wide = nn_plan_floats(p, f->line * (size_t)parallel_width());
-}
-
-void fused_stem_update(struct fused_stem *f)
-{
+    struct fused_stem *f = layer;
     const struct conv *c = f->c;
     const float *w = param_w(c->ps, c->weight);      /* (out,in,2,2) */
 
@@ -45,6 +36,18 @@ void fused_stem_update(struct fused_stem *f)
             for (size_t k = 0; k < 4; k++)
                 f->weight[((o / 16 * 4 + k) * c->in + i) * 16 + o % 16] =
                     w[(o * c->in + i) * 4 + k];
+}
+
+void fused_stem_plan(struct fused_stem *f, const struct conv *c,
+                     struct nn_plan *p, size_t batch, size_t h, size_t w)
+{
+    *f = (struct fused_stem){ .c = c, .batch = batch, .h = h, .w = w };
+    nn_plan_layer(p, (struct nn_layer){f, fused_stem_update, NULL});
+    f->line = 4 * PIECE * c->in;
+    f->weight = nn_plan_floats(p, c->out * 4 * c->in);
+    f->bias = nn_plan_floats(p, c->out);
+    f->empty = nn_plan_floats(p, c->out);
+    f->wide = nn_plan_floats(p, f->line * (size_t)parallel_width());
 }
 
 /* n pixels of a packed row into wide, zeros where none is; how many there

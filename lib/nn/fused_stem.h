@@ -44,8 +44,6 @@ bool fused_stem_possible(const struct conv *c);
 /* Feature images (batch,h,w,in) for the layer c, which is not planned. */
 void fused_stem_plan(struct fused_stem *f, const struct conv *c,
                      struct nn_plan *p, size_t batch, size_t h, size_t w);
-/* The weights in c->ps changed. */
-void fused_stem_update(struct fused_stem *f);
 /* out (B,h/2,w/2,out); rgb (B,h,w,3) <- the first three channels. */
 void fused_stem_forward(float *out, float *rgb, const struct feature_view *in,
                         const struct fused_stem *f);

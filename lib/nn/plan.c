@@ -164,6 +164,10 @@ void nn_plan_init(struct nn_plan *p, struct nn_options opt)
 
 void nn_plan_release(struct nn_plan *p)
 {
+    for (size_t i = 0; i < p->layers; i++)
+        if (p->layer[i].release)
+            p->layer[i].release(p->layer[i].layer);
+    free(p->layer);
     nn_pool_release(&p->own);
     plan_chunk_release(&p->working);
     memset(p, 0, sizeof *p);
@@ -238,6 +242,28 @@ void nn_plan_scratch(struct nn_plan *p, size_t bytes)
         p->scratch_size = bytes;
 }
 
+void nn_plan_layer(struct nn_plan *p, struct nn_layer l)
+{
+    void *grown = p->err.code ? NULL
+                : realloc(p->layer, (p->layers + 1) * sizeof *p->layer);
+
+    if (grown) {
+        p->layer = grown;
+        p->layer[p->layers++] = l;
+        return;
+    }
+    if (l.release)
+        l.release(l.layer);
+    nn_plan_fail(p, EX_OSERR, "out of memory");
+}
+
+void nn_plan_update(struct nn_plan *p)
+{
+    for (size_t i = 0; i < p->layers; i++)
+        if (p->layer[i].update)
+            p->layer[i].update(p->layer[i].layer);
+}
+
 int nn_plan_finish(struct nn_plan *p, struct error *err)
 {
     for (size_t i = 0; p->shared && i < p->shared->chunks; i++)
@@ -257,5 +283,6 @@ int nn_plan_finish(struct nn_plan *p, struct error *err)
             *err = p->err;
         return -1;
     }
+    nn_plan_update(p);
     return 0;
 }

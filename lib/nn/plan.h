@@ -31,9 +31,18 @@ struct nn_pool {
     size_t chunks, room;
 };
 
+/* What a layer does when the weights in ps have changed, and to free what the
+ * plan's memory does not hold; either may be NULL. */
+struct nn_layer {
+    void *layer;
+    void (*update)(void *layer), (*release)(void *layer);
+};
+
 struct nn_plan {
     struct nn_options opt;
     struct error err;              /* code 0: all well so far */
+    struct nn_layer *layer;        /* in the order of planning */
+    size_t layers;
     struct nn_pool own;
     struct nn_pool *shared;        /* where maps come from; NULL: own */
     size_t scratch_size;           /* wanted so far */
@@ -52,7 +61,7 @@ void nn_pool_release(struct nn_pool *pool);
 
 /* An empty plan; NN_F32 or NN_BF16, unless NN_INFER. */
 void nn_plan_init(struct nn_plan *p, struct nn_options opt);
-/* Free all its buffers. */
+/* Free all its buffers and what its layers hold; before these go. */
 void nn_plan_release(struct nn_plan *p);
 
 /* A zero-filled buffer, aligned to 64 bytes, owned by the plan, of its own:
@@ -73,8 +82,13 @@ void nn_plan_scratch(struct nn_plan *p, size_t bytes);
 /* Remember a failure; the first one stays. */
 void nn_plan_fail(struct nn_plan *p, int code, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
-/* All layers are planned: allocate the scratch; -1 with the first failure. */
+/* One more layer with weights; released at once where the plan fails. */
+void nn_plan_layer(struct nn_plan *p, struct nn_layer l);
+/* All layers are planned: allocate the scratch and let them take their weights;
+ * -1 with the first failure. */
 int nn_plan_finish(struct nn_plan *p, struct error *err);
+/* The weights in ps changed: every layer folds and reorders its own. */
+void nn_plan_update(struct nn_plan *p);
 
 /* Whether layers keep what their backward needs. */
 static inline bool nn_plan_backward(const struct nn_plan *p)

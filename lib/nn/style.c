@@ -59,6 +59,21 @@ void style_conv_init(struct style_conv *s, struct params *ps,
     ps->tensor[s->noise].frozen = true;
 }
 
+/* Sums of the weights' squares over the kernel. */
+static void style_conv_update(void *layer)
+{
+    struct style_conv *s = layer;
+    const float *w = param_w(s->ps, s->conv.weight);
+
+    for (size_t i = 0; i < s->out * s->in; i++) {
+        double sum = 0;
+
+        for (size_t k = 0; k < 9; k++)
+            sum += (double)w[i * 9 + k] * (double)w[i * 9 + k];
+        s->squares[i] = (float)sum;
+    }
+}
+
 void style_conv_plan(struct style_conv *s, struct nn_plan *p, size_t batch,
                      size_t h, size_t w)
 {
@@ -69,6 +84,7 @@ void style_conv_plan(struct style_conv *s, struct nn_plan *p, size_t batch,
     s->batch = batch;
     s->h = h;
     s->w = w;
+    nn_plan_layer(p, (struct nn_layer){s, style_conv_update, NULL});
     s->squares = nn_plan_floats(p, s->out * s->in);
     s->st = nn_plan_floats(p, batch * s->in);
     s->d = nn_plan_floats(p, batch * s->out);
@@ -90,27 +106,6 @@ void style_conv_plan(struct style_conv *s, struct nn_plan *p, size_t batch,
     s->dd = nn_plan_floats(p, s->out);
     s->dst = nn_plan_floats(p, batch * s->in);
     s->dlatent = nn_plan_floats(p, batch * s->modulation.in);
-}
-
-void style_conv_update(struct style_conv *s)
-{
-    const float *w = param_w(s->ps, s->conv.weight);
-
-    for (size_t i = 0; i < s->out * s->in; i++) {
-        double sum = 0;
-
-        for (size_t k = 0; k < 9; k++)
-            sum += (double)w[i * 9 + k] * (double)w[i * 9 + k];
-        s->squares[i] = (float)sum;
-    }
-    conv_update(&s->conv, NULL);
-    conv_update(&s->modulation, NULL);
-}
-
-void style_conv_release(struct style_conv *s)
-{
-    conv_release(&s->conv);
-    conv_release(&s->modulation);
 }
 
 /* d = sqrt 2 / sqrt(sum_i st_i^2 squares[o][i] + eps) */
@@ -318,16 +313,6 @@ void to_rgb_plan(struct to_rgb *t, struct nn_plan *p, size_t batch, size_t h,
     t->part = nn_plan_floats(p, NN_SUMS * 3 * t->in);
     t->dst = nn_plan_floats(p, batch * t->in);
     t->dlatent = nn_plan_floats(p, batch * t->modulation.in);
-}
-
-void to_rgb_update(struct to_rgb *t)
-{
-    conv_update(&t->modulation, NULL);
-}
-
-void to_rgb_release(struct to_rgb *t)
-{
-    conv_release(&t->modulation);
 }
 
 PARALLEL(to_rgb_forward_part, at, const struct nn_kernels *, k,

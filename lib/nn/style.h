@@ -32,10 +32,6 @@ void style_conv_init(struct style_conv *s, struct params *ps,
 /* h and w are the output's. */
 void style_conv_plan(struct style_conv *s, struct nn_plan *p, size_t batch,
                      size_t h, size_t w);
-/* The weights in ps changed. */
-void style_conv_update(struct style_conv *s);
-/* Free what _init and _plan allocated; zeroed then. */
-void style_conv_release(struct style_conv *s);
 /* s->y (B,h,w,out) from x (B,h,w,in), or half that size when `up`. */
 void style_conv_forward(const float *x, const float *latent,
                         struct style_conv *s);
@@ -65,10 +61,6 @@ void to_rgb_init(struct to_rgb *t, struct params *ps, const char *name,
 /* h and w are the picture's at this level. */
 void to_rgb_plan(struct to_rgb *t, struct nn_plan *p, size_t batch, size_t h,
                  size_t w);
-/* The weights in ps changed. */
-void to_rgb_update(struct to_rgb *t);
-/* Free what _init and _plan allocated; zeroed then. */
-void to_rgb_release(struct to_rgb *t);
 /* t->rgb = W (x st) + b + grow(previous); previous (B,h/2,w/2,3) or NULL. */
 void to_rgb_forward(const float *x, const float *latent,
                     const float *previous, struct to_rgb *t);

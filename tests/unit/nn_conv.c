@@ -261,13 +261,10 @@ static uint64_t conv_test_run(float *out, float *din, struct params *ps,
         exit(1);
     }
     if (s->kind == DEPTHWISE) {
-        depthwise_update(&d, NULL);
         depthwise_forward(out, in, &d);
         depthwise_backward(din, g, in, &d);
     } else {
-        conv_update(&c, NULL);
         conv_test_layer(out, din, g, in, s, &c, n);
-        conv_release(&c);
     }
     nn_plan_release(&p);
     free(g);
@@ -352,13 +349,11 @@ static void check_winograd(size_t h, size_t w, size_t in, size_t out)
     conv_plan(&c, &p, 2, h, w);
     if (nn_plan_finish(&p, &err))
         exit(1);
-    conv_update(&c, NULL);
     conv_forward(y, x, &c);
     conv_test_reference(&r, x, param_w(&ps, 0), param_w(&ps, 1), NULL, &s, h,
                         w);
     conv_test_compare("Winograd", &s, y, r.out, r.out_n, 6e-5);
     form_prefer(FORM_FLOAT);
-    conv_release(&c);
     nn_plan_release(&p);
     params_release(&ps);
     conv_test_drop(&r);
@@ -405,7 +400,6 @@ static void check_int8(const struct shape *s, bool add)
         printf("%s\n", err.text);
         exit(1);
     }
-    conv_update(&c, NULL);
     uint64_t first = 0;
     for (int threads = 1; threads <= 3; threads++) {
         parallel_set_width(threads);
@@ -429,7 +423,6 @@ static void check_int8(const struct shape *s, bool add)
         off = fmax(off, fabs((double)y[i] - r.out[i]));
     CHECK(!native || off >= 1e-4,
           "8 bits are as exact as float: they were not used");
-    conv_release(&c);
     nn_plan_release(&p);
     params_release(&ps);
     conv_test_drop(&r);

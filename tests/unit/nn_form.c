@@ -65,13 +65,11 @@ static void timed_open(struct timed *t, const struct layer *l,
     conv_plan(&t->c, &t->p, 1, l->side, l->side);
     if (nn_plan_finish(&t->p, &err))
         exit(1);
-    conv_update(&t->c, NULL);
     t->best = INFINITY;
 }
 
 static void timed_release(struct timed *t)
 {
-    conv_release(&t->c);
     nn_plan_release(&t->p);
     params_release(&t->ps);
 }

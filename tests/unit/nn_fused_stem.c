@@ -157,7 +157,6 @@ static void stem_run(const struct shape *s)
     check_same(fused_stem_possible(&c), "whether it is possible", s);
     fused_stem_plan(&f, &c, &p, s->B, s->h, s->w);
     stem_must(nn_plan_finish(&p, &err));
-    fused_stem_update(&f);
     stem_values(half, in, n);
     for (size_t y = 0; y < rows; y++)
         memcpy(part + y * wide, in + y * row, row * sizeof *in);

@@ -42,6 +42,8 @@ static void iresnet_declare_block(struct iresnet *n, const char *name,
                           &out, PARAM_ZERO, 0);
     conv_init(&b->conv2, &n->ps, nn_name(buf, "%s.conv2", name), out, out, 3,
               b->stride, false);
+    b->conv1.norm = &b->bn2;
+    b->conv2.norm = &b->bn3;
     b->conv2.add = true;
     batch_norm_init(&b->bn3, &n->ps, nn_name(buf, "%s.bn3", name), out, EPS);
     if (!down)
@@ -50,6 +52,7 @@ static void iresnet_declare_block(struct iresnet *n, const char *name,
               out, 1, b->stride, false);
     batch_norm_init(&b->bn_down, &n->ps, nn_name(buf, "%s.downsample.1", name),
                     out, EPS);
+    b->down.norm = &b->bn_down;
 }
 
 /* All layers, as many and as wide as the file's tensors say. */
@@ -66,6 +69,7 @@ static int iresnet_declare(struct iresnet *n, const struct safetensors *st,
                          "(expected an iresnet)", st_path(st));
     conv_init(&n->stem, &n->ps, "conv1", 3, channels, 3, 1, false);
     batch_norm_init(&n->bn_stem, &n->ps, "bn1", channels, EPS);
+    n->stem.norm = &n->bn_stem;
     n->prelu = params_add(&n->ps, "prelu.weight", 1, &channels, PARAM_ZERO, 0);
     for (int stage = 1; stage <= STAGES; stage++)
         for (int i = 0;; i++) {
@@ -122,19 +126,7 @@ static int iresnet_plan(struct iresnet *n, struct error *err)
     n->y = nn_plan_floats(&n->plan, max);
     n->t = nn_plan_floats(&n->plan, max);
     n->code = nn_plan_floats(&n->plan, n->fc.out);
-    if (nn_plan_finish(&n->plan, err))
-        return -1;
-    conv_update(&n->stem, &n->bn_stem);
-    for (size_t i = 0; i < n->blocks; i++) {
-        struct iresnet_block *b = &n->block[i];
-
-        conv_update(&b->conv1, &b->bn2);
-        conv_update(&b->conv2, &b->bn3);
-        if (b->has_down)
-            conv_update(&b->down, &b->bn_down);
-    }
-    conv_update(&n->fc, NULL);
-    return 0;
+    return nn_plan_finish(&n->plan, err);
 }
 
 int iresnet_open(struct iresnet *n, const char *path, struct error *err)
@@ -157,13 +149,6 @@ int iresnet_open(struct iresnet *n, const char *path, struct error *err)
 
 void iresnet_release(struct iresnet *n)
 {
-    conv_release(&n->stem);
-    conv_release(&n->fc);
-    for (size_t i = 0; i < n->blocks; i++) {
-        conv_release(&n->block[i].conv1);
-        conv_release(&n->block[i].conv2);
-        conv_release(&n->block[i].down);
-    }
     nn_plan_release(&n->plan);
     params_release(&n->ps);
     memset(n, 0, sizeof *n);

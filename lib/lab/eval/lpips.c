@@ -58,8 +58,6 @@ int lpips_init(struct lpips *l, const char *path, struct error *err)
 
 void lpips_release(struct lpips *l)
 {
-    for (int i = 0; i < LPIPS_STAGES; i++)
-        conv_release(&l->conv[i]);
     nn_plan_release(&l->plan);
     params_release(&l->ps);
     memset(l, 0, sizeof *l);
@@ -95,8 +93,6 @@ static int lpips_plan(struct lpips *l, size_t H, size_t W, struct error *err)
         l->d[k] = nn_plan_floats(&l->plan, l->learns ? max : 1);
     if (nn_plan_finish(&l->plan, err))
         return -1;
-    for (int i = 0; i < LPIPS_STAGES; i++)
-        conv_update(&l->conv[i], NULL);
     l->H = H;
     l->W = W;
     return 0;

@@ -109,30 +109,8 @@ int musiq_init(struct musiq *m, const char *path, struct error *err)
 
 /* ---- a plan for one size of picture -------------------------------------- */
 
-/* Do it to every layer. */
-static void musiq_each(struct musiq *m, void (*f)(struct conv *c))
-{
-    struct conv *stem[] = {&m->root, &m->conv1, &m->conv2, &m->conv3, &m->proj,
-                           &m->embedding, &m->head};
-
-    for (size_t i = 0; i < sizeof stem / sizeof *stem; i++)
-        f(stem[i]);
-    for (int i = 0; i < MUSIQ_BLOCKS; i++) {
-        f(&m->block[i].qkv);
-        f(&m->block[i].out);
-        f(&m->block[i].fc1);
-        f(&m->block[i].fc2);
-    }
-}
-
-static void musiq_update_layer(struct conv *c)
-{
-    conv_update(c, NULL);
-}
-
 void musiq_release(struct musiq *m)
 {
-    musiq_each(m, conv_release);
     nn_plan_release(&m->plan);
     params_release(&m->ps);
     memset(m, 0, sizeof *m);
@@ -223,7 +201,6 @@ static int musiq_plan(struct musiq *m, size_t H, size_t W, struct error *err)
     musiq_plan_encoder(m, m->patches + 1);
     if (nn_plan_finish(&m->plan, err))
         return -1;
-    musiq_each(m, musiq_update_layer);
     m->H = H;
     m->W = W;
     return 0;

@@ -110,30 +110,11 @@ int squeezenet_plan(struct squeezenet *s, size_t batch, size_t height,
     }
     for (size_t i = 0; i < 4 && nn_plan_backward(p); i++)
         s->g[i] = nn_plan_floats(p, max);
-    if (nn_plan_finish(p, err))
-        return -1;
-    squeezenet_update(s);
-    return 0;
-}
-
-void squeezenet_update(struct squeezenet *s)
-{
-    conv_update(&s->first, NULL);
-    for (size_t i = 0; i < SQUEEZENET_FIRES; i++) {
-        conv_update(&s->fire[i].squeeze, NULL);
-        conv_update(&s->fire[i].expand1, NULL);
-        conv_update(&s->fire[i].expand3, NULL);
-    }
+    return nn_plan_finish(p, err);
 }
 
 void squeezenet_release(struct squeezenet *s)
 {
-    conv_release(&s->first);
-    for (size_t i = 0; i < SQUEEZENET_FIRES; i++) {
-        conv_release(&s->fire[i].squeeze);
-        conv_release(&s->fire[i].expand1);
-        conv_release(&s->fire[i].expand3);
-    }
     nn_plan_release(&s->plan);
     memset(s, 0, sizeof *s);
 }

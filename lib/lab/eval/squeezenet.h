@@ -48,8 +48,6 @@ void squeezenet_init(struct squeezenet *s, struct params *ps,
 /* Pictures of SQUEEZENET_LEAST pixels a side or more. */
 int squeezenet_plan(struct squeezenet *s, size_t batch, size_t height,
                     size_t width, struct nn_options opt, struct error *err);
-/* The weights in ps changed. */
-void squeezenet_update(struct squeezenet *s);
 /* Free what _init and _plan allocated; zeroed then. */
 void squeezenet_release(struct squeezenet *s);
 

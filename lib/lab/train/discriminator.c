@@ -95,16 +95,11 @@ int discriminator_init(struct discriminator *d, size_t image, uint64_t seed,
         discriminator_release(d);
         return -1;
     }
-    discriminator_update(d);
     return 0;
 }
 
 void discriminator_release(struct discriminator *d)
 {
-    for (size_t i = 0; i < LAYERS; i++) {
-        conv_release(&d->layer[i]);
-        conv_release(&d->tangent[i]);
-    }
     nn_plan_release(&d->plan);
     params_release(&d->ps);
     memset(d, 0, sizeof *d);
@@ -112,10 +107,7 @@ void discriminator_release(struct discriminator *d)
 
 void discriminator_update(struct discriminator *d)
 {
-    for (size_t i = 0; i < LAYERS; i++) {
-        conv_update(&d->layer[i], NULL);
-        conv_update(&d->tangent[i], NULL);
-    }
+    nn_plan_update(&d->plan);
 }
 
 /* ---- the window --------------------------------------------------------- */

@@ -103,6 +103,7 @@ static void fan_stack_init(struct fan *f, size_t k)
     fan_mix_init(&s->last, ps, "conv_last", k, W, W);
     s->last.act = ACT_RELU;
     batch_norm_init(&s->end, ps, nn_name(name, "bn_end%zu", k), W, EPS);
+    s->last.norm = &s->end;
     fan_freeze_norm(&s->end);
     fan_mix_init(&s->maps, ps, "l", k, W, FAN_LANDMARKS);
     if (k + 1 == f->stacks)
@@ -122,6 +123,7 @@ void fan_init(struct fan *f, struct params *ps, size_t stacks, size_t width)
     ps->tensor[f->stem.weight].frozen = ps->tensor[f->stem.bias].frozen = true;
     f->stem.act = ACT_RELU;
     batch_norm_init(&f->stem_norm, ps, "bn1", width / 4, EPS);
+    f->stem.norm = &f->stem_norm;
     fan_freeze_norm(&f->stem_norm);
     fan_block_init(&f->block[0], ps, "conv2", width / 4, width / 2);
     fan_block_init(&f->block[1], ps, "conv3", width / 2, width / 2);
@@ -182,49 +184,6 @@ static void fan_stack_plan(struct fan *f, size_t k, size_t side)
     s->next = nn_plan_floats(p, n * f->width);
 }
 
-/* Every block of the network to one function. */
-static void fan_each(struct fan *f, void visit(struct fan_block *))
-{
-    for (size_t i = 0; i < 3; i++)
-        visit(&f->block[i]);
-    for (size_t k = 0; k < f->stacks; k++) {
-        struct fan_hourglass *h = &f->stack[k].hourglass;
-
-        for (size_t i = 0; i < FAN_LEVELS; i++) {
-            visit(&h->outer[i]);
-            visit(&h->down[i]);
-            visit(&h->back[i]);
-        }
-        visit(&h->inner);
-        visit(&f->stack[k].top);
-    }
-}
-
-static void fan_block_update(struct fan_block *b)
-{
-    for (size_t i = 0; i < 3; i++)
-        conv_update(&b->step[i].conv, NULL);
-    if (b->widens)
-        conv_update(&b->wide.conv, NULL);
-}
-
-/* Every layer takes its weights, with the norms behind them folded in. */
-static void fan_update(struct fan *f)
-{
-    conv_update(&f->stem, &f->stem_norm);
-    fan_each(f, fan_block_update);
-    for (size_t k = 0; k < f->stacks; k++) {
-        struct fan_stack *s = &f->stack[k];
-
-        conv_update(&s->last, &s->end);
-        conv_update(&s->maps, NULL);
-        if (k + 1 < f->stacks) {
-            conv_update(&s->again, NULL);
-            conv_update(&s->found, NULL);
-        }
-    }
-}
-
 int fan_plan(struct fan *f, size_t side, struct nn_options opt,
              struct error *err)
 {
@@ -249,29 +208,11 @@ int fan_plan(struct fan *f, size_t side, struct nn_options opt,
         f->g[i] = nn_plan_floats(p, half * half * W / 2);
     for (size_t i = 0; i < FAN_LEVELS && nn_plan_backward(p); i++)
         f->low[i] = nn_plan_floats(p, (quarter >> i) * (quarter >> i) / 4 * W);
-    if (nn_plan_finish(p, err))
-        return -1;
-    fan_update(f);
-    return 0;
-}
-
-static void fan_block_release(struct fan_block *b)
-{
-    for (size_t i = 0; i < 3; i++)
-        conv_release(&b->step[i].conv);
-    conv_release(&b->wide.conv);
+    return nn_plan_finish(p, err);
 }
 
 void fan_release(struct fan *f)
 {
-    conv_release(&f->stem);
-    fan_each(f, fan_block_release);
-    for (size_t k = 0; k < f->stacks; k++) {
-        conv_release(&f->stack[k].last);
-        conv_release(&f->stack[k].maps);
-        conv_release(&f->stack[k].again);
-        conv_release(&f->stack[k].found);
-    }
     nn_plan_release(&f->plan);
     memset(f, 0, sizeof *f);
 }
