@@ -240,11 +240,6 @@ int dinov2_plan(struct dinov2 *d, size_t batch, size_t height, size_t width,
     return nn_plan_finish(p, err);
 }
 
-void dinov2_update(struct dinov2 *d)
-{
-    nn_plan_update(&d->impl->plan);
-}
-
 void dinov2_release(struct dinov2 *d)
 {
     struct dinov2_impl *im = d->impl;

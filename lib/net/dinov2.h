@@ -28,8 +28,6 @@ int dinov2_init(struct dinov2 *d, struct params *ps, const char *prefix,
 /* height and width are multiples of the patch. */
 int dinov2_plan(struct dinov2 *d, size_t batch, size_t height, size_t width,
                 struct nn_options opt, struct error *err);
-/* The weights in ps changed. */
-void dinov2_update(struct dinov2 *d);
 /* Free what _init and _plan allocated; zeroed then. */
 void dinov2_release(struct dinov2 *d);
 

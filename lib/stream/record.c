@@ -50,16 +50,6 @@ struct array array_make(const char *name, enum dtype dtype, const void *data,
     return a;
 }
 
-int array_present(struct array *a, const struct array *all, size_t n)
-{
-    int count = 0;
-
-    for (size_t i = 0; i < n; i++)
-        if (all[i].data)
-            a[count++] = all[i];
-    return count;
-}
-
 bool record_is(const struct record *rec, const char *type)
 {
     return strcmp(rec->type, type) == 0;

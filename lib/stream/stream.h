@@ -175,7 +175,4 @@ void stream_abandon(struct stream_writer *w);
 struct array array_make(const char *name, enum dtype dtype, const void *data,
                         int ndim, size_t d0, size_t d1, size_t d2, size_t d3);
 
-/* Those of all (n) that have data, in their order, into a (n); how many. */
-int array_present(struct array *a, const struct array *all, size_t n);
-
 #endif

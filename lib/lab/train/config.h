@@ -11,6 +11,7 @@
 #include "lib/lab/train/motion_loss.h"
 
 #define TRAIN_PATH 400
+#define TRAIN_NAMES 64
 
 enum train_stage {
     STAGE_SHAPE, STAGE_MOTION, STAGE_LIGHT, STAGE_CONFIDENCE, STAGE_MATTE,
@@ -59,9 +60,9 @@ struct train_config {
                                  * gradients with differences */
     int64_t log_every, sheet_every, checkpoint_every;
     int64_t validation_every, validation_people;
-    char freeze[64];            /* tensors whose names begin so stay as they
+    char freeze[TRAIN_NAMES];   /* tensors whose names begin so stay as they
                                  * are; "" for none */
-    char learn[64];             /* only tensors whose names begin so are
+    char learn[TRAIN_NAMES];    /* only tensors whose names begin so are
                                  * learned; "" for all */
     char *model;                /* JSON of the model's configuration */
 };
