@@ -246,7 +246,7 @@ static void check_near(void)
 {
     enum { N = 700 };
     static float p[3 * N];
-    struct near_grid g;
+    struct near_tree g;
     struct random r;
     struct error err = {0};
     int same = 1;
@@ -254,7 +254,7 @@ static void check_near(void)
     random_init(&r, 3, "points");
     for (int i = 0; i < 3 * N; i++)
         p[i] = (float)random_range(&r, -1, 1);
-    if (near_init(&g, p, N, 0.13f, &memory, &err)) {
+    if (near_init(&g, p, N, &memory, &err)) {
         parts_check(0, err.text);
         return;
     }

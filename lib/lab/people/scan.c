@@ -174,7 +174,7 @@ uint8_t scan_label_of(int32_t region)
 static int scan_find_labels(struct scan_assets *a, const struct head *h,
                             struct error *err)
 {
-    struct near_grid g;
+    struct near_tree g;
 
     a->label = arena_take(&a->memory, FACE_VERTICES, 1);
     a->hairy = arena_take(&a->memory, FACE_VERTICES, sizeof *a->hairy);
@@ -183,7 +183,7 @@ static int scan_find_labels(struct scan_assets *a, const struct head *h,
     memset(a->label, LABEL_SKIN, FACE_VERTICES);
     if (!h->region)
         return 0;
-    if (near_init(&g, h->v_template, h->V, 0.05f, &a->memory, err))
+    if (near_init(&g, h->v_template, h->V, &a->memory, err))
         return -1;
     for (size_t i = 0; i < FACE_NECK_END; i++) {
         int32_t at = 0;

@@ -117,7 +117,7 @@ static void body_draw_to_scans(struct body *b, struct fit *t)
 
 /* Helpers go with the skin near them. */
 static void body_carry_helpers(struct body *b, const float *before,
-                               const struct near_grid *g)
+                               const struct near_tree *g)
 {
     for (size_t i = b->nbody; i < b->mesh.nv; i++) {
         int32_t at[4];
@@ -156,7 +156,7 @@ int body_load(struct body *b, const struct scan_face *f, const char *dir,
               struct arena *memory, struct error *err)
 {
     const size_t n = BASE_BODY;
-    struct near_grid was;
+    struct near_tree was;
     struct arena room = {0};
     struct fit t = {
         .d = arena_take(&room, 3 * n, sizeof(float)),
@@ -175,7 +175,7 @@ int body_load(struct body *b, const struct scan_face *f, const char *dir,
                                         sizeof *b->place)
     };
     if (arena_check(&room, "the body", err) || body_read(b, dir, memory, err) ||
-        near_init(&b->near, f->neutral, FACE_NECK_END, 0.05f, memory, err))
+        near_init(&b->near, f->neutral, FACE_NECK_END, memory, err))
         goto out;
     body_lay_on_eyes(b->place, b->mesh.v, b->mesh.nv, f);
     memcpy(before, b->place, 3 * b->mesh.nv * sizeof *before);
@@ -183,7 +183,7 @@ int body_load(struct body *b, const struct scan_face *f, const char *dir,
     b->near.normal = normal;
     body_draw_to_scans(b, &t);
     b->near.normal = NULL;
-    rc = near_init(&was, before, n, 0.1f, &room, err);
+    rc = near_init(&was, before, n, &room, err);
     if (rc == 0)
         body_carry_helpers(b, before, &was);
 out:

@@ -27,7 +27,7 @@ int follow_map_init(struct follow_map *m, const struct scan_face *f,
                     const struct head *h, struct arena *memory,
                     struct error *err)
 {
-    struct near_grid g;
+    struct near_tree g;
     struct arena room = {0};
     float *p = arena_take(&room, 3 * h->V, sizeof *p);
     int32_t *of = arena_take(&room, h->V, sizeof *of);
@@ -45,7 +45,7 @@ int follow_map_init(struct follow_map *m, const struct scan_face *f,
             copy3(p + 3 * n, h->v_template + 3 * i);
             of[n++] = (int32_t)i;
         }
-    rc = rc || near_init(&g, p, n, 0.04f, &room, err);
+    rc = rc || near_init(&g, p, n, &room, err);
     for (size_t i = 0; !rc && i < FACE_NECK_END; i++) {
         near_bind(m->bind + 4 * i, m->weight + 4 * i, &g, f->neutral + 3 * i);
         for (size_t k = 0; k < 4; k++)

@@ -1,156 +1,125 @@
-/* Points by the cell they lie in, in a hash table. */
+/* Points halved again and again, along one axis after the other: the middle one
+ * of a piece of the list splits it, and those before it lie lower. */
 #include "lib/lab/people/scan_near.h"
-
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
 
 #include "lib/lab/people/vec.h"
 
-static int near_cell_of(const struct near_grid *g, const float x[3], int k)
+/* Number k of item[from,to) by x, the points' coordinates along an axis, to
+ * its place; lower ones before it (Hoare's selection). */
+static void near_select(int32_t *item, int from, int to, int k, const float *x)
 {
-    int c = (int)floorf((x[k] - g->lo[k]) / g->cell);
+    for (to--; from < to;) {
+        const float split = x[3 * item[k]];
+        int i = from, j = to;
 
-    return c < 0 ? 0 : c >= g->dim[k] ? g->dim[k] - 1 : c;
+        while (i <= j) {
+            while (x[3 * item[i]] < split)
+                i++;
+            while (x[3 * item[j]] > split)
+                j--;
+            if (i <= j) {
+                const int32_t swap = item[i];
+
+                item[i++] = item[j];
+                item[j--] = swap;
+            }
+        }
+        from = j < k ? i : from;
+        to = k < i ? j : to;
+    }
 }
 
-static size_t near_slot_of(const struct near_grid *g, const float x[3])
+static void near_split(struct near_tree *t, int from, int to, int axis)
 {
-    return ((size_t)near_cell_of(g, x, 2) * (size_t)g->dim[1]
-            + (size_t)near_cell_of(g, x, 1)) * (size_t)g->dim[0]
-           + (size_t)near_cell_of(g, x, 0);
+    const int middle = (from + to) / 2, next = (axis + 1) % 3;
+
+    if (to - from < 2)
+        return;
+    near_select(t->item, from, to, middle, t->p + axis);
+    near_split(t, from, middle, next);
+    near_split(t, middle + 1, to, next);
 }
 
-int near_init(struct near_grid *g, const float *p, size_t n, float cell,
+int near_init(struct near_tree *t, const float *p, size_t n,
               struct arena *memory, struct error *err)
 {
-    float hi[3];
-    size_t cells = 1;
-
-    *g = (struct near_grid){.p = p, .n = n, .cell = cell};
-    for (int k = 0; k < 3; k++) {
-        g->lo[k] = hi[k] = p[k];
-        for (size_t i = 1; i < n; i++) {
-            g->lo[k] = minf(g->lo[k], p[3 * i + (size_t)k]);
-            hi[k] = maxf(hi[k], p[3 * i + (size_t)k]);
-        }
-        g->dim[k] = (int)((hi[k] - g->lo[k]) / cell) + 1;
-        g->dim[k] = g->dim[k] > 256 ? 256 : g->dim[k];
-        cells *= (size_t)g->dim[k];
-    }
-    g->start = arena_take(memory, cells + 1, sizeof *g->start);
-    g->item = arena_take(memory, n, sizeof *g->item);
+    *t = (struct near_tree){.p = p, .n = n};
+    t->item = arena_take(memory, n, sizeof *t->item);
     if (arena_check(memory, "points", err))
         return -1;
     for (size_t i = 0; i < n; i++)
-        g->start[near_slot_of(g, p + 3 * i) + 1]++;
-    for (size_t i = 0; i < cells; i++)
-        g->start[i + 1] += g->start[i];
-    for (size_t i = n; i-- > 0;)
-        g->item[--g->start[near_slot_of(g, p + 3 * i) + 1]] = (int32_t)i;
-    /* starts have moved down by one slot */
-    memmove(g->start, g->start + 1, cells * sizeof *g->start);
-    g->start[cells] = (int32_t)n;
+        t->item[i] = (int32_t)i;
+    near_split(t, 0, (int)n, 0);
     return 0;
 }
 
-/* Point i at squared distance d into the sorted list of at most k. */
-static int near_insert(int32_t *index, float *d2, int have, int k, int32_t i,
-                       float d)
-{
-    int at = have < k ? have : k - 1;
+/* What is looked for, and the nearest so far, in order. */
+struct near_search {
+    const struct near_tree *t;
+    const float *x, *n;
+    int k, have;
+    float limit, d2[NEAR_MAX];
+    int32_t *index;
+};
 
-    if (have == k && d >= d2[k - 1])
-        return have;
-    while (at > 0 && d2[at - 1] > d) {
-        d2[at] = d2[at - 1];
-        index[at] = index[at - 1];
-        at--;
+/* Point i, if it is near enough and its normal agrees. */
+static void near_take(struct near_search *s, int32_t i)
+{
+    const float *normal = s->t->normal;
+    float d[3], l;
+    int at = s->have < s->k ? s->have : s->k - 1;
+
+    sub3(d, s->t->p + 3 * i, s->x);
+    l = dot3(d, d);
+    if (l > s->limit || (s->have == s->k && l >= s->d2[at])
+        || (s->n && normal && dot3(s->n, normal + 3 * i) < 0.5f))
+        return;
+    for (; at > 0 && s->d2[at - 1] > l; at--) {
+        s->d2[at] = s->d2[at - 1];
+        s->index[at] = s->index[at - 1];
     }
-    d2[at] = d;
-    index[at] = i;
-    return have < k ? have + 1 : k;
+    s->d2[at] = l;
+    s->index[at] = i;
+    s->have += s->have < s->k;
 }
 
-/* Take those of a cell's points that are near enough and whose normals agree
- * into the k nearest. */
-static int near_scan_slot(int32_t *index, float *d2, int have, int k,
-                          const struct near_grid *g, size_t slot,
-                          const float x[3], const float *n, float limit)
+/* The side on which x lies first; the other one where something on it may be
+ * nearer than what there is. */
+static void near_look(struct near_search *s, int from, int to, int axis)
 {
-    for (int32_t j = g->start[slot]; j < g->start[slot + 1]; j++) {
-        int32_t i = g->item[j];
-        float d[3], l;
-        sub3(d, g->p + 3 * i, x);
-        l = dot3(d, d);
-        if (l > limit || (n && g->normal
-                          && dot3(n, g->normal + 3 * i) < 0.5f))
-            continue;
-        have = near_insert(index, d2, have, k, i, l);
-    }
-    return have;
+    const int middle = (from + to) / 2, next = (axis + 1) % 3;
+
+    if (from >= to)
+        return;
+    const int32_t i = s->t->item[middle];
+    const float across = s->x[axis] - s->t->p[3 * i + axis];
+    const bool low = across < 0;
+
+    near_look(s, low ? from : middle + 1, low ? middle : to, next);
+    near_take(s, i);
+    if (across * across <= (s->have < s->k ? s->limit : s->d2[s->k - 1]))
+        near_look(s, low ? middle + 1 : from, low ? to : middle, next);
 }
 
-/* Squared distance of x from the grid: 0 inside. */
-static float near_outside(const struct near_grid *g, const float x[3])
-{
-    float sum = 0;
-
-    for (int k = 0; k < 3; k++) {
-        float below = g->lo[k] - x[k];
-        float above = -below - (float)g->dim[k] * g->cell;
-        float out = maxf(maxf(below, above), 0);
-        sum += out * out;
-    }
-    return sum;
-}
-
-int near_find(int32_t *index, float *d2, const struct near_grid *g,
+int near_find(int32_t *index, float *d2, const struct near_tree *t,
               const float x[3], const float *n, int k, float reach)
 {
-    float d[NEAR_MAX];
-    int have = 0, rings = (int)ceilf(reach / g->cell) + 1;
-    int at[3], widest = 0;
-    float outside = near_outside(g, x);
+    struct near_search s = {
+        .t = t, .x = x, .n = n, .k = k > NEAR_MAX ? NEAR_MAX : k,
+        .limit = reach * reach, .index = index
+    };
 
-    k = k > NEAR_MAX ? NEAR_MAX : k;
-    for (int a = 0; a < 3; a++) {
-        at[a] = near_cell_of(g, x, a);
-        widest = g->dim[a] > widest ? g->dim[a] : widest;
-    }
-    rings = rings > widest ? widest : rings;
-    for (int r = 0; r <= rings; r++) {
-        float done = (float)(r - 1) * g->cell;
-        /* a cell of this ring lies so far along one axis, and x beyond the
-         * grid along others or further on along the same */
-        if (have == k && r > 1 && d[k - 1] < done * done + outside)
-            break;
-        for (int z = at[2] - r; z <= at[2] + r; z++)
-            for (int y = at[1] - r; y <= at[1] + r; y++) {
-                int shell = abs(z - at[2]) == r || abs(y - at[1]) == r;
-                if (z < 0 || y < 0 || z >= g->dim[2] || y >= g->dim[1])
-                    continue;
-                for (int u = at[0] - r; u <= at[0] + r;
-                     u += shell || r == 0 ? 1 : 2 * r) {
-                    if (u < 0 || u >= g->dim[0])
-                        continue;
-                    size_t slot = ((size_t)z * (size_t)g->dim[1] + (size_t)y)
-                                  * (size_t)g->dim[0] + (size_t)u;
-                    have = near_scan_slot(index, d, have, k, g, slot, x, n,
-                                          reach * reach);
-                }
-            }
-    }
-    for (int i = 0; d2 && i < have; i++)
-        d2[i] = d[i];
-    return have;
+    near_look(&s, 0, (int)t->n, 0);
+    for (int i = 0; d2 && i < s.have; i++)
+        d2[i] = s.d2[i];
+    return s.have;
 }
 
-void near_bind(int32_t index[4], float weight[4], const struct near_grid *g,
+void near_bind(int32_t index[4], float weight[4], const struct near_tree *t,
                const float x[3])
 {
     float d2[4], sum = 0;
-    int have = near_find(index, d2, g, x, NULL, 4, 1e3f);
+    int have = near_find(index, d2, t, x, NULL, 4, 1e3f);
 
     for (int i = 0; i < 4; i++) {
         if (i >= have)

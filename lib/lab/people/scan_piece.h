@@ -51,7 +51,7 @@ struct body {
     struct wavefront mesh;      /* v: where MakeHuman has it, decimetres */
     float *place;               /* (nv,3) head units */
     size_t nbody;               /* vertices that are skin */
-    struct near_grid near;      /* on the face and neck of the scans */
+    struct near_tree near;      /* on the face and neck of the scans */
 };
 
 /* Read DIR/base.obj into memory and lay it on the face. */

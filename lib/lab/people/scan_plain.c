@@ -334,7 +334,7 @@ struct scan_assets *scan_plain_open(const char *traits, const struct head *h,
         || traits_load(&a->traits, traits, err) || plain_check_head(h, err)
         || plain_lay_out(a->plain, h, memory, err)
         || plain_make_face(&a->face, a->plain, memory, err)
-        || near_init(&a->body.near, a->face.neutral, FACE_NECK_END, 0.05f,
+        || near_init(&a->body.near, a->face.neutral, FACE_NECK_END,
                      memory, err)
         || plain_make_labels(a, err) || plain_make_looks(a, err)
         || sky_measure(a, err)) {
