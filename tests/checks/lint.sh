@@ -67,7 +67,7 @@ for program in $(ls cmd/spid*.c cmd/lab/spid*.c | sed 's/.*\///; s/\.c$//'); do
     text=$(mandoc -T utf8 -O width=1000 "$page" | col -bx | sed 's/‐/-/g')
     # Every long option of --help is in the page (shared ones are in spid.1).
     for option in $("$bin/$program" --help | grep -oE '^  (-., |    )--[a-z0-9-]+' | grep -oE '[a-z0-9][a-z0-9-]+$'); do
-        case $option in output|threads|model|quiet|stats|max-bytes|no-mark|help|version) continue ;; esac
+        case $option in output|threads|model|quiet|head|precision|stats|max-bytes|no-mark|help|version) continue ;; esac
         grep -qE -e "--$option( |=|,|$|\\]|\\))" <<<"$text" || bad "$page" <<<"does not have --$option"
     done
 done
