@@ -4,8 +4,11 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "lib/net/config.h"
 #include "lib/lab/convert/table.h"
+#include "lib/lab/eval/iresnet.h"
+#include "lib/lab/eval/lpips.h"
+#include "lib/lab/eval/squeezenet.h"
+#include "lib/net/config.h"
 #include "lib/net/dinov2.h"
 #include "lib/lab/train/fan.h"
 #include "lib/net/motion_encoder.h"
@@ -198,178 +201,78 @@ int convert_smirk(struct convert *c, const struct convert_options *o,
 
 /* AlexNet's convolutions: torchvision's names, and those of the LPIPS
  * package's own files. */
-static const struct {
-    const char *name, *sliced;
-    size_t dim[4];
-} alexnet[] = {
-    {"features.0.", "net.slice1.0.", {64, 3, 11, 11}},
-    {"features.3.", "net.slice2.3.", {192, 64, 5, 5}},
-    {"features.6.", "net.slice3.6.", {384, 192, 3, 3}},
-    {"features.8.", "net.slice4.8.", {256, 384, 3, 3}},
-    {"features.10.", "net.slice5.10.", {256, 256, 3, 3}},
+static const char *const alexnet[][2] = {
+    {"features.0.", "net.slice1.0."}, {"features.3.", "net.slice2.3."},
+    {"features.6.", "net.slice3.6."}, {"features.8.", "net.slice4.8."},
+    {"features.10.", "net.slice5.10."},
 };
 
 int convert_lpips(struct convert *c, const struct convert_options *o,
                   struct error *err)
 {
     const int lin = o->linear ? convert_open(c, o->linear, err) : 0;
-    char prefix[TENSORFILE_NAME], from[80], to[80];
+    const size_t any[4] = {0};
+    char prefix[TENSORFILE_NAME];
+    struct lpips net;
     bool sliced;
+    int rc = lin < 0 ? -1 : 0;
 
-    if (lin < 0)
-        return -1;
     convert_prefix(prefix, c, 0, "net.slice1.0.weight");
-    sliced = convert_find(c, 0, prefix, "net.slice1.0.weight", 4,
-                          alexnet[0].dim, true) != SIZE_MAX;
+    sliced = convert_find(c, 0, prefix, "net.slice1.0.weight", 4, any,
+                          true) != SIZE_MAX;
     if (!sliced)
         convert_prefix(prefix, c, 0, "features.0.weight");
-    for (size_t i = 0; i < sizeof alexnet / sizeof *alexnet; i++)
-        for (int bias = 0; bias < 2; bias++) {
-            const char *end = bias ? "bias" : "weight";
-
-            snprintf(from, sizeof from, "%s%s",
-                     sliced ? alexnet[i].sliced : alexnet[i].name, end);
-            snprintf(to, sizeof to, "%s%s", alexnet[i].name, end);
-            if (convert_take(c, 0, prefix, from, to, bias ? 1 : 4,
-                             alexnet[i].dim, err))
-                return -1;
-        }
-    convert_prefix(prefix, c, lin, "lin0.model.1.weight");
-    for (size_t i = 0; i < sizeof alexnet / sizeof *alexnet; i++) {
-        const size_t dim[4] = {1, alexnet[i].dim[0], 1, 1};
-
-        snprintf(to, sizeof to, "lin%zu.model.1.weight", i);
-        if (convert_take(c, lin, prefix, to, to, 4, dim, err))
-            return -1;
+    lpips_declare(&net);
+    for (size_t i = 0; !rc && i < sizeof alexnet / sizeof *alexnet; i++)
+        rc = convert_take_params(c, 0, prefix, &net.ps, alexnet[i][sliced],
+                                 alexnet[i][0], err);
+    if (!rc) {
+        convert_prefix(prefix, c, lin, "lin0.model.1.weight");
+        rc = convert_take_params(c, lin, prefix, &net.ps, "lin", "lin", err);
     }
-    return 0;
+    lpips_release(&net);
+    return rc;
 }
 
 /* ---- ArcFace ------------------------------------------------------------ */
 
-/* The four tensors of a batch norm. */
-static int network_take_norm(struct convert *c, const char *prefix,
-                             const char *name, size_t n, struct error *err)
+/* A file, and what its names begin with. */
+struct network_file {
+    const struct tensorfile *file;
+    char prefix[TENSORFILE_NAME];
+};
+
+/* As iresnet_declare wants it. */
+static size_t network_rows(const void *file, const char *name)
 {
-    static const char *const part[] = {"weight", "bias", "running_mean",
-                                       "running_var"};
-    char text[120];
+    const struct network_file *f = file;
+    char text[2 * TENSORFILE_NAME];
 
-    for (int i = 0; i < 4; i++) {
-        snprintf(text, sizeof text, "%s.%s", name, part[i]);
-        if (convert_take(c, 0, prefix, text, text, 1, &n, err))
-            return -1;
-    }
-    return 0;
-}
+    snprintf(text, sizeof text, "%s%s", f->prefix, name);
+    const size_t i = tensorfile_find(f->file, text);
 
-/* A tensor under the same name. */
-static int network_take_plain(struct convert *c, const char *prefix,
-                              const char *name, int ndim, size_t a, size_t b,
-                              size_t k, struct error *err)
-{
-    const size_t dim[4] = {a, b, k, k};
-
-    return convert_take(c, 0, prefix, name, name, ndim, dim, err);
-}
-
-/* One residual block; returns its channels, 0 when there is none, or -1. */
-static long network_take_block(struct convert *c, const char *prefix, int stage,
-                               int index, size_t in, struct error *err)
-{
-    const size_t any[4] = {0, in, 3, 3};
-    char at[40], name[80];
-    size_t i, out;
-
-    snprintf(at, sizeof at, "layer%d.%d", stage, index);
-    snprintf(name, sizeof name, "%s.conv1.weight", at);
-    i = convert_find(c, 0, prefix, name, 4, any, index > 0);
-    if (i == SIZE_MAX)
-        return 0;
-    out = tensorfile_at(c->file[0], i)->dim[0];
-    if (network_take_plain(c, prefix, name, 4, out, in, 3, err))
-        return -1;
-#define NAMED(...) (snprintf(name, sizeof name, __VA_ARGS__), name)
-    if (network_take_norm(c, prefix, NAMED("%s.bn1", at), in, err) ||
-        network_take_norm(c, prefix, NAMED("%s.bn2", at), out, err) ||
-        network_take_plain(c, prefix, NAMED("%s.prelu.weight", at), 1, out, 0,
-                           0, err) ||
-        network_take_plain(c, prefix, NAMED("%s.conv2.weight", at), 4, out, out,
-                           3, err) ||
-        network_take_norm(c, prefix, NAMED("%s.bn3", at), out, err))
-        return -1;
-    if (index == 0 &&
-        (network_take_plain(c, prefix, NAMED("%s.downsample.0.weight", at), 4,
-                            out, in, 1, err) ||
-         network_take_norm(c, prefix, NAMED("%s.downsample.1", at), out, err)))
-        return -1;
-#undef NAMED
-    return (long)out;
+    return i < SIZE_MAX && tensorfile_at(f->file, i)->ndim
+               ? tensorfile_at(f->file, i)->dim[0] : 0;
 }
 
 int convert_arcface(struct convert *c, const struct convert_options *o,
                     struct error *err)
 {
-    const size_t stem[4] = {0, 3, 3, 3};
-    char prefix[TENSORFILE_NAME];
-    size_t i, channels, code[2] = {0, 0};
+    struct iresnet *net = arena_take(&c->memory, 1, sizeof *net);
+    struct network_file f = {.file = c->file[0]};
+    int rc = arena_check(&c->memory, "a network", err);
 
     (void)o;
-    convert_prefix(prefix, c, 0, "layer1.0.conv1.weight");
-    i = convert_find(c, 0, prefix, "conv1.weight", 4, stem, false);
-    if (i == SIZE_MAX)
-        return 0;
-    channels = tensorfile_at(c->file[0], i)->dim[0];
-    if (network_take_plain(c, prefix, "conv1.weight", 4, channels, 3, 3, err) ||
-        network_take_norm(c, prefix, "bn1", channels, err) ||
-        network_take_plain(c, prefix, "prelu.weight", 1, channels, 0, 0, err))
+    if (rc)
         return -1;
-    for (int stage = 1; stage <= 4; stage++)
-        for (int k = 0;; k++) {
-            long out = network_take_block(c, prefix, stage, k, channels, err);
-
-            if (out < 0)
-                return -1;
-            if (out == 0)
-                break;
-            channels = (size_t)out;
-        }
-    if (network_take_norm(c, prefix, "bn2", channels, err))
-        return -1;
-    code[1] = channels * 7 * 7;
-    i = convert_find(c, 0, prefix, "fc.weight", 2, code, false);
-    if (i == SIZE_MAX)
-        return 0;
-    code[0] = tensorfile_at(c->file[0], i)->dim[0];
-    return convert_take(c, 0, prefix, "fc.weight", "fc.weight", 2, code,
-                        err) ||
-           convert_take(c, 0, prefix, "fc.bias", "fc.bias", 1, code, err) ||
-           network_take_norm(c, prefix, "features", code[0], err) ? -1 : 0;
+    convert_prefix(f.prefix, c, 0, "layer1.0.conv1.weight");
+    rc = iresnet_declare(net, network_rows, &f, tensorfile_path(f.file), err) ||
+         convert_take_params(c, 0, f.prefix, &net->ps, "", "", err) ? -1 : 0;
+    iresnet_release(net);
+    return rc;
 }
 
 /* ---- SqueezeNet --------------------------------------------------------- */
-
-/* The fire modules of version 1.0: place, channels in, squeezed, and of each
- * half of the output. */
-static const size_t fire[][4] = {
-    {3, 96, 16, 64},   {4, 128, 16, 64},  {5, 128, 32, 128},
-    {7, 256, 32, 128}, {8, 256, 48, 192}, {9, 384, 48, 192},
-    {10, 384, 64, 256}, {12, 512, 64, 256},
-};
-
-/* Weight and bias of a convolution under the same names. */
-static int network_take_conv(struct convert *c, const char *prefix,
-                             const char *name, size_t out, size_t in, size_t k,
-                             struct error *err)
-{
-    char text[80];
-
-    snprintf(text, sizeof text, "%s.weight", name);
-    if (network_take_plain(c, prefix, text, 4, out, in, k, err))
-        return -1;
-    snprintf(text, sizeof text, "%s.bias", name);
-    return network_take_plain(c, prefix, text, 1, out, 0, 0, err);
-}
 
 /* torchvision's network sees (x - mean) / deviation, ours x in [0,1].  The
  * first convolution has no padding, so that its weights can do it exactly. */
@@ -408,26 +311,28 @@ static int network_squeeze_first(struct convert *c, const char *prefix,
 int convert_squeezenet(struct convert *c, const struct convert_options *o,
                        struct error *err)
 {
-    char prefix[TENSORFILE_NAME], name[64];
+    const size_t classes[4] = {1000, 512, 1, 1};
+    char prefix[TENSORFILE_NAME], name[40];
+    struct squeezenet net;
+    struct params ps;
+    int rc;
 
     (void)o;
     convert_prefix(prefix, c, 0, "features.0.weight");
-    if (network_squeeze_first(c, prefix, err))
-        return -1;
-    for (size_t i = 0; i < sizeof fire / sizeof *fire; i++) {
-        const size_t *f = fire[i];
-
-        snprintf(name, sizeof name, "features.%zu.squeeze", f[0]);
-        if (network_take_conv(c, prefix, name, f[2], f[1], 1, err))
-            return -1;
-        snprintf(name, sizeof name, "features.%zu.expand1x1", f[0]);
-        if (network_take_conv(c, prefix, name, f[3], f[2], 1, err))
-            return -1;
-        snprintf(name, sizeof name, "features.%zu.expand3x3", f[0]);
-        if (network_take_conv(c, prefix, name, f[3], f[2], 3, err))
-            return -1;
+    params_init(&ps);
+    squeezenet_init(&net, &ps, "");
+    rc = network_squeeze_first(c, prefix, err);
+    for (int i = 1; !rc && i <= 12; i++) {      /* the first one is there */
+        snprintf(name, sizeof name, "features.%d.", i);
+        rc = convert_take_params(c, 0, prefix, &ps, name, name, err);
     }
-    return network_take_conv(c, prefix, "classifier.1", 1000, 512, 1, err);
+    rc = rc || convert_take(c, 0, prefix, "classifier.1.weight",
+                            "classifier.1.weight", 4, classes, err) ||
+         convert_take(c, 0, prefix, "classifier.1.bias", "classifier.1.bias", 1,
+                      classes, err) ? -1 : 0;
+    squeezenet_release(&net);
+    params_release(&ps);
+    return rc;
 }
 
 /* ---- FAN ---------------------------------------------------------------- */

@@ -14,13 +14,12 @@
 
 /* ---- sizes, from the file ----------------------------------------------- */
 
-/* Dimension d of a tensor; 0 when it is not there or has fewer. */
-static size_t iresnet_tensor_size(const struct safetensors *st,
-                                  const char *name, int d)
+/* As iresnet_declare wants it. */
+static size_t iresnet_rows(const void *file, const char *name)
 {
-    const struct st_tensor *t = st_find(st, name);
+    const struct st_tensor *t = st_find(file, name);
 
-    return t && t->ndim > d ? t->dim[d] : 0;
+    return t && t->ndim ? t->dim[0] : 0;
 }
 
 /* Declare layerL.B, whose input has `in` channels. */
@@ -55,18 +54,19 @@ static void iresnet_declare_block(struct iresnet *n, const char *name,
     b->down.norm = &b->bn_down;
 }
 
-/* All layers, as many and as wide as the file's tensors say. */
-static int iresnet_declare(struct iresnet *n, const struct safetensors *st,
-                           struct error *err)
+int iresnet_declare(struct iresnet *n,
+                    size_t rows(const void *file, const char *name),
+                    const void *file, const char *path, struct error *err)
 {
-    size_t channels = iresnet_tensor_size(st, "conv1.weight",
-                                          0), side = IRESNET_SIDE;
-    size_t code = iresnet_tensor_size(st, "fc.weight", 0);
+    size_t channels = rows(file, "conv1.weight"), side = IRESNET_SIDE;
+    size_t code = rows(file, "fc.weight");
     char name[64], weight[80];
 
+    memset(n, 0, sizeof *n);
+    params_init(&n->ps);
     if (!channels || !code)
         return error_set(err, EX_DATAERR, "%s: no conv1.weight or fc.weight "
-                         "(expected an iresnet)", st_path(st));
+                         "(expected an iresnet)", path);
     conv_init(&n->stem, &n->ps, "conv1", 3, channels, 3, 1, false);
     batch_norm_init(&n->bn_stem, &n->ps, "bn1", channels, EPS);
     n->stem.norm = &n->bn_stem;
@@ -75,13 +75,13 @@ static int iresnet_declare(struct iresnet *n, const struct safetensors *st,
         for (int i = 0;; i++) {
             snprintf(name, sizeof name, "layer%d.%d", stage, i);
             snprintf(weight, sizeof weight, "%s.conv1.weight", name);
-            size_t out = iresnet_tensor_size(st, weight, 0);
+            size_t out = rows(file, weight);
 
             if (!out && i)
                 break;
             if (!out || n->blocks == IRESNET_MAX_BLOCKS)
                 return error_set(err, EX_DATAERR, "%s: no %s, or too many "
-                                 "blocks", st_path(st), weight);
+                                 "blocks", path, weight);
             iresnet_declare_block(n, name, channels, out, i == 0, side);
             channels = out;
             side = i == 0 ? side / 2 : side;
@@ -137,9 +137,9 @@ int iresnet_open(struct iresnet *n, const char *path, struct error *err)
     memset(n, 0, sizeof *n);
     if (!st)
         return -1;
-    params_init(&n->ps);
-    if (!iresnet_declare(n, st, err) && !params_allocate(&n->ps, err) &&
-        !params_load(&n->ps, st, "", err) && !iresnet_plan(n, err))
+    if (!iresnet_declare(n, iresnet_rows, st, path, err) &&
+        !params_allocate(&n->ps, err) && !params_load(&n->ps, st, "", err) &&
+        !iresnet_plan(n, err))
         rc = 0;
     st_close(st);
     if (rc)

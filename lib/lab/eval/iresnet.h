@@ -36,6 +36,12 @@ struct iresnet {
     float *code;                /* (embedding) */
 };
 
+/* Declare the tensors, as many and as wide as the file's, of which rows says
+ * the first dimension, or 0 where one is not there.  EX_DATAERR names path and
+ * such a tensor. */
+int iresnet_declare(struct iresnet *n,
+                    size_t rows(const void *file, const char *name),
+                    const void *file, const char *path, struct error *err);
 /* Load and plan.  EX_DATAERR names a tensor that is missing or whose shape
  * does not fit. */
 int iresnet_open(struct iresnet *n, const char *path, struct error *err);

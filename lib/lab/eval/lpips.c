@@ -25,11 +25,11 @@ static const struct {
 static const float lpips_shift[3] = {-0.030f, -0.088f, -0.188f};
 static const float lpips_scale[3] = {0.458f, 0.448f, 0.450f};
 
-/* The tensors that the file must hold, by torchvision's and LPIPS's names. */
-static void lpips_declare(struct lpips *l)
+void lpips_declare(struct lpips *l)
 {
     char name[40];
 
+    memset(l, 0, sizeof *l);
     params_init(&l->ps);
     for (int i = 0; i < LPIPS_STAGES; i++) {
         const size_t lin[4] = {1, stage[i].out, 1, 1};
@@ -48,7 +48,6 @@ static void lpips_declare(struct lpips *l)
 
 int lpips_init(struct lpips *l, const char *path, struct error *err)
 {
-    memset(l, 0, sizeof *l);
     lpips_declare(l);
     if (params_open(&l->ps, path, err) == 0)
         return 0;

@@ -29,6 +29,8 @@ struct lpips {
                                          * output and input, in turn */
 };
 
+/* Declare the tensors, by torchvision's and LPIPS's names. */
+void lpips_declare(struct lpips *l);
 /* Load the weights; EX_DATAERR names a tensor that is missing. */
 int lpips_init(struct lpips *l, const char *path, struct error *err);
 /* Free what it holds; zeroed then. */
