@@ -127,7 +127,7 @@ static void lpips_features(struct lpips *l, int which, const float *rgb)
 }
 
 /* One over the length of x (C), a pixel's features. */
-static double lpips_stage_inverse_length(const float *x, size_t C)
+static double lpips_inverse_length(const float *x, size_t C)
 {
     double sum = 0;
 
@@ -136,23 +136,41 @@ static double lpips_stage_inverse_length(const float *x, size_t C)
     return 1 / (sqrt(sum) + 1e-10);
 }
 
-/* Mean over places of sum_c w_c (a_c/|a| - b_c/|b|)^2. */
-static double lpips_stage_distance(const float *a, const float *b,
-                                   const float *w, size_t n, size_t C)
+/* With u = b/|b| and e = 2 w (u - a/|a|) the gradient is (e - u (u . e)) / |b|,
+ * over n. */
+double lpips_feature_distance(float *g, const float *a, const float *b,
+                              const float *w, size_t n, size_t C)
 {
     double sum = 0;
 
-    for (size_t i = 0; i < n; i++) {
-        double na = lpips_stage_inverse_length(a + i * C, C);
-        double nb = lpips_stage_inverse_length(b + i * C, C);
+    for (size_t i = 0; i < n; i++, a += C, b += C) {
+        const double na = lpips_inverse_length(a, C);
+        const double nb = lpips_inverse_length(b, C);
+        double along = 0;
 
         for (size_t c = 0; c < C; c++) {
-            double d = a[i * C + c] * na - b[i * C + c] * nb;
+            const double off = b[c] * nb - a[c] * na;
+            const double e = (w ? w[c] : 1) * off;
 
-            sum += w[c] * d * d;
+            sum += e * off;
+            along += 2 * e * b[c] * nb;
+        }
+        for (size_t c = 0; g && c < C; c++) {
+            const double u = b[c] * nb;
+            const double e = 2 * (w ? w[c] : 1) * (u - a[c] * na);
+
+            g[i * C + c] += (float)((e - u * along) * nb / (double)n);
         }
     }
     return sum / (double)n;
+}
+
+/* Of stage i; g (NULL: not wanted) += its gradient by the second picture. */
+static double lpips_stage_distance(float *g, const struct lpips *l, int i)
+{
+    return lpips_feature_distance(g, l->out[0][i], l->out[1][i],
+                                  param_w(&l->ps, l->lin[i]),
+                                  l->conv[i].oh * l->conv[i].ow, stage[i].out);
 }
 
 int lpips_distance(double *distance, struct lpips *l, const float *a,
@@ -167,39 +185,11 @@ int lpips_distance(double *distance, struct lpips *l, const float *a,
     lpips_features(l, 1, b);
     *distance = 0;
     for (int i = 0; i < LPIPS_STAGES; i++)
-        *distance += lpips_stage_distance(l->out[0][i], l->out[1][i],
-                                          param_w(&l->ps, l->lin[i]),
-                                          l->conv[i].oh * l->conv[i].ow,
-                                          stage[i].out);
+        *distance += lpips_stage_distance(NULL, l, i);
     return 0;
 }
 
 /* ---- the gradient ------------------------------------------------------- */
-
-/* g += gradient of lpips_stage_distance by b.  With u = b/|b| and
- * e = 2 w (u - v):
- * (e - u (u . e)) / |b|, over n. */
-static void lpips_stage_distance_backward(float *g, const float *a,
-                                          const float *b, const float *w,
-                                          size_t n, size_t C)
-{
-    for (size_t i = 0; i < n; i++) {
-        double na = lpips_stage_inverse_length(a + i * C, C);
-        double nb = lpips_stage_inverse_length(b + i * C, C), along = 0;
-
-        for (size_t c = 0; c < C; c++) {
-            double u = b[i * C + c] * nb;
-
-            along += 2 * w[c] * (u - a[i * C + c] * na) * u;
-        }
-        for (size_t c = 0; c < C; c++) {
-            double u = b[i * C + c] * nb;
-
-            g[i * C + c] += (float)((2 * w[c] * (u - a[i * C + c] * na) -
-                                     u * along) * nb / (double)n);
-        }
-    }
-}
 
 void lpips_backward(float *db, struct lpips *l)
 {
@@ -211,9 +201,7 @@ void lpips_backward(float *db, struct lpips *l)
     for (int i = LPIPS_STAGES - 1; i >= 0; i--) {
         struct conv *c = &l->conv[i];
 
-        lpips_stage_distance_backward(d, l->out[0][i], l->out[1][i],
-                                      param_w(&l->ps, l->lin[i]),
-                                      c->oh * c->ow, c->out);
+        lpips_stage_distance(d, l, i);
         conv_backward(din, d, l->out[1][i], lpips_stage_input(l, 1, i), c);
         if (stage[i].pool) {
             max_pool_backward(d, din, &l->pool[i]);

@@ -36,6 +36,10 @@ int lpips_init(struct lpips *l, const char *path, struct error *err);
 /* Free what it holds; zeroed then. */
 void lpips_release(struct lpips *l);
 
+/* Mean over n places of sum_c w_c (a_c/|a| - b_c/|b|)^2, their features a and b
+ * (n,C); w (C) or NULL, all 1.  g (n,C), unless NULL, += the gradient by b. */
+double lpips_feature_distance(float *g, const float *a, const float *b,
+                              const float *w, size_t n, size_t C);
 /* Distance of two planar pictures (3,H,W) in [0,1], both sides 64 or more. */
 int lpips_distance(double *distance, struct lpips *l, const float *a,
                    const float *b, size_t H, size_t W, struct error *err);

@@ -6,8 +6,6 @@
 
 #include "formats/safetensors.h"
 
-#define TINY 1e-10                /* under the square root of a length */
-
 /* Where LPIPS looks, with 1.0's fire modules. */
 static const enum squeezenet_layer perceptual_layers[PERCEPTUAL_LAYERS] = {
     SQUEEZENET_RELU1, SQUEEZENET_FIRE3, SQUEEZENET_FIRE5, SQUEEZENET_FIRE6,
@@ -177,16 +175,6 @@ static double perceptual_lpips(struct perceptual *p, bool grad)
 
 /* ---- SqueezeNet --------------------------------------------------------- */
 
-/* 1 / length of a pixel's C channels. */
-static double perceptual_unit(const float *x, size_t C)
-{
-    double sum = TINY;
-
-    for (size_t c = 0; c < C; c++)
-        sum += (double)x[c] * (double)x[c];
-    return 1 / sqrt(sum);
-}
-
 void perceptual_target(struct perceptual *p, const float *a, size_t H,
                        size_t W, const struct box *box)
 {
@@ -205,39 +193,8 @@ void perceptual_target(struct perceptual *p, const float *a, size_t H,
     for (size_t k = 0; k < PERCEPTUAL_LAYERS; k++) {
         const float *x = perceptual_layer(&n, &C, p, k);
 
-        for (size_t i = 0; i < n; i++) {
-            double unit = perceptual_unit(x + i * C, C);
-
-            for (size_t c = 0; c < C; c++)
-                p->target[k][i * C + c] = (float)((double)x[i * C + c] * unit);
-        }
+        memcpy(p->target[k], x, n * C * sizeof *x);
     }
-}
-
-/* The mean over pixels of |x / |x| - t|^2; its gradient goes to g.  With u the
- * pixel over its length r and e = 2 (u - t): dx = (e - u (u . e)) / r. */
-static double perceptual_distance(float *g, const float *x, const float *t,
-                                  size_t n, size_t C)
-{
-    double sum = 0;
-
-    for (size_t i = 0; i < n; i++) {
-        const float *p = x + i * C, *q = t + i * C;
-        double unit = perceptual_unit(p, C), along = 0;
-
-        for (size_t c = 0; c < C; c++) {
-            double u = (double)p[c] * unit, e = u - (double)q[c];
-
-            sum += e * e;
-            along += 2 * u * e;
-        }
-        for (size_t c = 0; c < C; c++) {
-            double u = (double)p[c] * unit, e = u - (double)q[c];
-
-            g[i * C + c] = (float)((2 * e - u * along) * unit / (double)n);
-        }
-    }
-    return sum / (double)n;
 }
 
 double perceptual_loss(float *db, const float *b, size_t H, size_t W,
@@ -263,7 +220,8 @@ double perceptual_loss(float *db, const float *b, size_t H, size_t W,
     for (size_t k = 0; k < PERCEPTUAL_LAYERS; k++) {
         const float *x = perceptual_layer(&n, &C, p, k);
 
-        sum += perceptual_distance(p->grad[k], x, p->target[k], n, C);
+        memset(p->grad[k], 0, n * C * sizeof *x);
+        sum += lpips_feature_distance(p->grad[k], p->target[k], x, NULL, n, C);
         dlayer[perceptual_layers[k]] = p->grad[k];
     }
     if (db) {

@@ -21,7 +21,7 @@ struct perceptual {
     size_t side;                  /* pixels the box is brought to */
     struct nn_plan plan;
     float *crop, *dcrop;          /* (side,side,3) */
-    float *target[PERCEPTUAL_LAYERS];   /* (h,w,C), channels of length 1 */
+    float *target[PERCEPTUAL_LAYERS];   /* (h,w,C) */
     float *grad[PERCEPTUAL_LAYERS];     /* (h,w,C) */
     bool weighed;                 /* by LPIPS, in place of net: */
     struct lpips lpips;
