@@ -76,12 +76,6 @@ static const struct cli_usage usage = {
     "train the encoders and the avatar through the renderer", options
 };
 
-static int train_write_png(const char *path, const uint8_t *rgb, size_t H,
-                           size_t W, struct error *err)
-{
-    return image_write_png(path, rgb, W, H, 3, err);
-}
-
 static void train_load_head(struct head *h)
 {
     struct error err = {0};
@@ -216,7 +210,6 @@ static int train_run(const struct train_config *c,
         .stop = &stop,
         .warn = train_report_warning,
         .report = cli.quiet ? NULL : train_report_step,
-        .write_png = train_write_png,
     };
     int rc;
 

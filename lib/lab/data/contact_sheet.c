@@ -103,15 +103,6 @@ void contact_sheet_points(struct contact_sheet *s, size_t row, size_t col,
     }
 }
 
-void contact_sheet_detach(struct contact_sheet *s, uint8_t **rgb, size_t *H,
-                          size_t *W)
-{
-    *rgb = s->rgb;
-    *H = s->rows * s->side;
-    *W = s->cols * s->side;
-    s->rgb = NULL;
-}
-
 int contact_sheet_save(struct contact_sheet *s, const char *path,
                        struct error *err)
 {

@@ -40,8 +40,5 @@ void contact_sheet_points(struct contact_sheet *s, size_t row, size_t col,
 /* Write the sheet as PNG and release it. */
 int contact_sheet_save(struct contact_sheet *s, const char *path,
                        struct error *err);
-/* Hand the pixels over (the caller frees). */
-void contact_sheet_detach(struct contact_sheet *s, uint8_t **rgb, size_t *H,
-                          size_t *W);
 
 #endif

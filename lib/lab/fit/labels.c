@@ -6,9 +6,9 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <strings.h>
 #include <sysexits.h>
 
+#include "formats/inputs.h"
 #include "lib/lab/people/label_rows.h"
 
 /* ---- reading ------------------------------------------------------------- */
@@ -105,18 +105,9 @@ static struct label_stem label_base(const char *file)
     };
 }
 
-/* A still picture, by its extension. */
 static bool label_is_picture(const char *file)
 {
-    static const char *const kind[] = {
-        "jpg", "jpeg", "png", "tif", "tiff", "bmp", "webp", "ppm", "pam"
-    };
-    const char *dot = strrchr(file, '.');
-
-    for (size_t i = 0; dot && i < sizeof kind / sizeof *kind; i++)
-        if (!strcasecmp(dot + 1, kind[i]))
-            return true;
-    return false;
+    return inputs_is_picture(label_base(file).from);
 }
 
 /* What a picture's name says about who it is. */

@@ -6,7 +6,6 @@
 #include <string.h>
 
 #include "lib/base/crop.h"
-#include "lib/lab/data/contact_sheet.h"
 
 #define SHEET_ROWS 2
 #define SHEET_COLS 6
@@ -75,26 +74,21 @@ int encoder_task_draw(struct encoder_task *e, const struct task *t,
     return 0;
 }
 
-int encoder_task_sheet(const struct encoder_task *e, const struct task *t,
-                       uint8_t **rgb, size_t *H, size_t *W, struct error *err)
+int encoder_task_sheet(struct task *t, struct contact_sheet *sh,
+                       struct error *err)
 {
-    struct contact_sheet sh;
+    const struct encoder_task *e = t->impl;
+    int rc = contact_sheet_init(sh, SHEET_ROWS, SHEET_COLS, CROP_NET, err);
 
-    if (contact_sheet_init(&sh, SHEET_ROWS, SHEET_COLS, CROP_NET, err))
-        return -1;
-    for (size_t i = 0; i < SHEET_ROWS * SHEET_COLS && i < t->nvalidation;
-         i++) {
+    for (size_t i = 0; !rc && i < SHEET_ROWS * SHEET_COLS &&
+                       i < t->nvalidation; i++) {
         const struct data_frame *f = &t->validation[i].frame[0];
 
-        if (data_sample(e->rgb, CROP_NET, f, f->crop, NULL, NULL, err)) {
-            contact_sheet_release(&sh);
-            return -1;
-        }
-        contact_sheet_picture(&sh, i / SHEET_COLS, i % SHEET_COLS, e->rgb,
+        rc = data_sample(e->rgb, CROP_NET, f, f->crop, NULL, NULL, err);
+        contact_sheet_picture(sh, i / SHEET_COLS, i % SHEET_COLS, e->rgb,
                               NULL);
     }
-    contact_sheet_detach(&sh, rgb, H, W);
-    return 0;
+    return rc;
 }
 
 int encoder_task_fill(struct task *t, struct error *err)

@@ -40,10 +40,9 @@ int encoder_task_init(struct encoder_task *e, struct task *t, size_t outputs,
 int encoder_task_draw(struct encoder_task *e, const struct task *t,
                       uint64_t step, size_t micro, struct error *err);
 
-/* A sheet of the validation people's crops as the encoder receives them; the
- * caller frees *rgb (H,W,3). */
-int encoder_task_sheet(const struct encoder_task *e, const struct task *t,
-                       uint8_t **rgb, size_t *H, size_t *W,
+/* A task_type's sheet: the validation people's crops as the encoder receives
+ * them, where a struct encoder_task begins the task's impl. */
+int encoder_task_sheet(struct task *t, struct contact_sheet *sh,
                        struct error *err);
 
 /* After the task's tensors were declared: gradients and random weights. */

@@ -171,6 +171,13 @@ static int loop_save(struct run *r, struct error *err)
     return rc;
 }
 
+/* The weights changed. */
+static void loop_update(struct loop *l)
+{
+    if (l->task->type->update)
+        l->task->type->update(l->task);
+}
+
 /* Figures of the averaged weights on people never trained on. */
 static int loop_validate(struct run *r, struct error *err)
 {
@@ -182,7 +189,7 @@ static int loop_validate(struct run *r, struct error *err)
     loop_swap_average(r);
     rc = l->task->type->validate(l->task, l->figures, err);
     loop_swap_average(r);
-    l->task->type->update(l->task);
+    loop_update(l);
     if (rc)
         return -1;
     fprintf(r->figures, "%" PRIu64, l->step);
@@ -198,21 +205,20 @@ static int loop_draw_sheet(struct run *r, struct error *err)
 {
     struct loop *l = r->l;
     char path[TRAIN_PATH], name[40];
-    uint8_t *rgb = NULL;
-    size_t H, W;
+    struct contact_sheet sh = {0};
     int rc;
 
-    if (l->group->rank || !l->write_png || !l->task->nvalidation)
+    if (l->group->rank || !l->task->nvalidation)
         return 0;
     snprintf(name, sizeof name, "sheet-%06" PRIu64 ".png", l->step);
     loop_path(path, sizeof path, l, name);
     loop_swap_average(r);
-    rc = l->task->type->sheet(l->task, &rgb, &H, &W, err);
+    rc = l->task->type->sheet(l->task, &sh, err);
     loop_swap_average(r);
-    l->task->type->update(l->task);
+    loop_update(l);
     if (!rc)
-        rc = l->write_png(path, rgb, H, W, err);
-    free(rgb);
+        return contact_sheet_save(&sh, path, err);
+    contact_sheet_release(&sh);
     return rc;
 }
 
@@ -343,7 +349,7 @@ static int loop_step(struct run *r, double *parts, double *loss, double *norm,
     adam_update(&r->adam, ps, train_rate(l->config, l->step), *norm);
     if (opponent && l->step >= l->task->opponent_from)
         adam_update(&r->opponent, opponent, l->task->opponent_rate, against);
-    l->task->type->update(l->task);
+    loop_update(l);
     return 0;
 }
 
@@ -461,7 +467,7 @@ static int loop_start(struct run *r, struct error *err)
             return -1;
     if (loop_start_adam(r, err) || loop_resume(r, err))
         return -1;
-    l->task->type->update(l->task);
+    loop_update(l);
     people = (uint64_t)l->config->pool;
     if (l->step)
         people += (uint64_t)((double)(l->step - 1) *

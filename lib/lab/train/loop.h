@@ -44,8 +44,6 @@ struct loop {
      * numbers are not finite. */
     void (*report)(const struct loop_report *r);
     void (*warn)(const char *text);
-    int (*write_png)(const char *path, const uint8_t *rgb, size_t H,
-                     size_t W, struct error *err);
     /* Outcome. */
     uint64_t step, skipped;
     double figures[TASK_PARTS]; /* of the last validation */

@@ -11,6 +11,7 @@
 #include "lib/head/head.h"
 #include "lib/nn/params.h"
 #include "lib/lab/train/config.h"
+#include "lib/lab/data/contact_sheet.h"
 #include "lib/lab/data/data.h"
 
 #define TASK_PARTS 24
@@ -32,13 +33,12 @@ struct task_type {
      * passes, and gradients to ps->g (and opponent->g) likewise. */
     int (*pass)(struct task *t, double *parts, uint64_t step, size_t micro,
                 struct error *err);
-    /* The weights changed. */
+    /* The weights changed; NULL: that asks for nothing. */
     void (*update)(struct task *t);
     /* Figures on people never trained on: names in figure_name. */
     int (*validate)(struct task *t, double *figures, struct error *err);
-    /* A contact sheet of what it does, as rgb (H,W,3) bytes, malloced. */
-    int (*sheet)(struct task *t, uint8_t **rgb, size_t *H, size_t *W,
-                 struct error *err);
+    /* A contact sheet of what it does, released by the caller. */
+    int (*sheet)(struct task *t, struct contact_sheet *sh, struct error *err);
 };
 
 struct task {

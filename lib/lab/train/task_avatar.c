@@ -379,29 +379,24 @@ out:
 }
 
 /* A row for each of the first six people. */
-static int avatar_task_sheet(struct task *t, uint8_t **rgb, size_t *H,
-                             size_t *W, struct error *err)
+static int avatar_task_sheet(struct task *t, struct contact_sheet *sh,
+                             struct error *err)
 {
     struct impl *m = t->impl;
     size_t rows = t->nvalidation < 6 ? t->nvalidation : 6;
     float *keep = malloc((t->ps.total + 1) * sizeof *keep);
-    struct contact_sheet sh;
     int rc = 0;
 
-    if (!keep || contact_sheet_init(&sh, rows, 5, m->tr.image, err)) {
+    if (!keep || contact_sheet_init(sh, rows, 5, m->tr.image, err)) {
         free(keep);
         return error_set(err, EX_OSERR, "out of memory");
     }
     memcpy(keep, t->ps.w, t->ps.total * sizeof *keep);
     avatar_task_update(t);
     for (size_t i = 0; i < rows && !rc; i++)
-        rc = avatar_task_sheet_row(&sh, t, &t->validation[i], i, err);
+        rc = avatar_task_sheet_row(sh, t, &t->validation[i], i, err);
     memcpy(t->ps.w, keep, t->ps.total * sizeof *keep);
     free(keep);
-    if (rc)
-        contact_sheet_release(&sh);
-    else
-        contact_sheet_detach(&sh, rgb, H, W);
     return rc;
 }
 

@@ -46,15 +46,6 @@ static enum negative confidence_task_kind(const struct task *t,
                                               (t->scenery != NULL)));
 }
 
-/* The features of the crops in rgb. */
-static void confidence_task_forward(struct impl *m, const float *rgb)
-{
-    if (!m->folded)
-        mobilenet_update(&m->net);
-    m->folded = true;
-    mobilenet_forward(m->pooled, rgb, &m->net);
-}
-
 /* rgb (224,224,3): of as many places of a scenery as a batch has that which
  * looks most like a face, for it is the surest one that a search takes. */
 static int confidence_task_scenery(float *rgb, struct task *t,
@@ -68,7 +59,7 @@ static int confidence_task_scenery(float *rgb, struct task *t,
         if (negative_sample(m->place + i * CROP, f, NEGATIVE_SCENERY,
                             &t->config->augment, r, err))
             return -1;
-    confidence_task_forward(m, m->place);
+    mobilenet_forward(m->pooled, m->place, &m->net);
     for (size_t i = 0; i < m->batch; i++) {
         float how = confidence_head_forward(&m->head, m->pooled +
                                                       i * m->net.features);
@@ -101,7 +92,7 @@ static int confidence_task_pass(struct task *t, double *parts, uint64_t step,
                                   &c->augment, &r, err))
             return -1;
     }
-    confidence_task_forward(m, m->rgb);
+    mobilenet_forward(m->pooled, m->rgb, &m->net);
     for (size_t i = 0; i < m->batch; i++)
         parts[0] += confidence_head_loss(&m->head, m->pooled + i * m->net.features,
                                    m->how[i] == NEGATIVE_NONE,
@@ -109,10 +100,14 @@ static int confidence_task_pass(struct task *t, double *parts, uint64_t step,
     return 0;
 }
 
-/* The head needs no preparation. */
+/* The encoder's weights are there when this is called first, and stay. */
 static void confidence_task_update(struct task *t)
 {
-    (void)t;
+    struct impl *m = t->impl;
+
+    if (!m->folded)
+        mobilenet_update(&m->net);
+    m->folded = true;
 }
 
 /* Crop number n of the validation people into place i of the batch. */
@@ -144,7 +139,7 @@ static int confidence_task_validate(struct task *t, double *figures,
         for (size_t i = 0; i < m->batch; i++)
             if (confidence_task_take(t, i, k + i, err))
                 return -1;
-        confidence_task_forward(m, m->rgb);
+        mobilenet_forward(m->pooled, m->rgb, &m->net);
         for (size_t i = 0; i < m->batch; i++) {
             float confidence = confidence_head_forward(&m->head, m->pooled +
                                            i * m->net.features);
@@ -160,16 +155,13 @@ static int confidence_task_validate(struct task *t, double *figures,
 }
 
 /* A row of crops of each kind, surest pictures as they come. */
-static int confidence_task_sheet(struct task *t, uint8_t **rgb, size_t *H,
-                           size_t *W, struct error *err)
+static int confidence_task_sheet(struct task *t, struct contact_sheet *sh,
+                                 struct error *err)
 {
     struct impl *m = t->impl;
-    struct contact_sheet sh;
     struct random r;
-    int rc = 0;
+    int rc = contact_sheet_init(sh, NEGATIVE_COUNT, SHEET_COLS, CROP_NET, err);
 
-    if (contact_sheet_init(&sh, NEGATIVE_COUNT, SHEET_COLS, CROP_NET, err))
-        return -1;
     for (size_t i = 0; i < NEGATIVE_COUNT * SHEET_COLS && !rc; i++) {
         const struct data_person *p =
             &t->validation[i % (t->nvalidation ? t->nvalidation : 1)];
@@ -180,13 +172,9 @@ static int confidence_task_sheet(struct task *t, uint8_t **rgb, size_t *H,
         rc = negative_sample(m->rgb, &p->frame[0],
                              (enum negative)(i / SHEET_COLS),
                              &t->config->augment, &r, err);
-        contact_sheet_picture(&sh, i / SHEET_COLS, i % SHEET_COLS, m->rgb,
+        contact_sheet_picture(sh, i / SHEET_COLS, i % SHEET_COLS, m->rgb,
                               NULL);
     }
-    if (rc)
-        contact_sheet_release(&sh);
-    else
-        contact_sheet_detach(&sh, rgb, H, W);
     return rc;
 }
 

@@ -43,12 +43,6 @@ static int light_task_pass(struct task *t, double *parts, uint64_t step,
     return 0;
 }
 
-/* The network needs no preparation. */
-static void light_task_update(struct task *t)
-{
-    (void)t;
-}
-
 /* Root mean square distance of l from truth, and of 0. */
 static int light_task_validate(struct task *t, double *figures,
                                struct error *err)
@@ -81,14 +75,6 @@ static int light_task_validate(struct task *t, double *figures,
     return 0;
 }
 
-static int light_task_sheet(struct task *t, uint8_t **rgb, size_t *H,
-                            size_t *W, struct error *err)
-{
-    const struct impl *m = t->impl;
-
-    return encoder_task_sheet(&m->e, t, rgb, H, W, err);
-}
-
 static int light_task_init(struct task *t, struct error *err)
 {
     struct impl *m = t->impl;
@@ -101,6 +87,6 @@ static int light_task_init(struct task *t, struct error *err)
 static const char *const light_task_part[] = {"light"};
 const struct task_type light_task = {
     sizeof(struct impl), 0, 1, FIGURE_COUNT, light_task_part, figure_name,
-    light_task_init, light_task_release, light_task_pass, light_task_update,
-    light_task_validate, light_task_sheet
+    light_task_init, light_task_release, light_task_pass, NULL,
+    light_task_validate, encoder_task_sheet
 };

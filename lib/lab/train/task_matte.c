@@ -137,31 +137,27 @@ static int matte_task_validate(struct task *t, double *figures,
 }
 
 /* Rows of validation people: the picture, and the person cut out of it. */
-static int matte_task_sheet(struct task *t, uint8_t **rgb, size_t *H,
-                            size_t *W, struct error *err)
+static int matte_task_sheet(struct task *t, struct contact_sheet *sh,
+                            struct error *err)
 {
     struct impl *m = t->impl;
-    struct contact_sheet sh;
 
-    if (contact_sheet_init(&sh, 2 * SHEET_ROWS, SHEET_COLS, MATTE_SIDE, err))
+    if (contact_sheet_init(sh, 2 * SHEET_ROWS, SHEET_COLS, MATTE_SIDE, err))
         return -1;
     matte_task_copy(m, t);
     for (size_t i = 0; i < SHEET_ROWS * SHEET_COLS && i < t->nvalidation;
          i++) {
-        if (matte_task_predict(t, i, 0, err)) {
-            contact_sheet_release(&sh);
+        if (matte_task_predict(t, i, 0, err))
             return -1;
-        }
         size_t row = i / SHEET_COLS * 2, col = i % SHEET_COLS;
-        contact_sheet_picture(&sh, row, col, m->rgb, NULL);
+        contact_sheet_picture(sh, row, col, m->rgb, NULL);
         for (size_t k = 0; k < PIXELS; k++) {
             m->alpha[k] = (float)matte_net_alpha(m->logit[k]);
             for (size_t c = 0; c < 3; c++)
                 m->rgb[3 * k + c] *= m->alpha[k];
         }
-        contact_sheet_picture(&sh, row + 1, col, m->rgb, m->alpha);
+        contact_sheet_picture(sh, row + 1, col, m->rgb, m->alpha);
     }
-    contact_sheet_detach(&sh, rgb, H, W);
     return 0;
 }
 

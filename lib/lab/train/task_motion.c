@@ -271,16 +271,13 @@ static int motion_task_sheet_cell(struct contact_sheet *sh, struct task *t,
 }
 
 /* Six frames of each of the first four people. */
-static int motion_task_sheet(struct task *t, uint8_t **rgb, size_t *H,
-                             size_t *W, struct error *err)
+static int motion_task_sheet(struct task *t, struct contact_sheet *sh,
+                             struct error *err)
 {
     struct impl *m = t->impl;
-    struct contact_sheet sh;
     size_t rows = t->nvalidation < SHEET_ROWS ? t->nvalidation : SHEET_ROWS;
-    int rc = 0;
+    int rc = contact_sheet_init(sh, rows ? rows : 1, SHEET_COLS, N, err);
 
-    if (contact_sheet_init(&sh, rows ? rows : 1, SHEET_COLS, N, err))
-        return -1;
     encoder_task_copy(&m->e, t);
     motion_encoder_update(&m->validator);
     for (size_t i = 0; i < rows && rc == 0; i++) {
@@ -289,15 +286,11 @@ static int motion_task_sheet(struct task *t, uint8_t **rgb, size_t *H,
 
         rc = head_fold(&id, t->head, p->shape, t->head->nshape, err);
         for (size_t k = 0; k < SHEET_COLS && rc == 0; k++)
-            rc = motion_task_sheet_cell(&sh, t,
+            rc = motion_task_sheet_cell(sh, t,
                                         &p->frame[k * p->count / SHEET_COLS],
                                         &id, i, k, err);
         identity_release(&id);
     }
-    if (rc)
-        contact_sheet_release(&sh);
-    else
-        contact_sheet_detach(&sh, rgb, H, W);
     return rc;
 }
 

@@ -147,15 +147,6 @@ static int shape_task_validate(struct task *t, double *figures,
     return 0;
 }
 
-/* There is nothing to draw on them. */
-static int shape_task_sheet(struct task *t, uint8_t **rgb, size_t *H,
-                            size_t *W, struct error *err)
-{
-    const struct impl *m = t->impl;
-
-    return encoder_task_sheet(&m->e, t, rgb, H, W, err);
-}
-
 /* ---- making it ---------------------------------------------------------- */
 
 /* Declare, fill and plan the network and its copy for validation. */
@@ -201,5 +192,5 @@ static const char *const shape_task_part[PARTS] = {
 const struct task_type shape_task = {
     sizeof(struct impl), 1.5, PARTS, FIGURE_COUNT, shape_task_part, figure_name,
     shape_task_init, shape_task_release, shape_task_pass, shape_task_update,
-    shape_task_validate, shape_task_sheet
+    shape_task_validate, encoder_task_sheet
 };
