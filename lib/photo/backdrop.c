@@ -70,10 +70,10 @@ static v4f backdrop_colour(const struct matting *m, size_t j)
 /* A cell's sum gains pixel j of the picture as far as that is background. */
 static void backdrop_add(v4f *sum, const struct matting *m, size_t j)
 {
-    const int w = (127 - m->alpha[j]) * m->confidence[j];
+    const int w = (MATTING_BACK - m->alpha[j]) * m->confidence[j];
 
     if (w > 0)
-        *sum += (float)w / (127 * 255) * backdrop_colour(m, j);
+        *sum += (float)w / (MATTING_BACK * 255) * backdrop_colour(m, j);
 }
 
 /* Cell i from its pixels. */
@@ -285,7 +285,7 @@ static void backdrop_compare(struct backdrop *b, int n)
 /* Whether the background of pixel (x,y) is not known. */
 static bool backdrop_hidden(const struct matting *m, size_t x, size_t y)
 {
-    return !extent_has(&m->inside, x, y) || m->alpha[y * m->n + x] == 255;
+    return !extent_has(&m->inside, x, y) || m->alpha[y * m->n + x] > MATTING_BACK;
 }
 
 /* 1 and pixel (x,y), hidden, as cell i says: what that copies there or, where
@@ -317,11 +317,9 @@ static void backdrop_pixel(uint8_t *out, const struct matting *m,
         const int i = (int)((v + q / 2) * SIDE + u + q % 2);
         const float w = t[0][q % 2] * t[1][q / 2];
 
-        if (w >= 0.001f && (b->from[i] >= 0 || !b->sources))
+        if (w >= 0.001f)
             sum += w * backdrop_copy(m, b, i, (int)x, (int)y);
     }
-    if (!(sum[0] > 0))
-        return;
     sum = sum / sum[0] + 0.5f;
     for (int c = 0; c < 3; c++) {
         const float value = sum[1 + c];
@@ -336,6 +334,33 @@ PARALLEL(backdrop_fill_part, y, struct matting *, m, struct backdrop *, b)
     for (size_t x = 0; x < m->n; x++)
         if (backdrop_hidden(m, x, y))
             backdrop_pixel(m->back + 3 * (y * m->n + x), m, b, x, y);
+}
+
+/* The least coverage, 0..255, by which a colour and a person of some colour
+ * before such a background, channels 0..255, can be the same. */
+static int backdrop_min_alpha(int rgb, int back)
+{
+    const int off = abs(rgb - back), room = rgb < back ? back : 255 - back;
+
+    return off ? (255 * off + room - 1) / room : 0;
+}
+
+/* One row: pixels that the background cannot have a part in are the person's. */
+PARALLEL(backdrop_cover_part, y, struct matting *, m)
+{
+    for (size_t x = 0; x < m->n; x++) {
+        const size_t i = y * m->n + x;
+        int min = 0;
+
+        for (size_t c = 3 * i; c < 3 * i + 3; c++) {
+            const int own = backdrop_min_alpha(m->rgb[c], m->back[c]);
+
+            min = own > min ? own : min;
+        }
+        if (extent_has(&m->inside, x, y) && backdrop_hidden(m, x, y) &&
+            m->alpha[i] < min)
+            m->alpha[i] = (uint8_t)min;
+    }
 }
 
 int backdrop_fill(struct matting *m, struct error *err)
@@ -354,6 +379,7 @@ int backdrop_fill(struct matting *m, struct error *err)
     backdrop_compare(b, (int)n);
 
     parallel_each(backdrop_fill_part, n, 1, m, b);
+    parallel_each(backdrop_cover_part, n, 1, m);
     free(b);
     return 0;
 }

@@ -6,8 +6,9 @@
 #include "lib/head/person.h"
 #include "lib/photo/matting.h"
 
-/* m->back where m->alpha is 255 and beyond the picture, from where it is
- * known. */
+/* m->back where m->alpha is more than MATTING_BACK and beyond the picture, from
+ * where it is known; alpha grows where a pixel could not be what it is before
+ * that. */
 int backdrop_fill(struct matting *m, struct error *err);
 
 /* --background source: bg is p's picture without the person: p->back, or where

@@ -9,7 +9,9 @@
  * anything between.  A colour that neither side has shown says nothing.  The
  * prior times the likelihood of the pixel's colour is the posterior of alpha:
  * its mean is the matte, its spread the doubt, and the mean of B given both is
- * the background. */
+ * the background where a pixel is mostly that.  Behind more of a person it goes
+ * on from there, and alpha is at least what mixes some colour with it to the
+ * pixel's (backdrop.h). */
 #ifndef SPID_PHOTO_MATTING_H
 #define SPID_PHOTO_MATTING_H
 
@@ -33,11 +35,15 @@ struct matting {
                                  * the person */
 };
 
+/* The most coverage with which a pixel's background is believed. */
+#define MATTING_BACK 127
+
 /* All of m from prior (w,w), w > 1: the probability that a place of the same
  * square is the person's.  known: m->alpha is given in the picture, where the
- * prior (NULL if all is in it) is not asked.  Beyond the picture's edges alpha
- * is the prior's and nothing is sure; rgb there is both layers together.
- * The same for any number of threads.  EX_OSERR without memory. */
+ * prior (NULL if all is in it) is not asked; it stays but for that least.  Beyond
+ * the picture's edges alpha is the prior's and nothing is sure; rgb there is both
+ * layers together.  The same for any number of threads.  EX_OSERR without
+ * memory. */
 int matting_solve(struct matting *m, const float *prior, size_t w, bool known,
                   struct error *err);
 

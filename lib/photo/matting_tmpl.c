@@ -329,8 +329,8 @@ static void matting_unmix(float B[3], const struct matting_cell *cell,
     }
 }
 
-/* The background at pixel i, which is no person's alone; beyond the picture,
- * where it is not `seen`, the person's colour, too. */
+/* The background at pixel i, which is mostly that; beyond the picture, where it
+ * is not `seen`, the person's colour, too. */
 static void matting_layer(struct matting *m, const struct matting_cell *a,
                           const struct matting_cell *b, float t,
                           const float c[3], size_t i, bool seen)
@@ -376,7 +376,7 @@ static void matting_pixel(struct matting *m, const struct matting_work *k,
             *alpha = matting_byte(matting_posterior(&doubt, a, b, t, c, p));
             m->confidence[i] = matting_byte(1 - 2 * doubt);
         }
-        if (m->back && (!seen || (*alpha > 0 && *alpha < 255)))
+        if (m->back && (!seen || (*alpha > 0 && *alpha <= MATTING_BACK)))
             matting_layer(m, a, b, t, c, i, seen);
     }
     if (m->back && seen && *alpha == 0)

@@ -431,6 +431,21 @@ static void test_known(void)
     check("its background: share with a ghost", ghost(0.1, 12), 0.02);
 }
 
+/* Dark hair before a bright wall, of which a matte takes a tenth too little: the
+ * background is the wall, not what the matte leaves of the hair. */
+static void test_little(void)
+{
+    struct error err = {0};
+
+    draw(&palette[0], NULL);
+    struct matting m = found();
+    for (size_t i = 0; i < P; i++)
+        d.alpha[i] = (uint8_t)lrint(230 * d.person[i]);
+    REQUIRE(matting_solve(&m, NULL, 0, true, &err) == 0, "%s", err.text);
+    check("too small a matte: share with a ghost", ghost(0.6, 12), 0.02);
+    check("levels that both layers miss", imbalance(), 1.01);
+}
+
 /* The same bytes from one thread and from three. */
 static void test_threads(void)
 {
@@ -489,6 +504,7 @@ int main(void)
     test_beyond();
     test_no_seam();
     test_known();
+    test_little();
     test_threads();
     test_connect();
     return check_status();
