@@ -102,7 +102,7 @@ PARALLEL(branch_prior_forward_part, i, struct branch_set *, out,
         attribute_shift(p->opacity[i], branch_opacity_shift(p, i));
     for (size_t c = 3 * i; c < 3 * i + 3; c++)
         out->scale[c] =
-            BRANCH_SCALE_MAX *
+            branch_scale_max(p, i) *
             attribute_shift(p->scale[c] / BRANCH_SCALE_MAX, p->scale_shift[i]);
 }
 
@@ -131,7 +131,8 @@ PARALLEL(branch_prior_backward_part, i, const struct branch_prior *, p,
         attribute_shift_backward(dout->opacity[i] * p->visible[i], x, shift);
     for (size_t c = 3 * i; c < 3 * i + 3; c++)
         dout->scale[c] = attribute_shift_backward(
-            dout->scale[c], p->scale[c] / BRANCH_SCALE_MAX, p->scale_shift[i]);
+            dout->scale[c] * branch_scale_max(p, i) / BRANCH_SCALE_MAX,
+            p->scale[c] / BRANCH_SCALE_MAX, p->scale_shift[i]);
 }
 
 /* Reverse of branch_prior_forward, in place. */

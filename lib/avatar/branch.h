@@ -63,6 +63,7 @@ struct branch_prior {
     float *scale;           /* (n,3) as the decoder gave it */
     float *opacity_shift;   /* (n), or NULL: 0 */
     float *scale_shift;     /* (n) */
+    float *scale_max;       /* (n), or NULL: BRANCH_SCALE_MAX */
     float *visible;         /* (n) factor of the opacity */
 };
 
@@ -74,6 +75,12 @@ struct gaussian_out branch_decoder_out(const struct branch_set *out,
 /* The same for gradients, after branch_prior_backward. */
 struct gaussian_out branch_decoder_gradient(const struct branch_set *dout,
                                             float *dposition);
+
+/* The largest scale of Gaussian i. */
+static inline float branch_scale_max(const struct branch_prior *p, size_t i)
+{
+    return p->scale_max ? p->scale_max[i] : BRANCH_SCALE_MAX;
+}
 
 /* out's opacity and scale from the decoder's; used: the prior counts
  * (rgb_skip), otherwise they are copied. */

@@ -11,6 +11,7 @@
 #include "lib/base/slices.h"
 #include "lib/base/neck_blend.h"
 #include "lib/base/resample.h"
+#include "lib/photo/place.h"
 
 /* Opacity logits fall by this much where the mesh covers the plane. */
 #define COVERED 6.0f
@@ -66,7 +67,8 @@ int static_branch_plan(struct static_branch *b, struct nn_options opt,
     const struct slice slices[] = {
         {&b->start.opacity, n2, false}, {&b->start.scale, 3 * n2, false},
         {&b->start.opacity_shift, n2, false},
-        {&b->start.scale_shift, n2, false}, {&b->start.visible, n2, false},
+        {&b->start.scale_shift, n2, false}, {&b->start.scale_max, n2, false},
+        {&b->start.visible, n2, false},
         {&b->dinit_in, n2 * (Cf + 1), true}, {&b->delta, 2 * n2, false},
         {&b->U, 2 * n2, false}, {&b->dU, 2 * n2, true},
         {&b->pixel, 4 * n2, false}, {&b->dpixel, 4 * n2, true},
@@ -272,9 +274,48 @@ static void static_branch_deform_backward(float *dfeatures,
                   Cf);
 }
 
+/* room (n,n): about how many cells a Gaussian is from where the picture shows
+ * nobody (the chamfer distance, Borgefors 1986), n at most. */
+static void static_branch_room(float *room, const struct static_branch *b)
+{
+    static const int to[4][2] = {{-1, 0}, {-1, -1}, {0, -1}, {1, -1}};
+    const int n = (int)b->n, N = n * n;
+
+    for (int k = 0; k < N; k++)
+        room[k] = b->pixel[4 * k + 3] < 0.5f ? 0 : (float)n;
+    for (int by = 1; by >= -1; by -= 2)
+        for (int i = 0; i < N; i++)
+            for (int q = 0; q < 4; q++) {
+                const int k = by > 0 ? i : N - 1 - i;
+                const int x = k % n + by * to[q][0];
+                const int y = k / n + by * to[q][1];
+
+                if (x >= 0 && x < n && y >= 0 && y < n)
+                    room[k] = fminf(room[k], room[y * n + x] +
+                                             (q % 2 ? 1.41f : 1));
+            }
+}
+
+/* scale_max, and the shift from there: a Gaussian ends where the person does, give
+ * or take a cell.  Beyond the outline, where those on it have ended, one from
+ * further in would draw what it has there. */
+static void static_branch_limit(const struct source_mesh *mesh,
+                                struct static_branch *b)
+{
+    const float cell = source_mesh_spacing(mesh, b->n);
+    float *max = b->start.scale_max;
+
+    static_branch_room(max, b);
+    for (size_t k = 0; k < b->count; k++) {
+        max[k] = fminf(cell * (2 * OVERLAP + max[k] / PLACE_REACH),
+                       BRANCH_SCALE_MAX);
+        b->start.scale_shift[k] = attribute_logit(OVERLAP * cell / max[k]);
+    }
+}
+
 PARALLEL(static_branch_inputs_part, k, float *, rows, struct static_branch *, b,
          const float *, features, const struct source_mesh *, mesh,
-         size_t, stride, size_t, Cf, float, size_shift)
+         size_t, stride, size_t, Cf)
 {
     float *row = rows + k * stride;
     const float *pixel = b->pixel + 4 * k;
@@ -294,7 +335,6 @@ PARALLEL(static_branch_inputs_part, k, float *, rows, struct static_branch *, b,
         b->logit[3 * k + c] = attribute_logit(pixel[c]);
     b->start.visible[k] = fminf(pixel[3], 1) * (1 - b->moving[at]);
     b->start.opacity_shift[k] = -COVERED * mesh->coverage[at];
-    b->start.scale_shift[k] = size_shift;
     b->p_shift[k] = attribute_logit(0.5f + 0.5f * b->surface[k]);
 }
 
@@ -305,11 +345,9 @@ static void static_branch_inputs(const float *features,
 {
     size_t Cf = b->feature, stride;
     float *rows = conv_decoder_rows(&stride, &b->decoder);
-    float cell = source_mesh_spacing(mesh, b->n);
-    float size_shift = attribute_logit(OVERLAP * cell / BRANCH_SCALE_MAX);
 
     parallel_each(static_branch_inputs_part, b->count, 1, rows, b, features,
-                  mesh, stride, Cf, size_shift);
+                  mesh, stride, Cf);
 }
 
 PARALLEL(static_branch_inputs_backward_part, k, struct static_branch *, b,
@@ -354,8 +392,10 @@ void static_branch_forward(struct branch_set *out, const float *features,
     static_branch_map(out->neck, out->mean, mesh, b);
     static_branch_deform(features, mesh, b);
     static_branch_locate(out->neck, b->p, b);
-    if (b->prior)
+    if (b->prior) {
         source_picture_sample(b->pixel, picture, b->U, b->count);
+        static_branch_limit(mesh, b);
+    }
     static_branch_inputs(features, mesh, b);
     struct gaussian_out raw = branch_decoder_out(out, &b->start, b->p_raw);
     conv_decoder_forward(&raw, NULL, mesh->normal,

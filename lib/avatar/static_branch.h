@@ -6,8 +6,8 @@
  *   mu = o_s + d_s r + (2 p - 1) n_s   where the ray meets the plane, lifted
  * With the prior (rgb_skip) the plane leaves to the mesh what the mesh covers,
  * starts at the mesh's surface elsewhere, and draws nothing where the mesh
- * moves against the skull, and no rim so thin that the mesh's Gaussians reach
- * over it. */
+ * moves against the skull, no rim so thin that the mesh's Gaussians reach
+ * over it, and nothing from inside the person's outline to beyond it. */
 #ifndef SPID_AVATAR_STATIC_BRANCH_H
 #define SPID_AVATAR_STATIC_BRANCH_H
 

@@ -8,7 +8,6 @@
 #include "lib/base/camera.h"
 #include "lib/base/parallel.h"
 
-#define PLACE_REACH 3.0f        /* standard deviations that are drawn of any */
 #define PLACE_STEEPEST 0.35f    /* of the view's determinant: 70 degrees */
 /* Heights above the neck's pivot, head units, between which the head's map goes
  * over into the shoulders'.  Any two give true places; between these lies what

@@ -17,6 +17,7 @@
 #include "lib/splat/types.h"
 
 #define PLACE_CHANNELS 3        /* sure x offset, sure y offset, sure */
+#define PLACE_REACH 3.0f        /* standard deviations that are drawn of any */
 
 /* Where a frame has the shoulders: body (3,4) moves them in the head's frame
  * about pivot (3), as neck_blend_body has it. */
