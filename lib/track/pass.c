@@ -14,6 +14,8 @@
 #define DRIFTS 0.9             /* one before, until it moves by SETTLED of its */
 #define SETTLED 5e-4           /* side: a quarter of a pixel from where any start
                                 * leads */
+#define HOPELESS 0.05F         /* E_m less sure than this of the second crop or a
+                                * later one settles on no face: none of 301 */
 #define JUMP 0.5               /* of the crop's side: heads move less a frame */
 #define GROWTH 1.6             /* factor of its side, likewise */
 #define BEHIND (-0.2)          /* cosine of a head's turn: its back is shown */
@@ -116,7 +118,8 @@ void track_settle(struct track *t, struct track_result *r,
     for (int i = 0; i < LAST_PASSES; i++) {
         track_encode(t, r, crop, false);
         next = track_next_crop(t, &r->motion);
-        if (track_implausible(t, &r->motion, next, guess))
+        if (track_implausible(t, &r->motion, next, guess) ||
+            (i > 0 && r->confidence < HOPELESS))
             break;
         step = (hypot(next.x - crop.x, next.y - crop.y)
                 + fabs(next.size - crop.size)) / crop.size;
