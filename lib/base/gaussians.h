@@ -123,10 +123,10 @@ static inline float gaussians_seen(const struct gaussians *g, size_t i)
                          g->mean + 3 * i);
 }
 
-/* Light on a surface of normal n (3), 1 the mean, by l (3) at most 1 long; never
- * less than the shadows that a face throws on itself leave (as in all rows of
- * "Light on a head that turns" of tests/bench/README.md). */
-#define GAUSSIAN_SHADOW 0.2f
+/* Light on a surface of normal n (3), 1 the mean, by l (3) at most 1 long; never so
+ * little that what l is off by is multiplied with it: chosen on validation,
+ * tests/bench/README.md, "Light on a head that turns". */
+#define GAUSSIAN_SHADOW 0.4f
 static inline float gaussian_light(const float n[3], const float l[3])
 {
     return fmaxf(1 + n[0] * l[0] + n[1] * l[1] + n[2] * l[2],

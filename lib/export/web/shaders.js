@@ -43,7 +43,7 @@ float visible(float more) {
 float halved(float more) {
   return 8.0 / (1.0 / 0.4 - 1.0 / 0.75) * max(more - 1.0 / 0.75, 0.0);
 }
-float lit(vec3 normal, vec3 l) { return max(1.0 + dot(normal, l), 0.2); }
+float lit(vec3 normal, vec3 l) { return max(1.0 + dot(normal, l), 0.4); }
 
 void main() {
   int nth = gl_VertexID >> 2;
