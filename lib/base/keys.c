@@ -76,9 +76,10 @@ static int key_read_word(unsigned *out, const struct key *k, const cJSON *v,
             *out = i;
             return 0;
         }
-        n += (size_t)snprintf(all + n, sizeof all - n, "%s\"%s\"",
-                              !i ? "" : k->words[i + 1] ? ", " : " or ",
-                              k->words[i]);
+        if (n < sizeof all)
+            n += (size_t)snprintf(all + n, sizeof all - n, "%s\"%s\"",
+                                  !i ? "" : k->words[i + 1] ? ", " : " or ",
+                                  k->words[i]);
     }
     return error_set(err, EX_CONFIG, "%s is \"%.60s\" (expected %s)", k->name,
                      found, all);
