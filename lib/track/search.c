@@ -12,8 +12,9 @@
 #define SEARCH_LARGEST 1.25     /* crop's side over the shorter one's */
 #define SEARCH_RATIO 1.5        /* of one level's sides to the next one's */
 #define SEARCH_STEP 0.4         /* from square to square, over their side: of 301
-                                 * faces (tests/bench/README.md, "Faces found")
-                                 * each is found as with 0.3 */
+                                 * faces each is found as with 0.3: tests/bench/
+                                 * README.md, "From a photograph to the first
+                                 * frame", as HOPELESS of pass.c */
 #define SEARCH_EDGE 0.25        /* the same from the picture's border to the
                                  * first one's middle */
 #define SEARCH_APART 0.5        /* candidates of a level are, over their side */
