@@ -184,12 +184,15 @@ static double outline_edge(const struct outline *o, const float at[2],
     return best;
 }
 
-/* Whether the edge that far along a direction bounds the skin inside it, and
- * nothing but the wall is outside. */
-static bool outline_bounds(const struct outline *o, const float at[2],
+/* Whether vertex v of the rim has to go to the edge that far along a direction:
+ * the edge has nothing but the wall outside, and v, if it is further in, is skin
+ * and that edge the skin's.  Hair and cloth reach further out than the head, but
+ * nothing of the head further than the person. */
+static bool outline_bounds(const struct outline *o, size_t v,
                            const float along[2], double edge)
 {
     const uint8_t *matte = o->person->matte;
+    const float *at = o->uv + 2 * v;
     double out[2], rim[2], in[2];
 
     outline_along(out, at, along, edge + 4 * o->scale);
@@ -200,7 +203,8 @@ static bool outline_bounds(const struct outline *o, const float at[2],
            outline_at(matte, o->n, out[0], out[1]) < 64 &&
            outline_at(matte, o->n, rim[0], rim[1]) > 64 &&
            outline_at(matte, o->n, in[0], in[1]) > 192 &&
-           outline_colour_distance(o, rim, in) < UNLIKE;
+           (edge < 0 || (outline_is_skin(o->head, v) &&
+                         outline_colour_distance(o, rim, in) < UNLIKE));
 }
 
 /* The rows of the rim. */
@@ -216,14 +220,13 @@ static void outline_find_rim(struct outline *o)
         float along[2];
         double out[2];
 
-        if (!outline_is_skin(o->head, v) ||
-            fabsf(outline_normal(along, o, v)) > RIM)
+        if (fabsf(outline_normal(along, o, v)) > RIM)
             continue;
         outline_along(out, at, along, beside);
         if (outline_at(o->silhouette, o->n / 2, out[0] / 2, out[1] / 2))
             continue;           /* the head goes on behind it */
         const double off = outline_edge(o, at, along);
-        if (!isfinite(off) || !outline_bounds(o, at, along, off))
+        if (!isfinite(off) || !outline_bounds(o, v, along, off))
             continue;
         *row = (struct outline_row){{(int32_t)v}, {1},
                                     {along[0], along[1]}, off,

@@ -3,9 +3,10 @@
  * mesh wider than the person has skin beyond the photograph's outline, for
  * which no pixel gives a colour, and its outline slides with the skin when the
  * head turns.  So the shape coefficients are sought with which the mesh's rim
- * lies on the matte's edge, while the landmarks of brows, eyes, nose and mouth
- * stay where they are: Gauss-Newton steps with E_beta's shape as prior, as in
- * shape from silhouettes. */
+ * lies on the matte's edge where that is skin's, and nowhere beyond it where it
+ * is hair's, while the landmarks of brows, eyes, nose and mouth stay where they
+ * are: Gauss-Newton steps with E_beta's shape as prior, as in shape from
+ * silhouettes. */
 #ifndef SPID_PHOTO_OUTLINE_H
 #define SPID_PHOTO_OUTLINE_H
 

@@ -106,6 +106,74 @@ static void test_shapes(const struct head *h)
     person_release(&p);
 }
 
+/* How many pixels of the person's head lie outside the matte. */
+static size_t outline_beyond(const struct person *p, const struct head *h)
+{
+    uint8_t *head = malloc(SIZE * SIZE);
+    float uv[2 * HEAD_LANDMARKS];
+    size_t n = 0;
+
+    REQUIRE(head, "no memory");
+    outline_draw(uv, head, p, h, p->shape);
+    for (size_t i = 0; i < SIZE * SIZE; i++)
+        n += head[i] > 127 && p->matte[i] < 128;
+    free(head);
+    return n;
+}
+
+/* A skull smaller than the mean's under a cap as tight, of another colour than
+ * skin, pulls the head in. */
+static void test_cap(const struct head *h)
+{
+    float *shape = calloc(h->nshape, sizeof *shape);
+    float small[2 * HEAD_LANDMARKS];
+    struct outline_report r;
+    struct error err = {0};
+    struct person p;
+
+    REQUIRE(shape, "no memory");
+    outline_person(&p, h);
+    shape[0] = 1.5f;
+    outline_draw(small, p.matte, &p, h, shape);
+    memset(p.rgb, 0, 3 * SIZE * SIZE * 2 / 5);
+    const size_t before = outline_beyond(&p, h);
+    CHECK(outline_fit(&r, &p, h, &err) == 0, "%s", err.text);
+    const size_t after = outline_beyond(&p, h);
+    check_that("the mean head reaches beyond a small one", before > 500);
+    check("of which once fitted is left, share",
+          (double)after / (double)before, 0.2);
+    free(shape);
+    person_release(&p);
+}
+
+/* Hair about the head changes little of what is found without. */
+static void test_hair(const struct head *h)
+{
+    float *bare = calloc(h->nshape, sizeof *bare);
+    float mean[2 * HEAD_LANDMARKS];
+    struct outline_report r;
+    struct error err = {0};
+    struct person p;
+    double moved = 0;
+
+    REQUIRE(bare, "no memory");
+    outline_person(&p, h);
+    outline_draw(mean, p.matte, &p, h, p.shape);
+    CHECK(outline_fit(&r, &p, h, &err) == 0, "%s", err.text);
+    memcpy(bare, p.shape, h->nshape * sizeof *bare);
+    memset(p.shape, 0, h->nshape * sizeof *p.shape);
+    for (size_t i = 0; i < SIZE * SIZE / 3; i++)
+        if (hypot((double)(i % SIZE) - SIZE / 2,
+                  (double)(i / SIZE) - SIZE / 2) < 0.42 * SIZE)
+            p.matte[i] = 255;
+    CHECK(outline_fit(&r, &p, h, &err) == 0, "%s", err.text);
+    for (size_t k = 0; k < p.nshape; k++)
+        moved = fmax(moved, fabs((double)p.shape[k] - bare[k]));
+    check("hair changes the shape by deviations", moved, 0.2);
+    free(bare);
+    person_release(&p);
+}
+
 /* Nothing to see: the shape stays. */
 static void test_nothing(const struct head *h)
 {
@@ -137,6 +205,8 @@ int main(void)
 
     REQUIRE(head_load(&h, HEAD_NAME, &err) == 0, "%s", err.text);
     test_shapes(&h);
+    test_cap(&h);
+    test_hair(&h);
     test_nothing(&h);
     head_release(&h);
     return check_status();
