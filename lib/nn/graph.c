@@ -350,11 +350,7 @@ int graph_squeeze_excite(struct graph *g, int x,
 {
     int gate = GRAPH_NODE(g, "GlobalAveragePool", x);
 
-    gate = GRAPH_NODE(g, "Conv", gate, graph_weight(g, s->ps, s->reduce_w),
-                      graph_weight(g, s->ps, s->reduce_b));
-    gate = GRAPH_NODE(g, "Conv", graph_act(g, gate, ACT_RELU),
-                      graph_weight(g, s->ps, s->expand_w),
-                      graph_weight(g, s->ps, s->expand_b));
+    gate = graph_conv(g, graph_conv(g, gate, &s->reduce), &s->expand);
     return GRAPH_NODE(g, "Mul", x, graph_act(g, gate, ACT_HARDSIGMOID));
 }
 

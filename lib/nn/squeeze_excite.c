@@ -2,31 +2,21 @@
  * pixels. */
 #include "lib/nn/squeeze_excite.h"
 
-#include <string.h>
-
 #include "lib/base/parallel.h"
 #include "lib/nn/act.h"
-#include "lib/nn/conv.h"
 #include "lib/nn/kernels.h"
-#include "lib/nn/params.h"
 
 void squeeze_excite_init(struct squeeze_excite *s, struct params *ps,
                          const char *name, size_t channels, size_t hidden)
 {
     char buf[120];
-    size_t down[4] = { hidden, channels, 1, 1 };
-    size_t up[4] = { channels, hidden, 1, 1 };
 
-    *s = (struct squeeze_excite){ .ps = ps, .channels = channels,
-                                  .hidden = hidden };
-    s->reduce_w = params_add(ps, nn_name(buf, "%s.conv_reduce.weight", name),
-                             4, down, PARAM_HE, 1.0f);
-    s->reduce_b = params_add(ps, nn_name(buf, "%s.conv_reduce.bias", name), 1,
-                             down, PARAM_ZERO, 0.0f);
-    s->expand_w = params_add(ps, nn_name(buf, "%s.conv_expand.weight", name),
-                             4, up, PARAM_HE, 1.0f);
-    s->expand_b = params_add(ps, nn_name(buf, "%s.conv_expand.bias", name), 1,
-                             up, PARAM_ZERO, 0.0f);
+    *s = (struct squeeze_excite){ .channels = channels, .hidden = hidden };
+    nn_name(buf, "%s.conv_reduce", name);
+    conv_init(&s->reduce, ps, buf, channels, hidden, 1, 1, true);
+    nn_name(buf, "%s.conv_expand", name);
+    conv_init(&s->expand, ps, buf, hidden, channels, 1, 1, true);
+    s->reduce.act = ACT_RELU;
 }
 
 void squeeze_excite_plan(struct squeeze_excite *s, struct nn_plan *p,
@@ -38,6 +28,8 @@ void squeeze_excite_plan(struct squeeze_excite *s, struct nn_plan *p,
     s->inner = nn_plan_floats(p, batch * s->hidden);
     s->gate = nn_plan_floats(p, batch * s->channels);
     s->part = nn_plan_floats(p, batch * NN_PARTS * s->channels);
+    linear_plan(&s->reduce, p, batch);
+    linear_plan(&s->expand, p, batch);
     if (!nn_plan_backward(p))
         return;
     s->dgate = nn_plan_floats(p, batch * s->channels);
@@ -106,21 +98,6 @@ void spatial_mean_backward(float *dx, const float *dmean, size_t B,
                   pixels, scale);
 }
 
-/* The gate of item n from its mean: two small layers. */
-PARALLEL(squeeze_excite_gate, n, struct squeeze_excite *, s)
-{
-    const struct nn_kernels *k = nn_kernels();
-    size_t C = s->channels, H = s->hidden;
-    float *inner = s->inner + n * H, *gate = s->gate + n * C;
-
-    k->gemv(inner, param_w(s->ps, s->reduce_w), s->mean + n * C,
-            param_w(s->ps, s->reduce_b), H, C);
-    k->act_forward(inner, inner, ACT_RELU, H);
-    k->gemv(gate, param_w(s->ps, s->expand_w), inner,
-            param_w(s->ps, s->expand_b), C, H);
-    k->act_forward(gate, gate, ACT_HARDSIGMOID, C);
-}
-
 PARALLEL(squeeze_excite_scale_part, i, struct squeeze_excite *, s,
          const struct nn_kernels *, k, float *, y, const float *, x, size_t, P,
          size_t, C)
@@ -139,45 +116,24 @@ void squeeze_excite_forward(float *y, const float *x, struct squeeze_excite *s)
 
     spatial_mean_forward(s->mean, s->part, x, B, s->pixels, C);
 
-    parallel_each(squeeze_excite_gate, B, 1, s);
-
+    conv_forward(s->inner, s->mean, &s->reduce);
+    conv_forward(s->gate, s->inner, &s->expand);
+    act_forward(s->gate, s->gate, ACT_HARDSIGMOID, B * C);
     parallel_each(squeeze_excite_scale_part, B * P, 1, s, k, y, x, P, C);
 }
 
 /* The gate's gradient through its two small layers: dgate -> dmean. */
 static void squeeze_excite_gate_backward(struct squeeze_excite *s)
 {
-    const struct nn_kernels *k = nn_kernels();
-    struct params *ps = s->ps;
-    size_t C = s->channels, H = s->hidden, B = s->batch;
-    const float *we = param_w(ps, s->expand_w), *wr = param_w(ps, s->reduce_w);
-    float *dwe = param_g(ps, s->expand_w), *dwr = param_g(ps, s->reduce_w);
-    float *dbe = param_g(ps, s->expand_b), *dbr = param_g(ps, s->reduce_b);
-    float unit = 1.0f / (float)s->pixels;
+    const size_t n = s->batch * s->channels;
 
-    memset(s->dinner, 0, B * H * sizeof *s->dinner);
-    memset(s->dmean, 0, B * C * sizeof *s->dmean);
-    for (size_t n = 0; n < B; n++)
-        for (size_t c = 0; c < C; c++) {
-            /* gate = hsig(u): slope 1/6 where it is not saturated */
-            float g = s->gate[n * C + c];
-            float du = g > 0.0f && g < 1.0f ? s->dgate[n * C + c] / 6 : 0.0f;
-            dbe[c] += du;
-            k->outer_backward(dwe + c * H, s->dinner + n * H, we + c * H,
-                              s->inner + n * H, du, H);
-        }
-    for (size_t n = 0; n < B; n++) {
-        for (size_t h = 0; h < H; h++) {
-            float du = s->inner[n * H + h] > 0.0f ? s->dinner[n * H + h]
-                                                  : 0.0f;
-
-            dbr[h] += du;
-            k->outer_backward(dwr + h * C, s->dmean + n * C, wr + h * C,
-                              s->mean + n * C, du, C);
-        }
-        for (size_t c = 0; c < C; c++)
-            s->dmean[n * C + c] *= unit;
-    }
+    /* gate = hsig(u): slope 1/6 where it is not saturated */
+    for (size_t i = 0; i < n; i++)
+        s->dgate[i] *= s->gate[i] > 0 && s->gate[i] < 1 ? 1.0f / 6 : 0;
+    conv_backward(s->dinner, s->dgate, s->gate, s->inner, &s->expand);
+    conv_backward(s->dmean, s->dinner, s->inner, s->mean, &s->reduce);
+    for (size_t i = 0; i < n; i++)
+        s->dmean[i] /= (float)s->pixels;
 }
 
 PARALLEL(squeeze_excite_backward_part, i, struct squeeze_excite *, s,

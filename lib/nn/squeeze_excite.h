@@ -2,12 +2,10 @@
 #ifndef SPID_NN_SQUEEZE_EXCITE_H
 #define SPID_NN_SQUEEZE_EXCITE_H
 
-#include "lib/nn/params.h"
-#include "lib/nn/plan.h"
+#include "lib/nn/conv.h"
 
 struct squeeze_excite {
-    struct params *ps;
-    size_t reduce_w, reduce_b, expand_w, expand_b;   /* tensors in ps */
+    struct conv reduce, expand;       /* linear layers of the mean */
     size_t channels, hidden;
     /* as planned */
     size_t batch, pixels;
