@@ -1,5 +1,5 @@
 /* Depthwise convolutions, 3x3 and 5x5, stride 1 and 2, NHWC: kernels of our
- * own, because oneDNN's weight gradients are slow (performance.md). */
+ * own, for oneDNN's weight gradients are slow, and a browser has no oneDNN. */
 #ifndef SPID_NN_DEPTHWISE_H
 #define SPID_NN_DEPTHWISE_H
 

@@ -10,8 +10,8 @@
 #include <sys/stat.h>
 #include <sysexits.h>
 #include <unistd.h>
+#include <xxhash.h>
 
-#include "lib/stream/hash.h"
 #include "lib/stream/layout.h"
 
 #define BLOCK ((size_t)1 << 20)    /* smallest buffer, and the pipe's size */
@@ -37,7 +37,7 @@ struct stream_reader {
     bool trust, pair, ended;
     uint64_t records;          /* read so far */
     uint64_t last_frame;       /* of the last good record */
-    struct hash *hash;
+    XXH3_state_t *hash;
 };
 
 static size_t limit = STREAM_MAX_BYTES; /* set once, before any thread */
@@ -74,7 +74,7 @@ static struct stream_reader *reader_new(const char *name,
     if (r) {
         r->fd = -1;
         r->name = strdup(name);
-        r->hash = hash_new();
+        r->hash = XXH3_createState();
         r->max_bytes = opt && opt->max_bytes ? opt->max_bytes
                                              : limit;
         r->trust = opt && opt->trust;
@@ -98,7 +98,7 @@ void stream_close(struct stream_reader *r)
         munmap(r->spare, r->spare_room);
     if (r->fd > STDIN_FILENO)
         close(r->fd);
-    hash_free(r->hash);
+    XXH3_freeState(r->hash);
     free(r->name);
     free(r);
 }
@@ -333,12 +333,13 @@ static int reader_read_payload(struct stream_reader *r,
     size_t need = HEADER_BYTES + rec->payload_bytes, done = HEADER_BYTES;
     int rc = 1;
 
-    hash_begin(r->hash);
+    XXH3_64bits_reset(r->hash);
     for (;;) {
         size_t have = r->end - r->begin < need ? r->end - r->begin : need;
 
         if (!r->trust && have > done)
-            hash_add(r->hash, r->base + r->begin + done, have - done);
+            XXH3_64bits_update(r->hash, r->base + r->begin + done,
+                               have - done);
         done = have;
         if (done == need)
             break;
@@ -348,7 +349,8 @@ static int reader_read_payload(struct stream_reader *r,
             return reader_cut_short(r, rec->type, need, err);
     }
     return reader_check_hash(rec, r->trust ? rec->payload_hash
-                                           : hash_end(r->hash), err);
+                                           : XXH3_64bits_digest(r->hash),
+                             err);
 }
 
 /* END counts the records before it and nothing follows it. */

@@ -11,8 +11,8 @@
 #include <sys/uio.h>
 #include <sysexits.h>
 #include <unistd.h>
+#include <xxhash.h>
 
-#include "lib/stream/hash.h"
 #include "lib/stream/layout.h"
 
 #define PIPE_BYTES (1 << 20)
@@ -26,7 +26,7 @@ struct stream_writer {
     char *path, *part;         /* NULL unless a regular file is written */
     bool failed;
     uint64_t records;
-    struct hash *hash;
+    XXH3_state_t *hash;
     struct layout_entry table[STREAM_MAX_ARRAYS];
     struct iovec *iov;         /* pieces of a record */
     size_t iov_room;
@@ -39,7 +39,7 @@ static void writer_free(struct stream_writer *w)
         return;
     if (w->fd > STDERR_FILENO)
         close(w->fd);
-    hash_free(w->hash);
+    XXH3_freeState(w->hash);
     free(w->iov);
     free(w->name);
     free(w->path);
@@ -81,7 +81,7 @@ struct stream_writer *stream_create(const char *path, struct error *err)
     if (w) {
         w->fd = STDOUT_FILENO;
         w->name = strdup(name);
-        w->hash = hash_new();
+        w->hash = XXH3_createState();
     }
     if (!w || !w->name || !w->hash) {
         error_set(err, EX_OSERR, "out of memory");
@@ -215,11 +215,11 @@ int stream_write_parts(struct stream_writer *w, const char *type,
     if (writer_room(w, PIECES + parts, err))
         return -1;
     n = writer_collect(w, arrays, count, part, parts);
-    hash_begin(w->hash);
+    XXH3_64bits_reset(w->hash);
     for (size_t i = 1; i < n; i++)
-        hash_add(w->hash, w->iov[i].iov_base, w->iov[i].iov_len);
+        XXH3_64bits_update(w->hash, w->iov[i].iov_base, w->iov[i].iov_len);
     layout_put_header(&header, type, frame, time, count, payload,
-                      hash_end(w->hash));
+                      XXH3_64bits_digest(w->hash));
     w->iov[0] = writer_iov_piece(&header, sizeof header);
     return writer_write_pieces(w, w->iov, n, err);
 }
