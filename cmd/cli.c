@@ -124,7 +124,7 @@ static void cli_option_set(const struct cli_option *o, const char *value)
         break;
     case CLI_CALL:
         if (o->parse(value, o->dest, &err))
-            die(EX_USAGE, "--%s=%s: %s", o->name, value, err.text);
+            die(err.code, "--%s=%s: %s", o->name, value, err.text);
         break;
     }
 }

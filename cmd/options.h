@@ -38,6 +38,11 @@ struct track_faces;
     OPTION_FLAG("no-tta", 0, flag,                                            \
                 "no test-time augmentation of the encoder: faster, less "     \
                 "exact")
+/* light: a struct target_light. */
+#define OPTION_LIGHT(light)                                                   \
+    OPTION_CALL("light", 0, light, "LIGHT", target_light_parse,               \
+                "AZIMUTH,ELEVATION[,STRENGTH], a panorama, driver or source "  \
+                "(default)")
 /* Rows of what spid animate and spid live both do; o: a struct
  * animation_options. */
 #define OPTIONS_ANIMATION(o)                                                  \
@@ -49,6 +54,7 @@ struct track_faces;
     OPTION_FACE("face", &models.look.face, "the source"),                     \
     OPTION_FACE("driver-face", &(o).track.face, "the driver"),                \
     OPTION_NO_TTA(&(o).track.no_tta),                                         \
+    OPTION_LIGHT(&(o).light),                                                 \
     OPTION_FLOAT("fps", 0, &(o).source.rate, 0.001, 100000, "RATE",           \
                  "frames a second of what has no times (default 25)"),        \
     OPTION_PRECISION(&(o).animate.pipeline.precision, "networks"),     \

@@ -8,6 +8,7 @@
 #include "lib/avatar/baker.h"
 #include "lib/avatar/mover.h"
 #include "lib/avatar/prune.h"
+#include "lib/avatar/target_light.h"
 #include "lib/head/person.h"
 #include "lib/stream/stream.h"
 
@@ -15,6 +16,7 @@ static const char *bake_path, *avatar_path, *head_path;
 static bool full;
 static double prune_eps = -1;
 static unsigned without;
+static struct target_light light;
 static enum nn_type precision = OPTION_PRECISION_DEFAULT;
 
 /* Bits of enum avatar_without. */
@@ -37,6 +39,7 @@ static const struct cli_option options[] = {
                 "(commas)"),
     OPTION_FLOAT("prune", 0, &prune_eps, 0, 1e6, "EPS",
                  "with --bake: drop what no view shows above EPS"),
+    OPTION_LIGHT(&light),
     OPTION_HEAD(&head_path),
     OPTION_PRECISION(&precision, "networks"),
     {0}
@@ -142,7 +145,8 @@ static void branches_bake(struct stream_writer *out)
     branches_copy_identity(out, &k);
     double begun = stats_begin();
     if (baker_bake(&k.baker, k.verts, &k.person, &err) ||
-        baker_copy(&k.baked, &k.baker, false, &err)) {
+        baker_copy(&k.baked, &k.baker, false, &err) ||
+        target_light_apply(&k.baked, &light, NULL, &err)) {
         stream_abandon(out);
         error_prefix(&err, "%s", bake_path);
         die_error(&err);
@@ -175,7 +179,8 @@ static void branches_bake(struct stream_writer *out)
 static void branches_move_avatar(struct stream_writer *out, const char *input)
 {
     static struct mover m;
-    const struct mover_options opt = {.full = full, .without = without};
+    const struct mover_options opt = {.full = full, .without = without,
+                                      .light = light};
     struct error err = {0};
     struct record rec;
     int rc;
@@ -216,6 +221,8 @@ static void branches_check_options(int operands)
     if (avatar_path && without & WITHOUT_DEFORM)
         die(EX_USAGE, "--without=deform: the avatar is baked already "
             "(expected with --bake)");
+    if (bake_path && light.from == LIGHT_DRIVER)
+        die(EX_USAGE, "--light=driver: nobody drives yet (expected with -i)");
     if (avatar_path && prune_eps >= 0)
         die(EX_USAGE, "--prune works at baking (expected with --bake)");
 }

@@ -18,6 +18,7 @@ static struct framesource_options source_options;
 static struct track_options track_options;
 static const char *head_path, *identity_path, *overlay_path, *relative_path;
 static struct neutral neutral;
+static bool with_light;
 static const char *take_path, *stream_path;
 static enum nn_type precision = OPTION_PRECISION_DEFAULT;
 
@@ -31,6 +32,8 @@ static const struct cli_option options[] = {
                  "one-euro smoothing with this cut-off at rest (default 0: "
                  "off)"),
     OPTION_NO_TTA(&track_options.no_tta),
+    OPTION_FLAG("light", 0, &with_light,
+                "the first motion says the light on its face, too"),
     OPTION_FLAG("no-align", 0, &track_options.no_align,
                 "poses as the encoder says them, not aligned with earlier "
                 "frames"),
@@ -105,6 +108,8 @@ static void motion_open_input(struct program *p, char **name, int count)
                              &track_options, &err))
         die_error(&err);
     driver_init(&p->driver, &p->track, driver_read_source, p->in);
+    if (with_light)
+        p->driver.light = &p->nets.light;
 }
 
 /* The program ends; of what it began to write whole frames stay. */

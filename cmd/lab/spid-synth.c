@@ -17,7 +17,7 @@
 
 static long people = 1, frames = 1, seed = 1, first, size = 512;
 static double fps = 25, effects = 1;
-static const char *head_path, *assets_path, *traits_path;
+static const char *head_path, *assets_path, *traits_path, *light_path;
 static bool without_mesh;
 
 #define SYNTH_TURNS 1000        /* that --turn takes */
@@ -71,6 +71,8 @@ static const struct cli_option options[] = {
     OPTION_STRING("assets", 0, &assets_path, "DIR",
                   "people of scans under real light, from this folder, "
                   "in place of a plain figure"),
+    OPTION_STRING("light", 0, &light_path, "FILE",
+                  "with --assets: all under this panorama"),
     OPTION_STRING("traits", 0, &traits_path, "FILE",
                   "how people look and move, in place of what is built in"),
     OPTION_HEAD(&head_path),
@@ -206,6 +208,9 @@ int main(int argc, char **argv)
     if (operand < argc)
         die(EX_USAGE, "%s: nothing is read (expected no operand)",
             argv[operand]);
+    if (light_path && !assets_path)
+        die(EX_USAGE, "--light: a plain figure has rooms of its own (expected "
+            "--assets)");
     struct error err = {0};
     if (option_head_load(&head, head_path, &err))
         die_error(&err);
@@ -219,7 +224,7 @@ int main(int argc, char **argv)
         .turn = turns.each, .turns = turns.n, .traits = traits_path
     };
     struct scan_assets *assets = assets_path
-        ? scan_open(assets_path, traits_path, &head, &err) : NULL;
+        ? scan_open(assets_path, light_path, traits_path, &head, &err) : NULL;
     if (assets_path && !assets)
         die_error(&err);
     opt.assets = assets;

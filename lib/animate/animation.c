@@ -54,6 +54,8 @@ static int animation_init_driver(struct animation *a, driver_read_fn *read,
                    &a->opt->track, err))
         return -1;
     driver_init(&a->driver, &a->track, read, ctx);
+    if (a->opt->light.from == LIGHT_DRIVER)
+        a->driver.light = &a->models->nets.light;
     return 0;
 }
 
@@ -263,8 +265,11 @@ int animation_run(struct animation *a,
     struct framesink *sink = a->sink;
     const struct pipeline_avatar avatar = prepared_avatar(&a->source,
                                                           a->models);
-    int rc = animate_init(&a->workers, &a->animate, &avatar, err);
+    int rc = target_light_apply(&a->source.baked, &a->opt->light,
+                                &a->driver.found.motion, err);
 
+    if (rc == 0)
+        rc = animate_init(&a->workers, &a->animate, &avatar, err);
     if (rc == 0)
         rc = animate_run(&a->workers, &a->driver,
                          a->live.started ? &a->live : NULL, sink, done, ctx,

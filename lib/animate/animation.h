@@ -13,6 +13,7 @@
 #include "lib/animate/live.h"
 #include "lib/animate/prepare.h"
 #include "lib/animate/report.h"
+#include "lib/avatar/target_light.h"
 #include "lib/base/error.h"
 #include "lib/track/neutral.h"
 #include "lib/track/track.h"
@@ -26,6 +27,7 @@ struct animation_options {
     struct framing_options framing;
     struct background background;       /* what the user asked for */
     struct neutral neutral;
+    struct target_light light;
     const char *head;           /* NULL: the one beside the model */
     const char *mask;           /* of the source, or NULL: found */
     bool no_sound;              /* the driver's is left out */

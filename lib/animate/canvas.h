@@ -25,7 +25,7 @@ struct canvas {
     struct texture_shader shader;
     bool lit;                   /* the head's light is known: set before a
                                  * frame is drawn, with */
-    float light[3];             /* l in it, head frame */
+    float light[4];             /* the lamp in it, head frame */
     float *gain;                /* how it changed (lib/splat/relight.h), once
                                  * lit */
 };

@@ -139,7 +139,7 @@ int pipeline_splat(struct pipeline *p, struct pipeline_times *t,
     place_view_make(&c->view, a->baked->view, p->cam,
                     a->baked->blended ? &shoulders : NULL);
     c->lit = baked_is_lit(a->baked);
-    relative_light(c->light, a->baked->source, a->baked->light, p->cam);
+    relative_light(c->light, a->baked->lamp, p->cam);
     if (baked_move_scene(&p->splat, &p->move, a->baked, err) ||
         canvas_draw(c, &p->splat, &cam, a->texture, !p->opt.star, err))
         return -1;                                      /* C */

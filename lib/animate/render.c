@@ -112,8 +112,7 @@ static int render_fast(struct render *r, const struct splat_camera *cam,
     render_set_view(r, cam);
     r->canvas.lit = r->scene.normal && render_camera(r);
     if (r->canvas.lit)
-        relative_light(r->canvas.light, r->scene.source, r->scene.light,
-                       render_camera(r));
+        relative_light(r->canvas.light, r->scene.lamp, render_camera(r));
     return canvas_draw(&r->canvas, &r->splat, cam,
                        render_shows_photo(r) ? &r->texture : NULL,
                        r->opt.features, err);

@@ -192,6 +192,7 @@ static void avatar_views(struct avatar *a)
     memcpy(a->drive.pivot, a->head->avatar.neck_blend, sizeof a->drive.pivot);
     for (int i = 0; i < 9; i++)     /* R_s */
         a->drive.source[i] = a->source.cam[4 * (i / 3) + i % 3];
+    relative_lamp(a->lamp, a->drive.source, a->light);
 }
 
 /* The picture and the mesh on it. */
@@ -206,10 +207,12 @@ static void avatar_look(struct avatar *a, const struct avatar_source *src)
  * camera's, or NULL: 0. */
 static void avatar_light(float l[3], const float *from, const float *cam)
 {
-    static const float unrotated[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
-    static const float none[3] = {0};
+    float lamp[4] = {0}, now[4];
 
-    relative_light(l, unrotated, from ? from : none, cam);
+    if (from)
+        memcpy(lamp, from, 3 * sizeof *from);
+    relative_light(now, lamp, cam);
+    memcpy(l, now, 3 * sizeof *l);
 }
 
 /* What further pictures show is noted before the first one is baked; where it is

@@ -131,6 +131,7 @@ static void baked_copy_motion(struct baked *b, const struct avatar *a,
     memcpy(b->pivot, a->drive.pivot, sizeof b->pivot);
     memcpy(b->source, a->drive.source, sizeof b->source);
     memcpy(b->light, a->light, sizeof b->light);
+    baked_keep_light(b);
     if (a->config.rgb_skip) {
         baked_keep_rows(b->uv, a->uv, 2, keep, N);
         baked_keep_rows(b->seen, a->all.seen, 1, keep, N);
@@ -168,6 +169,11 @@ void baked_release(struct baked *b)
 bool baked_is_lit(const struct baked *b)
 {
     return b->light[0] != 0 || b->light[1] != 0 || b->light[2] != 0;
+}
+
+void baked_keep_light(struct baked *b)
+{
+    relative_lamp(b->lamp, b->source, b->light);
 }
 
 bool baked_has_places(const struct baked *b)
@@ -250,6 +256,11 @@ static int baked_read_motion(struct baked *b, const struct gaus *g,
         memcpy(b->light, g->light, sizeof b->light);
         memcpy(b->normal, g->normal, 3 * b->N * sizeof *g->normal);
     }
+    if (g->source)
+        memcpy(b->source, g->source, sizeof b->source);
+    baked_keep_light(b);
+    if (g->lamp)
+        memcpy(b->lamp, g->lamp, sizeof b->lamp);
     if (!g->bend)
         return 0;
     if (!g->pivot || !g->source)
@@ -257,7 +268,6 @@ static int baked_read_motion(struct baked *b, const struct gaus *g,
                          g->pivot ? "source" : "pivot");
     memcpy(b->neck, g->bend, b->N * sizeof *g->bend);
     memcpy(b->pivot, g->pivot, sizeof b->pivot);
-    memcpy(b->source, g->source, sizeof b->source);
     baked_find_blended(b);
     return 0;
 }
@@ -330,8 +340,11 @@ int baked_write(struct stream_writer *w, uint64_t frame, double time,
         .uv = b->uv, .seen = b->seen, .view = b->view, .reach = b->reach,
         .tilt = b->tilt, .normal = b->normal
     };
-    float *left = NULL;
+    float *left = NULL, own[4];
 
+    relative_lamp(own, b->source, b->light);
+    if (memcmp(own, b->lamp, sizeof own))
+        g.lamp = b->lamp;
     if (b->has_jaw) {
         g.jaw = baked_jaw(b);
         g.jaws = b->mouth;

@@ -35,6 +35,7 @@ struct baked {
     float pivot[3];         /* of the neck blend */
     float source[9];        /* R_s, where the static branch's shoulders were */
     float light[3];         /* l, on the source, head frame */
+    float lamp[4];          /* that it is shown in (lib/base/relative_pose.h) */
     float *uv, *seen;       /* (N,2), (N) places in the source picture
                              * (lib/photo/place.h), seen by the */
     float view[12];         /* source's camera; all zero: no places */
@@ -69,6 +70,8 @@ void baked_release(struct baked *b);
 
 /* Whether it is known how light fell on the source. */
 bool baked_is_lit(const struct baked *b);
+/* The avatar is shown in the source's own light again. */
+void baked_keep_light(struct baked *b);
 /* Whether the Gaussians know their places in the source picture. */
 bool baked_has_places(const struct baked *b);
 

@@ -94,7 +94,8 @@ static int mover_first_mesh(struct mover *m, const struct mesh *mesh,
     if (!mesh->faces)
         return error_set(err, EX_DATAERR, "MESH has no array 'faces' (expected "
                          "i32[F,3] in the first one)");
-    if (densify_init(&m->dense, mesh->faces, mesh->F, V, err) ||
+    if (target_light_apply(&m->baked, &m->opt.light, &m->driver, err) ||
+        densify_init(&m->dense, mesh->faces, mesh->F, V, err) ||
         mover_drop_branches(&m->baked, m->opt.without, V, err))
         return -1;
     for (size_t i = 0; i < m->baked.dynamic; i++)
@@ -181,7 +182,9 @@ int mover_apply(struct mover *m, struct stream_writer *out,
 {
     if (record_is(rec, RECORD_MESH))
         return mover_frame(out, m, rec, err);
-    if (record_is(rec, RECORD_CONF) && mover_check_head(m, rec, err))
+    if ((record_is(rec, RECORD_CONF) && mover_check_head(m, rec, err)) ||
+        (m->opt.light.from == LIGHT_DRIVER && !m->driver.lit &&
+         record_is(rec, RECORD_MOTN) && motion_read(&m->driver, rec, 0, err)))
         return -1;
     return stream_copy(out, rec, err);
 }

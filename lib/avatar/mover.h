@@ -6,12 +6,14 @@
 #include <stdbool.h>
 
 #include "lib/avatar/baked.h"
+#include "lib/avatar/target_light.h"
 #include "lib/head/person.h"
 #include "lib/stream/stream.h"
 
 struct mover_options {
     bool full;              /* GAUS per frame instead of GMOV */
     unsigned without;       /* enum avatar_without; not WITHOUT_DEFORM */
+    struct target_light light;
 };
 
 struct mover {
@@ -21,6 +23,7 @@ struct mover {
     struct person person;   /* the picture that places are places of */
     struct baked baked;
     struct densify dense;   /* of the first mesh's faces */
+    struct motion driver;   /* the first motion that says its light */
     struct baked_move move;
     float *means;           /* (N,3); NULL before the first mesh */
     bool sent;              /* the GAUS record */

@@ -12,19 +12,20 @@ static float relative_pose_entry(const float R[9], const float cam[12],
            cam[4 * i + 2] * R[3 * k + 2];
 }
 
-/* Component i of the light in the camera's frame, where it stays. */
-static float relative_pose_light(const float R[9], const float l[3], int i)
+void relative_lamp(float lamp[4], const float R[9], const float l[3])
 {
-    return R[3 * i] * l[0] + R[3 * i + 1] * l[1] + R[3 * i + 2] * l[2];
+    for (int i = 0; i < 3; i++)
+        lamp[i] = R[3 * i] * l[0] + R[3 * i + 1] * l[1] + R[3 * i + 2] * l[2];
+    lamp[3] = 1;
 }
 
-void relative_light(float now[3], const float R[9], const float l[3],
-                    const float cam[12])
+void relative_light(float now[4], const float lamp[4], const float cam[12])
 {
+    now[3] = lamp[3];
     for (int a = 0; a < 3; a++) {
         now[a] = 0;
         for (int i = 0; i < 3; i++)
-            now[a] += cam[4 * i + a] * relative_pose_light(R, l, i);
+            now[a] += cam[4 * i + a] * lamp[i];
     }
 }
 
@@ -32,9 +33,10 @@ void relative_light(float now[3], const float R[9], const float l[3],
 void relative_pose(float pose[RELATIVE_POSE_SIZE], const float R[9],
                    const float l[3], const float cam[12])
 {
-    float now[3];
+    float lamp[4], now[4];
 
-    relative_light(now, R, l, cam);
+    relative_lamp(lamp, R, l);
+    relative_light(now, lamp, cam);
     for (int a = 0; a < 3; a++) {
         int b = (a + 1) % 3, c = (a + 2) % 3;
 
@@ -49,6 +51,9 @@ void relative_pose_backward(float dcam[12],
                             const float dpose[RELATIVE_POSE_SIZE],
                             const float R[9], const float l[3])
 {
+    float lamp[4];
+
+    relative_lamp(lamp, R, l);
     for (int a = 0; a < 3; a++) {
         int b = (a + 1) % 3, c = (a + 2) % 3;
         float d = 0.5f / UNIT * dpose[a];
@@ -56,8 +61,7 @@ void relative_pose_backward(float dcam[12],
         for (int k = 0; k < 3; k++) {
             dcam[4 * c + k] += d * R[3 * b + k];
             dcam[4 * b + k] -= d * R[3 * c + k];
-            dcam[4 * k + a] += dpose[3 + a] / UNIT *
-                               relative_pose_light(R, l, k);
+            dcam[4 * k + a] += dpose[3 + a] / UNIT * lamp[k];
         }
     }
 }

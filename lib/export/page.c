@@ -11,6 +11,7 @@
 
 #include "formats/outfile.h"
 #include "formats/pagefile.h"
+#include "lib/base/relative_pose.h"
 #include "lib/export/page_live.h"
 #include "lib/export/page_pack.h"
 #include "lib/head/arkit.h"
@@ -235,6 +236,7 @@ static int page_pack_photograph(struct pack *k, const struct baked *b,
                                 struct error *err)
 {
     const size_t S = person->size;
+    float lamp[4];
 
     if (!person->rgb)
         return 0;
@@ -255,6 +257,8 @@ static int page_pack_photograph(struct pack *k, const struct baked *b,
     if (baked_is_lit(b)) {
         page_pack_columns(k, "normal", b->normal, b->N, 3, 3);
         page_pack_add(k, "light", ST_F32, 3, 0, b->light);
+        relative_light(lamp, b->lamp, b->view);
+        page_pack_add(k, "lamp", ST_F32, 4, 0, lamp);
     }
     page_pack_reach(k, b);
     return 0;

@@ -30,11 +30,11 @@ static bool relight_place(size_t *at, float *z, const struct splat_state *st,
 }
 
 /* The gain of Gaussian i's colours. */
-static float relight_gain(const struct cloud *c, size_t i, const float light[3])
+static float relight_gain(const struct cloud *c, size_t i, const float light[4])
 {
     const float n[3] = {c->normal[0][i], c->normal[1][i], c->normal[2][i]};
 
-    return sqrtf(gaussian_light(n, light) * c->lit[i]);
+    return sqrtf(light[3] * gaussian_light(n, light) * c->lit[i]);
 }
 
 /* to (n) of the n numbers at x and at four more places after it, each `step` on
@@ -80,7 +80,7 @@ static void relight_filter(float *x, relight_five_fn *five, float beyond,
         five(x + y * w, room + y * w, w, w);
 }
 
-void splat_relight(float *gain, struct splat *s, const float light[3])
+void splat_relight(float *gain, struct splat *s, const float light[4])
 {
     struct splat_state *st = s->state;
     const size_t h = relight_side((size_t)s->opt.height);

@@ -2,8 +2,9 @@
  * colours are to be multiplied by, as a picture a quarter of the size.
  *
  * A light that stays before the camera falls on a turned head from elsewhere
- * (relative_light).  Of a surface of normal n a frame shows gaussian_light(n, l
- * now) / gaussian_light(n, l) times the light that the photograph shows; sRGB
+ * (relative_light), and another lamp can be in its place.  Of a surface of normal n a
+ * frame shows gaussian_light(n, l now) / gaussian_light(n, l) times the light that
+ * the photograph shows, times the lamp's brightness; sRGB
  * goes with its square root (a gamma of 2).  Shadows that a face throws on itself,
  * and shine, are not part of it.  Ours, not the paper's. */
 #ifndef SPID_SPLAT_RELIGHT_H
@@ -23,10 +24,10 @@ static inline size_t relight_side(size_t pixels)
 #define RELIGHT_ROOM(h, w) (2 * (h) * (w) + ((h) + 5) * ((w) + 4))
 
 /* gain (relight_side(H),relight_side(W)) of the frame that splat_draw drew last;
- * light (3): l in this frame, head frame.  Each place has the mean of the
+ * light (4): relative_light of this frame.  Each place has the mean of the
  * foremost Gaussians whose centres lie in it, blurred over its neighbours; 1
  * where there are none.  With opt.place only. */
-void splat_relight(float *gain, struct splat *s, const float light[3]);
+void splat_relight(float *gain, struct splat *s, const float light[4]);
 
 /* color (height,width,channels: the first three, premultiplied) times the
  * gain (relight_side(from) a side) of a picture of `from` pixels a side that it

@@ -9,6 +9,7 @@
 #include "lib/base/half.h"
 #include "lib/base/drive.h"
 #include "lib/base/neck_blend.h"
+#include "lib/base/relative_pose.h"
 #include "lib/stream/gaus.h"
 #include "lib/stream/gmov.h"
 #include "lib/splat/splat.h"
@@ -124,8 +125,11 @@ static int scene_copy_arrays(struct scene *s, const struct gaus *g,
     if (g->source && g->light) {
         memcpy(s->source, g->source, sizeof s->source);
         memcpy(s->light, g->light, sizeof s->light);
+        relative_lamp(s->lamp, s->source, s->light);
         s->has_source = 1;
     }
+    if (s->has_source && g->lamp)
+        memcpy(s->lamp, g->lamp, sizeof s->lamp);
     s->g.mean = s->mean = scene_copy(g->mean, 3 * n * sizeof *g->mean);
     s->loaded = scene_copy(g->mean, 3 * n * sizeof *g->mean);
     s->g.scale = s->scale = scene_copy(g->scale, 3 * n * sizeof *g->scale);

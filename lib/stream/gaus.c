@@ -14,7 +14,7 @@ static const struct schema_field fields[] = {
     {F(branch), DTYPE_U8}, {F(lip), DTYPE_F32}, {F(jaw), DTYPE_F32},
     {F(chin), DTYPE_F32}, {F(vertex), DTYPE_I32}, {F(bend), DTYPE_F32},
     {F(pivot), DTYPE_F32}, {F(source), DTYPE_F32}, {F(light), DTYPE_F32},
-    {F(uv), DTYPE_F32}, {F(seen), DTYPE_F32}, {F(view), DTYPE_F32},
+    {F(lamp), DTYPE_F32}, {F(uv), DTYPE_F32}, {F(seen), DTYPE_F32}, {F(view), DTYPE_F32},
     {F(reach), DTYPE_F32}, {F(normal), DTYPE_F32}, {F(tilt), DTYPE_F32},
     {F(cam), DTYPE_F32}
 };

@@ -72,6 +72,8 @@ static const struct schema table[] = {
     { RECORD_GAUS, "pivot", "f32", "3", false, "in the neck, head units" },
     { RECORD_GAUS, "source", "f32", "3,3", false, "R of the source's camera" },
     { RECORD_GAUS, "light", "f32", "3", false, "on the source, head frame" },
+    { RECORD_GAUS, "lamp", "f32", "4", false,
+      "the light it is shown in, camera frame" },
     { RECORD_GAUS, "jaw", "f32", "K,3", false,
       "how the mouth goes with the chin" },
     { RECORD_GAUS, "chin", "f32", "3", false, "source's chin, head units" },

@@ -164,6 +164,25 @@ static void driver_no_face(const struct driver *d, struct error *err)
                   d->early_count == 1 ? "" : "s", f->width, f->height);
 }
 
+/* The cut of square q by the tracker ctx: a tta_crop_fn. */
+static int driver_crop(void *ctx, float *rgb, struct square q,
+                       struct error *err)
+{
+    (void)err;
+    track_cut(rgb, ctx, q);
+    return 0;
+}
+
+/* Of the face that was found, where it is asked for. */
+static int driver_find_light(struct driver *d, struct error *err)
+{
+    struct motion *m = &d->found.motion;
+    const struct square q = {m->crop[0], m->crop[1], m->crop[2]};
+
+    return d->light ? light_of_crop(m, d->light, q, driver_crop, d->track, err)
+                    : 0;
+}
+
 int driver_start(struct driver *d, const char *name,
                  void (*seen)(void *, const struct frame *), void *seen_ctx,
                  struct error *err)
@@ -190,7 +209,7 @@ int driver_start(struct driver *d, const char *name,
             return -1;
     }
     if (found > 0)
-        return 0;
+        return driver_find_light(d, err);
     if (found == 0)
         driver_no_face(d, err);
     return error_prefix(err, "%s", name);

@@ -44,6 +44,8 @@ struct driver {
     bool faceless;              /* live: the source has started again, and no
                                  * face was found in it yet */
     struct motion last;         /* live: for frames without a face */
+    const struct light_net *light;      /* set likewise: the first motion says
+                                 * the light on its face; NULL: it does not */
     bool relative;              /* motions are relative to the first */
     struct relative rest;
 };

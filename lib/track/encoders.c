@@ -44,7 +44,7 @@ int encoders_open(struct encoders *e, const struct model *m, bool with_shape,
     params_init(&e->ps);
     if (with_shape)
         encoders_init_matte(e, m);
-    if (with_shape && m->st && st_find(m->st, "light.slope.weight"))
+    if (m->st && st_find(m->st, "light.slope.weight"))
         light_net_init(&e->light, &e->ps);
     if (encoders_init_motion(e, m, err) ||
         (with_shape && shape_encoder_init(&e->shape, &e->ps, "shape.",

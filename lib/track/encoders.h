@@ -18,8 +18,7 @@ struct encoders {
     struct motion_encoder motion;
     struct shape_encoder shape;         /* when with_shape */
     struct matte_net matte;             /* when has_matte */
-    struct light_net light;             /* when with_shape; of a model without,
-                                         * 0 */
+    struct light_net light;             /* of a model without, 0 */
     bool has_matte;
 };
 

@@ -9,7 +9,8 @@ enum { SIZE = 96, PLACES = (SIZE / RELIGHT_STEP) * (SIZE / RELIGHT_STEP),
        N = 6000 };
 #define RADIUS 0.35
 
-static const float was[3] = {0.5f, -0.2f, 0.3f}, now[3] = {-0.6f, 0.1f, 0.5f};
+static const float was[4] = {0.5f, -0.2f, 0.3f, 1};
+static const float now[4] = {-0.6f, 0.1f, 0.5f, 0.8f};
 
 /* Turn testscene's Gaussians into a ball of radius RADIUS about the origin. */
 static void relight_ball(struct testscene *t, float *normal)
@@ -33,13 +34,13 @@ static void relight_ball(struct testscene *t, float *normal)
         ((float *)t->g.opacity)[i] = 0.9f;
     }
     t->g.normal = normal;
-    memcpy(t->g.light, was, sizeof was);
+    memcpy(t->g.light, was, sizeof t->g.light);
 }
 
-static double relight_light(const double n[3], const float l[3])
+static double relight_light(const double n[3], const float l[4])
 {
-    return fmax(1 + n[0] * l[0] + n[1] * l[1] + n[2] * l[2],
-                (double)GAUSSIAN_SHADOW);
+    return (double)l[3] * fmax(1 + n[0] * l[0] + n[1] * l[1] + n[2] * l[2],
+                               (double)GAUSSIAN_SHADOW);
 }
 
 /* What the middle of place (x,y) should say: the ball's front surface there.
@@ -71,7 +72,7 @@ static bool relight_want(double *want, const float cam[12], size_t x, size_t y)
 }
 
 static void relight_draw(float *gain, const struct testscene *t,
-                         const float light[3], int threads)
+                         const float light[4], int threads)
 {
     static float image[3 * SIZE * SIZE], alpha[SIZE * SIZE];
     struct splat_options o = splat_defaults(SIZE, SIZE, 3);

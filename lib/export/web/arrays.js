@@ -37,9 +37,10 @@ export function drawnArrays(a, count) {
                                       view: a.array("view"),
                                       pivot: a.array("pivot"),
                                       shoulders: a.array("shoulders"),
-                                      light: [0, 0, 0] });
+                                      light: [0, 0, 0], lamp: [0, 0, 0, 1] });
   if (a.has("normal")) Object.assign(g, { normal: a.planes("normal"),
-                                          light: a.array("light") });
+                                          light: a.array("light"),
+                                          lamp: a.array("lamp") });
   return g;
 }
 

@@ -26,7 +26,8 @@ uniform vec2 size;
 uniform float focal;
 uniform ivec3 branches;
 uniform vec2 toward;
-uniform vec3 light, photoLight;
+uniform vec3 photoLight;
+uniform vec4 light;
 ${viewed}
 out vec2 spread;
 flat out vec4 paint;
@@ -90,7 +91,7 @@ void main() {
   float sure = t1.w * mean.w * visible(surface);
   place = vec3(sure * (2.0 * t3.xy - 1.0 - viewed(n)), sure);
   vec3 normal = texelFetch(normals, ivec2(i % WIDTH, i / WIDTH), 0).xyz;
-  gain = sqrt(lit(normal, light) / lit(normal, photoLight));
+  gain = sqrt(light.w * lit(normal, light.xyz) / lit(normal, photoLight));
 #endif
 }`;
 

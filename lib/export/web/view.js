@@ -101,7 +101,7 @@ function dispose(scene) {
 
 export class View {
   // g: count, counts, scale, quat, opacity, color, uv, seen, normal; view,
-  // rgb, matte, back of the photograph, light on it; faces and vertices of the mesh.
+  // rgb, matte, back of the photograph, light on it and, in its pose, now (lamp); faces and vertices of the mesh.
   constructor(canvas, g, distance) {
     this.canvas = canvas;
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: false,
@@ -126,7 +126,7 @@ export class View {
     this.source = g.view;
     this.pivot = g.pivot;
     this.upright = g.shoulders;
-    this.light = g.light;
+    this.lamp = g.lamp;
     this.home = distance;
     this.reset();
     this.mouth = true;
@@ -183,7 +183,7 @@ export class View {
       means: uniform(this.means), order: uniform(this.order),
       table: uniform(tableTexture(g)),
       normals: uniform(g.normal ? normalTexture(g) : this.empty),
-      light: uniform(new THREE.Vector3()),
+      light: uniform(new THREE.Vector4()),
       photoLight: uniform(new THREE.Vector3(...g.light ?? [])),
       cam: uniform([0, 1, 2].map(() => new THREE.Vector4())),
       size: uniform(new THREE.Vector2()), focal: uniform(1),
@@ -313,8 +313,9 @@ export class View {
     const { A, b, ...rest } = placeView(this.source, cam, shoulders, this.pivot);
     u.placeA.value.fromArray(A);
     u.placeB.value.fromArray(b);
-    u.light.value.fromArray([0, 4, 8].map((r) => this.light.reduce(
-      (sum, l, k) => sum + shoulders[r + k] * l, 0)));
+    const [x, y, z, bright] = this.lamp;
+    u.light.value.fromArray([...[0, 4, 8].map((r) => shoulders[r] * x +
+      shoulders[r + 1] * y + shoulders[r + 2] * z), bright]);
     for (const name in rest) u[name].value.fromArray(rest[name]);
     p.person.value = pickLevel(this.levels, A, this.span);
   }

@@ -110,14 +110,20 @@ static int scan_load_light(void *ctx, size_t i, struct error *err)
     return light_map_load(&c->a->light[i], c->name[i], &c->a->memory, err);
 }
 
-/* All panoramas, each made ready by a thread. */
+/* All panoramas, each made ready by a thread; or that one (NULL: all). */
 static int scan_load_lights(struct scan_assets *a, const char *dir,
-                            struct error *err)
+                            const char *one, struct error *err)
 {
     struct names panorama = {0};
     char path[PATH];
 
     snprintf(path, sizeof path, "%s/hdri", dir);
+    if (one) {
+        a->nlight = 1;
+        a->light = arena_take(&a->memory, 1, sizeof *a->light);
+        return arena_check(&a->memory, "lights", err) ||
+               light_map_load(a->light, one, &a->memory, err) ? -1 : 0;
+    }
     int rc = scan_list(&panorama, path, scan_is_hdr, err);
     a->nlight = panorama.count;
     a->light = arena_take(&a->memory, a->nlight, sizeof *a->light);
@@ -240,7 +246,8 @@ static int scan_check_head(const struct scan_assets *a, const struct head *h,
     return 0;
 }
 
-struct scan_assets *scan_open(const char *dir, const char *traits,
+struct scan_assets *scan_open(const char *dir, const char *light,
+                              const char *traits,
                               const struct head *head, struct error *err)
 {
     struct scan_assets *a = calloc(1, sizeof *a);
@@ -269,7 +276,7 @@ struct scan_assets *scan_open(const char *dir, const char *traits,
          scan_load_rack(&a->cloth, a, dir, "clothes", "_diffuse.png", NULL,
                         LOWEST, err) ||
          scan_load_irises(a, dir, err) ||
-         scan_load_lights(a, dir, err) ||
+         scan_load_lights(a, dir, light, err) ||
          sky_measure(a, err) ||
          skin_model_fit(&a->skin, &a->face, dir, memory, err) ||
          act_model_fit(&a->act, dir, err);

@@ -50,12 +50,13 @@ struct scan_assets {
                                      * landmarks mean */
 };
 
-/* Read everything under DIR (ict/, makehuman/, hdri/, photos/, labels/) and the
- * file of traits (NULL: the built-in ones).  head lends its regions.  NULL and
+/* Read everything under DIR (ict/, makehuman/, hdri/, photos/, labels/), with
+ * light (NULL: each of hdri/) as the only panorama, and the file of traits (NULL:
+ * the built-in ones).  head lends its regions.  NULL and
  * *err naming the file that is missing, cut, of another shape or holds numbers
  * that are none. */
-struct scan_assets *scan_open(const char *dir, const char *traits,
-                              const struct head *head, struct error *err);
+struct scan_assets *scan_open(const char *dir, const char *light,
+                              const char *traits, const struct head *head, struct error *err);
 /* The same from the head (borrowed) alone: one plain figure, of all identities
  * and skins, in made rooms.  NULL and *err when the head is not the built-in
  * one's kind. */

@@ -14,30 +14,6 @@
 static const int lobe[LIGHT_LEVELS] = {0, 90, 22, 5};
 static const int level_width[LIGHT_LEVELS] = {512, 64, 48, 32};
 
-static float light_luminance(const float c[3])
-{
-    return 0.30f * c[0] + 0.59f * c[1] + 0.11f * c[2];
-}
-
-/* World direction of the middle of pixel (x, y). */
-static void light_direction(float d[3], int x, int y, int w, int h)
-{
-    float phi = 2 * PI_F * (((float)x + 0.5f) / (float)w - 0.5f);
-    float theta = PI_F * ((float)y + 0.5f) / (float)h;
-
-    d[0] = sinf(theta) * sinf(phi);
-    d[1] = cosf(theta);
-    d[2] = -sinf(theta) * cosf(phi);
-}
-
-/* Of a pixel in row y of a panorama. */
-static float light_solid_angle(int y, int w, int h)
-{
-    return 2 * PI_F / (float)w
-           * (cosf(PI_F * (float)y / (float)h)
-              - cosf(PI_F * (float)(y + 1) / (float)h));
-}
-
 /* ---- preparing a panorama ----------------------------------------------- */
 
 /* out (h,w,3) = means over the cells of a larger picture. */
@@ -66,7 +42,7 @@ static double light_mean(const float *p, int w, int h)
 
     for (int y = 0; y < h; y++)
         for (int x = 0; x < w; x++)
-            sum += (double)(light_solid_angle(y, w, h)
+            sum += (double)(panorama_solid_angle(y, w, h)
                             * light_luminance(p + 3 * (y * w + x)));
     return sum / (4 * (double)PI_F);
 }
@@ -82,14 +58,15 @@ static int light_take_lamp(struct lamp *l, float *p, int w, int h)
     for (int i = 0; i < w * h; i++)
         if (light_luminance(p + 3 * i) > best) {
             best = light_luminance(p + 3 * i);
-            light_direction(peak, i % w, i / w, w, h);
+            panorama_direction(peak, i % w, i / w, w, h);
         }
     *l = (struct lamp){0};
     for (int pass = 0; pass < 2; pass++) {
         float size = 0, all = 0;
         for (int i = 0; i < w * h; i++) {
-            float d[3], *c = p + 3 * i, sa = light_solid_angle(i / w, w, h);
-            light_direction(d, i % w, i / w, w, h);
+            float d[3], *c = p + 3 * i;
+            float sa = panorama_solid_angle(i / w, w, h);
+            panorama_direction(d, i % w, i / w, w, h);
             float angle = acosf(clampf(dot3(d, peak), -1, 1));
             if (pass == 0 && angle > reach && angle < 1.5f * reach) {
                 mad3(rim, rim, c, sa);
@@ -134,12 +111,12 @@ static void light_blur_level(float *out, int w, int h, const float *in, int iw,
     float *area = dir + 3 * iw * ih;
 
     for (int i = 0; i < ih; i++)
-        area[i] = light_solid_angle(i, iw, ih);
+        area[i] = panorama_solid_angle(i, iw, ih);
     for (int i = 0; i < iw * ih; i++)
-        light_direction(dir + 3 * i, i % iw, i / iw, iw, ih);
+        panorama_direction(dir + 3 * i, i % iw, i / iw, iw, ih);
     for (int i = 0; i < w * h; i++) {
         float d[3], sum[3] = {0, 0, 0}, all = 0;
-        light_direction(d, i % w, i / w, w, h);
+        panorama_direction(d, i % w, i / w, w, h);
         for (int j = 0; j < iw * ih; j++) {
             float c = dot3(d, dir + 3 * j);
             if (c < min)
@@ -205,31 +182,6 @@ int light_map_load(struct light_map *m, const char *path, struct arena *memory,
 
 /* ---- harmonics ---------------------------------------------------------- */
 
-/* h += light v per steradian from d over solid angle sa; scaled at the end. */
-static void harmonic2_add(struct harmonic2 *h, const float d[3], float v)
-{
-    const float third = 1 / 3.0f;
-
-    h->a += v / (4 * PI_F);
-    for (int k = 0; k < 3; k++) {
-        h->b[k] += v * 3 / (4 * PI_F) * d[k];
-        h->c[k] += v * 15 / (8 * PI_F) * (d[k] * d[k] - third);
-    }
-    h->c[3] += v * 15 / (8 * PI_F) * d[0] * d[1];
-    h->c[4] += v * 15 / (8 * PI_F) * d[0] * d[2];
-    h->c[5] += v * 15 / (8 * PI_F) * d[1] * d[2];
-}
-
-float harmonic2_diffuse(const struct harmonic2 *h, const float n[3])
-{
-    const float *c = h->c;
-    float q = c[0] * n[0] * n[0] + c[1] * n[1] * n[1] + c[2] * n[2] * n[2]
-              + 2 * (c[3] * n[0] * n[1] + c[4] * n[0] * n[2]
-                     + c[5] * n[1] * n[2]);
-
-    return h->a + 2 / 3.0f * dot3(h->b, n) + 0.25f * q;
-}
-
 float harmonic2_moments(const struct harmonic2 *h, const float m[10])
 {
     const float *c = h->c, *q = m + 4;
@@ -289,14 +241,15 @@ void light_init(struct light *l, const struct light_map *m, float turn,
     copy3(l->gain, gain);
     for (int i = 0; i < w * h; i++) {
         float d[3], c[3];
-        light_direction(d, i % w, i / w, w, h);
+        panorama_direction(d, i % w, i / w, w, h);
         light_to_camera(c, d, turn);
         float rgb[3];
         copy3(rgb, m->calm + 3 * i);
         light_pale(rgb);
         for (int k = 0; k < 3; k++)
-            harmonic2_add(&l->sky[k], c, gain[k] * rgb[k]
-                                         * light_solid_angle(i / w, w, h));
+            harmonic2_add(&l->sky[k], c,
+                          gain[k] * rgb[k]
+                          * panorama_solid_angle(i / w, w, h));
     }
     for (int i = 0; i < m->nlamp; i++) {
         l->lamp[i] = m->lamp[i];
@@ -308,8 +261,9 @@ void light_init(struct light *l, const struct light_map *m, float turn,
 }
 
 /* Luminance of a surface with unit normal n. */
-static float light_on(const struct light *l, const float n[3])
+static float light_on(const void *light, const float n[3])
 {
+    const struct light *l = light;
     float c[3];
 
     for (int k = 0; k < 3; k++)
@@ -320,34 +274,9 @@ static float light_on(const struct light *l, const float n[3])
     return light_luminance(c);
 }
 
-/* By least squares over the half of the sphere towards the camera; z weighs
- * against its mean of -1/2 there. */
 void light_slope(float slope[3], const struct light *l)
 {
-    float mean = 0, n[3], s[3] = {0}, length;
-    int rows = 24, columns = 48, count = rows * columns;
-
-    for (int i = 0; i < count; i++) {
-        float z = -((float)(i / columns) + 0.5f) / (float)rows;
-        float r = sqrtf(1 - z * z);
-        float a = 2 * PI_F * (float)(i % columns) / (float)columns;
-
-        n[0] = r * cosf(a);
-        n[1] = r * sinf(a);
-        n[2] = z;
-        float e = light_on(l, n) / (float)count;
-        mean += e;
-        s[0] += 3 * n[0] * e;
-        s[1] += 3 * n[1] * e;
-        s[2] += 12 * (n[2] + 0.5f) * e;
-    }
-    /* the fit is mean + s.(n - (0, 0, -1/2)) */
-    mean = maxf(mean + 0.5f * s[2], 1e-6f);
-    for (int k = 0; k < 3; k++)
-        slope[k] = s[k] / mean;
-    length = sqrtf(dot3(slope, slope));
-    for (int k = 0; k < 3 && length > 1; k++)
-        slope[k] /= length;
+    light_fit(slope, light_on, l);
 }
 
 /* Bilinear in a level at texture place (u, v) in 0..1. */

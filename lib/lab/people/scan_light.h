@@ -8,15 +8,10 @@
 #define SPID_LAB_PEOPLE_SCAN_LIGHT_H
 
 #include "lib/base/arena.h"
+#include "lib/base/harmonics.h"
 
 #define LIGHT_LAMPS 3
 #define LIGHT_LEVELS 4
-
-/* A function on the sphere to second order: f(d) = a + b.d + d^T C d with C
- * symmetric and without trace (xx, yy, zz, xy, xz, yz). */
-struct harmonic2 {
-    float a, b[3], c[6];
-};
 
 struct lamp {
     float dir[3];               /* unit, towards it */
@@ -59,8 +54,6 @@ void light_init(struct light *l, const struct light_map *m, float turn,
 void light_mirror(float rgb[3], const struct light *l, const float d[3],
                   float level);
 
-/* Irradiance over pi of a surface with unit normal n that sees all of it. */
-float harmonic2_diffuse(const struct harmonic2 *h, const float n[3]);
 /* l (3), camera frame, at most 1 long: what faces the camera and has normal n
  * has nearest to 1 + l.n times its mean luminance, shadows left out. */
 void light_slope(float slope[3], const struct light *l);

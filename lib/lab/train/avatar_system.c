@@ -199,12 +199,12 @@ static void avatar_system_find_gain(struct avatar_system *s,
                                     const float cam[12])
 {
     const float *l = s->avatar.light;
-    float now[3];
+    float now[4];
 
     s->lit = l[0] != 0 || l[1] != 0 || l[2] != 0;
     if (!s->lit)
         return;
-    relative_light(now, s->avatar.drive.source, l, cam);
+    relative_light(now, s->avatar.lamp, cam);
     splat_relight(s->gain, &s->splat, now);
 }
 
