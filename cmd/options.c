@@ -9,10 +9,30 @@
 
 int option_precision(const char *value, void *dest, struct error *err)
 {
+    enum nn_type type;
+
+    if (nn_type_parse(&type, value) || type == NN_INT8)
+        return error_set(err, EX_USAGE, "unknown precision (expected f32, "
+                         "fast or bf16%s)", strcmp(value, "int8") ? ""
+                         : "; int8 is for refiners");
+    *(enum nn_type *)dest = type;
+    return 0;
+}
+
+int option_precision_refine(const char *value, void *dest, struct error *err)
+{
     if (nn_type_parse(dest, value) == 0)
         return 0;
-    return error_set(err, EX_USAGE, "unknown precision (expected f32, fast or "
-                     "bf16)");
+    return error_set(err, EX_USAGE, "unknown precision (expected f32, fast, "
+                     "bf16 or int8)");
+}
+
+void option_precision_settle(enum nn_type *type)
+{
+    if (*type != NN_INT8 || nn_type_native(NN_INT8))
+        return;
+    warn("no products of 8-bit values on this processor: fast, not int8");
+    *type = NN_FAST;
 }
 
 int option_crop(const char *value, void *dest, struct error *err)

@@ -19,6 +19,10 @@ struct track_faces;
     OPTION_CALL("precision", 0, type, "TYPE", option_precision,               \
                 "f32, fast or bf16 inside the " where " (default fast)")
 #define OPTION_PRECISION_DEFAULT NN_FAST
+/* The same where a refiner runs. */
+#define OPTION_PRECISION_REFINE(type, where)                                  \
+    OPTION_CALL("precision", 0, type, "TYPE", option_precision_refine,        \
+                "f32, fast, bf16 or int8 inside the " where " (default fast)")
 /* track: a struct track_options; its crop or window, and that it is given. */
 #define OPTION_CROP(track, help)                                              \
     OPTION_CALL("crop", 0, track, "X,Y,SIZE", option_crop, help)
@@ -57,11 +61,16 @@ struct track_faces;
     OPTION_LIGHT(&(o).light),                                                 \
     OPTION_FLOAT("fps", 0, &(o).source.rate, 0.001, 100000, "RATE",           \
                  "frames a second of what has no times (default 25)"),        \
-    OPTION_PRECISION(&(o).animate.pipeline.precision, "networks"),     \
+    OPTION_PRECISION_REFINE(&(o).animate.pipeline.precision, "networks"),     \
     OPTION_HEAD(&(o).head)
 
 /* Their parsers: dest is an enum nn_type, a struct track_options. */
 int option_precision(const char *value, void *dest, struct error *err);
+/* The same with int8, for what runs a refiner. */
+int option_precision_refine(const char *value, void *dest, struct error *err);
+/* Once all options are known: int8 where the processor has none is NN_FAST,
+ * and a warning says so. */
+void option_precision_settle(enum nn_type *type);
 /* dest: a struct track_options, whose crop is set and marked as given. */
 int option_crop(const char *value, void *dest, struct error *err);
 /* The same for its portrait window. */

@@ -14,6 +14,7 @@ void option_animation_load(struct prepare *models,
     char model[4096], head[4096];
     struct error err = {0};
 
+    option_precision_settle(&opt->animate.pipeline.precision);
     if (cli_find_model("model.safetensors", model, sizeof model, &err) ||
         (!opt->head && cli_find_model("head.safetensors", head, sizeof head,
                                       &err)) ||

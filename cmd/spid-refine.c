@@ -20,7 +20,7 @@ static bool roi;
 static long size;
 
 static const struct cli_option options[] = {
-    OPTION_PRECISION(&precision, "network"),
+    OPTION_PRECISION_REFINE(&precision, "network"),
     OPTION_FLAG("roi", 0, &roi,
                 "refine only the part of the picture where the head is"),
     OPTION_INT("size", 0, &size, 1, PERSON_LARGEST, "N",
@@ -64,6 +64,7 @@ static void refine_open_model(struct program *p)
 {
     struct error err = {0};
 
+    option_precision_settle(&precision);
     if (option_model_open(&p->model, &err)
         || refine_open(&p->refine, &p->model, precision, roi, &err))
         die_error(&err);
@@ -148,7 +149,8 @@ static int refine_write_picture(struct program *p, const struct record *rec,
     if (refine_picture_refine(made, &p->refine, &in, err))
         return -1;
     stats_end("refine", begun);
-    if (!p->compared && (roi || precision == NN_BF16))
+    if (!p->compared && (roi || precision == NN_BF16
+                         || precision == NN_INT8))
         refine_report_precision(p, &in);
     p->compared = true;
     if (refine_picture_finish(made, &in, err))

@@ -14,7 +14,8 @@ int animation_load(struct prepare *models, struct animation_options *opt,
 {
     struct pipeline_options *a = &opt->animate.pipeline;
 
-    models->precision = a->precision;
+    /* 8 bits are the refiner's alone */
+    models->precision = a->precision == NN_INT8 ? NN_FAST : a->precision;
     models->star = a->star;
     if (prepare_open(models, model, head, err))
         return -1;

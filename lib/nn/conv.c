@@ -1,9 +1,9 @@
 /* Convolutions and linear layers: declaration, the choice of who computes the
  * forward pass, weights with a norm folded in, and gradients.  The methods are
- * oneDNN's direct convolution (conv_onednn.c), Winograd's F(4x4,3x3)
- * (winograd.c), im2col with sums in pieces (im2col.c), dot products in double for
- * a few rows (small_linear.c), and 1x1 layers in bfloat16 that learn
- * (pointwise.c). */
+ * oneDNN's direct convolution (conv_onednn.c), the same with 8-bit products
+ * (int8.c), Winograd's F(4x4,3x3) (winograd.c), im2col with sums in pieces
+ * (im2col.c), dot products in double for a few rows (small_linear.c), and 1x1
+ * layers in bfloat16 that learn (pointwise.c). */
 #include "lib/nn/conv.h"
 
 #include <assert.h>
@@ -77,6 +77,51 @@ void deconv_init(struct conv *c, struct params *ps, const char *name,
 
 /* ---- the methods -----------------------------------------------------------
  */
+
+/* n pixels with those before them and all that the last window sees. */
+static size_t conv_padded(size_t n, size_t before, size_t windows,
+                          const struct conv *c)
+{
+    size_t seen = (windows - 1) * c->stride + c->kernel;
+
+    return seen > n + before ? seen : n + before;
+}
+
+/* Quantised weights, and a primitive over them. */
+static void conv_plan_int8(struct conv *c, const struct conv_shape *s)
+{
+    struct conv_impl *im = c->impl;
+    struct int8 *q = &im->int8;
+    struct conv_shape whole = *s;
+
+    /* the primitive sees a picture that has its padding already */
+    int8_plan(q, c, c->plan);
+    q->top = s->top;
+    q->left = s->left;
+    q->h = whole.h = conv_padded(s->h, s->top, s->oh, c);
+    q->w = whole.w = conv_padded(s->w, s->left, s->ow, c);
+    whole.top = whole.left = whole.bottom = whole.right = 0;
+    im->input = dnnl_u8;
+    im->weights = dnnl_s8;
+    conv_onednn_plan_forward(c, &whole);
+    q->at = im->half_at;
+}
+
+static void conv_update_int8(struct conv *c, const float *w)
+{
+    struct conv_impl *im = c->impl;
+
+    int8_update(&im->int8, c, w);
+    conv_onednn_reorder(&im->to_fwd, im->w_fwd, im->int8.weight, c);
+}
+
+static void conv_forward_int8(float *out, const float *in, struct conv *c)
+{
+    struct conv_impl *im = c->impl;
+    const uint8_t *bytes = int8_input(&im->int8, c, in, im->bias);
+
+    conv_onednn_forward(out, bytes, im->int8.bias, im->int8.scale, c);
+}
 
 static void conv_plan_small_linear(struct conv *c, const struct conv_shape *s)
 {
@@ -156,12 +201,18 @@ static enum form conv_form(const struct conv *c)
 {
     static const enum form max[] = { [NN_F32] = FORM_FLOAT,
                                       [NN_FAST] = FORM_WINOGRAD,
-                                      [NN_BF16] = FORM_BF16 };
+                                      [NN_BF16] = FORM_BF16,
+                                      [NN_INT8] = FORM_INT8 };
     const struct form_layer l = { c->in_data, c->out, c->kernel, c->stride };
     const struct form_rates r = form_rates();
 
     return small_linear_wanted(c)
                ? FORM_FLOAT : form_choose(&l, max[nn_plan_type(c->plan)], &r);
+}
+
+static bool conv_int8_wanted(const struct conv *c)
+{
+    return conv_form(c) == FORM_INT8;
 }
 
 static bool conv_winograd_wanted(const struct conv *c)
@@ -187,7 +238,7 @@ static bool conv_half_wanted(const struct conv *c)
 
 static void conv_plan_half(struct conv *c, const struct conv_shape *s)
 {
-    c->impl->type = dnnl_bf16;
+    c->impl->input = c->impl->weights = dnnl_bf16;
     conv_onednn_plan_forward(c, s);
 }
 
@@ -210,15 +261,16 @@ static void conv_forward_direct(float *out, const float *in, struct conv *c)
 
     if (c->half_in)
         half = NULL;
-    else if (c->impl->type == dnnl_bf16)
+    else if (c->impl->input == dnnl_bf16)
         image_to_bf16(half, in, count);
     else
         half = NULL;
-    conv_onednn_forward(out, half ? half : in, c->impl->bias, c);
+    conv_onednn_forward(out, half ? half : in, c->impl->bias, NULL, c);
 }
 
 /* In the order in which they are asked; the last takes any layer. */
 static const struct conv_method conv_methods[] = {
+    { conv_int8_wanted, conv_plan_int8, conv_update_int8, conv_forward_int8 },
     { pointwise_wanted, conv_plan_pointwise, conv_update_pointwise,
       conv_forward_pointwise },
     { conv_half_wanted, conv_plan_half, conv_update_direct,
@@ -328,7 +380,7 @@ void conv_plan(struct conv *c, struct nn_plan *p, size_t batch, size_t h,
     c->ow = s.ow;
     assert(!nn_plan_backward(p) || c->act <= ACT_LRELU);
     assert(!c->half_out || (!c->add && !c->shuffle && c->act <= ACT_RELU));
-    im->type = dnnl_f32;
+    im->input = im->weights = dnnl_f32;
     while (!m->wanted(c))
         m++;
     im->method = m;

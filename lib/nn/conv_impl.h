@@ -6,6 +6,7 @@
 #include "lib/nn/conv.h"
 #include "lib/nn/engine.h"
 #include "lib/nn/im2col.h"
+#include "lib/nn/int8.h"
 #include "lib/nn/pointwise.h"
 #include "lib/nn/small_linear.h"
 #include "lib/nn/wgrad.h"
@@ -51,14 +52,16 @@ struct conv_impl {
         struct im2col im2col;
         struct small_linear small_linear;
         struct pointwise pointwise;
+        struct int8 int8;
     };
     struct wgrad wgrad;          /* its dw is NULL where oneDNN's is used */
     /* oneDNN's */
-    dnnl_data_type_t type;       /* what it multiplies */
+    dnnl_data_type_t input, weights;     /* what it multiplies */
     struct conv_bands fwd, bwd_data;
     struct nn_call to_fwd, to_bwd, add_dw;
     void *w_fwd, *w_bwd;         /* weights as the primitives want them */
-    size_t half_at;              /* of the input as bf16, in the scratch */
+    size_t half_at;              /* of the input as bf16 or bytes, in the
+                                  * scratch */
     size_t back_at;              /* of a backward's bf16 values, there too */
     size_t parts, dw_count;      /* dw_count: floats of a part's dw */
     size_t scratch;              /* bytes for one part */
@@ -94,9 +97,10 @@ void conv_onednn_plan_backward_weights(struct conv *c,
 /* Run a reorder of weights between the checkpoint's layout and oneDNN's. */
 void conv_onednn_reorder(struct nn_call *call, void *to, const void *from,
                          struct conv *c);
-/* out (B,oh,ow,out) from src, the input in the type planned. */
+/* out (B,oh,ow,out) from src, the input in the type planned; scale (out) is for
+ * int8, else NULL. */
 void conv_onednn_forward(void *out, const void *src, const float *bias,
-                         struct conv *c);
+                         const float *scale, struct conv *c);
 /* din (B,h,w,in_data) from dout (B,oh,ow,out). */
 void conv_onednn_backward_data(void *din, const void *dout, struct conv *c);
 /* The parts' gradients, added up in order; returned in oneDNN's layout. */

@@ -29,8 +29,8 @@ static void conv_onednn_describe(struct conv_onednn_mds *m,
     dnnl_dims_t bia = { c->out };
 
     memset(m, 0, sizeof *m);
-    dnnl_memory_desc_init_by_tag(&m->src, 4, src, c->impl->type, dnnl_nhwc);
-    dnnl_memory_desc_init_by_tag(&m->wei, 4, wei, c->impl->type,
+    dnnl_memory_desc_init_by_tag(&m->src, 4, src, c->impl->input, dnnl_nhwc);
+    dnnl_memory_desc_init_by_tag(&m->wei, 4, wei, c->impl->weights,
                                  dnnl_format_tag_any);
     dnnl_memory_desc_init_by_tag(&m->bia, 1, bia, dnnl_f32, dnnl_a);
     dnnl_memory_desc_init_by_tag(&m->dst, 4, dst,
@@ -43,7 +43,16 @@ static void conv_onednn_describe(struct conv_onednn_mds *m,
     m->pad1[1] = s->right;
 }
 
-/* What follows the sums of a forward: addition, activation. */
+/* (1,out,1,1): what multiplies each channel's sum of 8-bit products. */
+static void conv_onednn_describe_scale(dnnl_memory_desc_t *md,
+                                       const struct conv *c)
+{
+    dnnl_dims_t dims = { 1, c->out, 1, 1 };
+
+    dnnl_memory_desc_init_by_tag(md, 4, dims, dnnl_f32, dnnl_nchw);
+}
+
+/* What follows the sums of a forward: scale, addition, activation. */
 static dnnl_primitive_attr_t conv_onednn_attributes(const struct conv *c,
                                                     bool forward)
 {
@@ -61,6 +70,11 @@ static dnnl_primitive_attr_t conv_onednn_attributes(const struct conv *c,
     if (!forward)
         return attr;
     dnnl_post_ops_create(&post);
+    if (c->impl->input == dnnl_u8) {
+        dnnl_memory_desc_t scale;
+        conv_onednn_describe_scale(&scale, c);
+        dnnl_post_ops_append_binary(post, dnnl_binary_mul, &scale);
+    }
     if (c->add)
         dnnl_post_ops_append_sum(post, 1.0f);
     if (c->act != ACT_NONE)
@@ -77,7 +91,7 @@ enum conv_onednn_pass { FORWARD, BACKWARD_DATA, BACKWARD_WEIGHTS };
  * activations and gradients is, and what is written is float. */
 static bool conv_onednn_half(const struct conv *c)
 {
-    return nn_plan_backward(c->plan) && c->impl->type == dnnl_bf16;
+    return nn_plan_backward(c->plan) && c->impl->input == dnnl_bf16;
 }
 
 /* Whether a layer of halves computes its input's gradient in float: oneDNN
@@ -173,7 +187,8 @@ static void conv_onednn_plan_reorder(struct nn_call *call,
     dnnl_primitive_attr_t attr;
     dnnl_post_ops_t post;
 
-    dnnl_memory_desc_init_by_tag(&plain, 4, dims, dnnl_f32, dnnl_oihw);
+    dnnl_memory_desc_init_by_tag(&plain, 4, dims, c->impl->weights == dnnl_s8
+                                 ? dnnl_s8 : dnnl_f32, dnnl_oihw);
     dnnl_primitive_attr_create(&attr);
     dnnl_primitive_attr_set_scratchpad_mode(attr, dnnl_scratchpad_mode_user);
     dnnl_post_ops_create(&post);
@@ -218,6 +233,12 @@ static void conv_onednn_plan_call(struct nn_call *call, struct conv *c,
         return;
     nn_call_arg(call, DNNL_ARG_BIAS,
                 dnnl_primitive_desc_query_md(pd, dnnl_query_weights_md, 1), p);
+    if (c->impl->input == dnnl_u8) {
+        dnnl_memory_desc_t scale;
+        conv_onednn_describe_scale(&scale, c);
+        nn_call_arg(call, DNNL_ARG_ATTR_MULTIPLE_POST_OP(0) |
+                    DNNL_ARG_SRC_1, &scale, p);
+    }
 }
 
 /* All bands of a pass, and the layout of its weights; false when a band asks
@@ -279,7 +300,9 @@ void conv_onednn_plan_forward(struct conv *c, const struct conv_shape *s)
 
     conv_onednn_plan_pass(&im->fwd, &im->w_fwd, &im->to_fwd, c, s, false);
     im->half_at = scratch = im->fwd.count * im->fwd.scratch;
-    if (im->type == dnnl_bf16)
+    if (im->input == dnnl_u8)
+        scratch += int8_input_size(&im->int8, c);
+    else if (im->input == dnnl_bf16)
         scratch += values * sizeof(uint16_t);
     nn_plan_scratch(p, scratch);
 }
@@ -392,7 +415,7 @@ struct conv_pass {
     const char *in, *out;        /* read and written; of a backward, the other
                                   * way round */
     const void *w;
-    const float *bias;
+    const float *bias, *scale;
     char *scratch;
     size_t in_size, out_size;    /* bytes of a value */
 };
@@ -409,17 +432,19 @@ static void conv_onednn_run_band(void *ctx, size_t i)
     nn_call_set(&b->call, 3, a->scratch + i * a->bands->scratch);
     if (a->bias)
         nn_call_set(&b->call, 4, a->bias);
+    if (a->scale)
+        nn_call_set(&b->call, 5, a->scale);
     nn_call_run(&b->call);
 }
 
 void conv_onednn_forward(void *out, const void *src, const float *bias,
-                         struct conv *c)
+                         const float *scale, struct conv *c)
 {
     struct conv_impl *im = c->impl;
     struct conv_pass a = {
         .bands = &im->fwd, .in = src, .out = out, .w = im->w_fwd, .bias = bias,
-        .scratch = c->plan->scratch,
-        .in_size = im->type == dnnl_bf16 ? 2 : 4,
+        .scale = scale, .scratch = c->plan->scratch,
+        .in_size = im->input == dnnl_u8 ? 1 : im->input == dnnl_bf16 ? 2 : 4,
         .out_size = c->half_out ? 2 : 4
     };
 

@@ -95,7 +95,8 @@ bool nn_has(dnnl_cpu_isa_t isa)
 
 bool nn_type_native(enum nn_type type)
 {
-    return type != NN_BF16 || nn_has(dnnl_cpu_isa_avx512_core_bf16);
+    return type == NN_INT8 ? nn_has(dnnl_cpu_isa_avx512_core_vnni)
+           : type != NN_BF16 || nn_has(dnnl_cpu_isa_avx512_core_bf16);
 }
 
 /* Whether there is memory for the instructions of a primitive, which oneDNN

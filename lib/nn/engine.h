@@ -7,7 +7,7 @@
 
 #include "lib/nn/plan.h"
 
-#define NN_ARGS 5
+#define NN_ARGS 6
 
 struct nn_call {
     dnnl_primitive_t prim;

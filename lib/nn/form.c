@@ -12,6 +12,7 @@
  * the input to the type, and of Winograd the share of the direct form's
  * products that it makes and what its transforms cost for each channel. */
 #define TO_BF16 1.0
+#define TO_INT8 1.5
 #define WINOGRAD_SHARE 0.28
 #define WINOGRAD_TRANSFORM 4.9
 
@@ -31,6 +32,8 @@ struct form_rates form_rates(void)
     const bool two = cpu_is_intel() && cpu_level() == CPU_AVX512;
     struct form_rates r = { .f32 = two ? 32 : 16, .abreast = tiles ? 32 : 2 };
 
+    if (nn_has(dnnl_cpu_isa_avx512_core_vnni))
+        r.int8 = tiles ? 400 : 4 * r.f32;
     if (nn_has(dnnl_cpu_isa_avx512_core_bf16))
         r.bf16 = tiles ? 300 : two ? r.f32 : 2 * r.f32;
     return r;
@@ -58,6 +61,9 @@ double form_cycles(enum form f, const struct form_layer *l,
     case FORM_BF16:
         return r->bf16 > 0 ? width * out * taps / r->bf16 + TO_BF16 * read
                            : INFINITY;
+    case FORM_INT8:
+        return r->int8 > 0 && whole ? products / r->int8 + TO_INT8 * read
+                                    : INFINITY;
     }
     return INFINITY;
 }

@@ -9,12 +9,13 @@
 enum form {
     FORM_FLOAT,      /* direct */
     FORM_WINOGRAD,   /* F(4x4,3x3), in float */
-    FORM_BF16        /* direct, products of bfloat16 values */
+    FORM_BF16,       /* direct, products of bfloat16 values */
+    FORM_INT8        /* direct, products of 8-bit values */
 };
 
 /* Products a cycle; 0: there are no instructions for them. */
 struct form_rates {
-    double f32, bf16;
+    double f32, bf16, int8;
     double abreast;              /* channels of the input that products of
                                   * bfloat16 take together, there or not */
 };

@@ -135,6 +135,43 @@ void ISA(to_bf16)(uint16_t *y, const float *x, size_t n)
     }
 }
 
+/* *lo and *hi lowered and raised to what is in x */
+void ISA(range)(float *lo, float *hi, const float *x, size_t n)
+{
+    vf min = vf_set(*lo), max = vf_set(*hi);
+    size_t whole = n / VF_LANES * VF_LANES;
+
+    for (size_t i = 0; i < whole; i += VF_LANES) {
+        vf v = vf_load(x + i);
+        min = vf_min(min, v);
+        max = vf_max(max, v);
+    }
+    for (size_t k = 0; k < VF_LANES; k++) {
+        *lo = min[k] < *lo ? min[k] : *lo;
+        *hi = max[k] > *hi ? max[k] : *hi;
+    }
+    for (size_t i = whole; i < n; i++) {
+        *lo = x[i] < *lo ? x[i] : *lo;
+        *hi = x[i] > *hi ? x[i] : *hi;
+    }
+}
+
+/* y <- x inverse + zero, which is 0 to 255, to the nearest */
+void ISA(quantise)(uint8_t *y, const float *x, float inverse, float zero,
+                   size_t n)
+{
+    size_t whole = n / (2 * VF_LANES) * (2 * VF_LANES);
+
+    for (size_t i = 0; i < whole; i += 2 * VF_LANES)
+        vf_store_u8(y + i, vf_load(x + i) * inverse + (zero + 0.5f),
+                    vf_load(x + i + VF_LANES) * inverse + (zero + 0.5f));
+    for (size_t i = whole; i < n; i++) {
+        float v = x[i] * inverse + (zero + 0.5f);
+
+        y[i] = (uint8_t)(v < 0 ? 0 : v > 255 ? 255 : v);
+    }
+}
+
 /* y = x + gamma p, rows of C */
 void ISA(scale_add)(float *y, const float *x, const float *p,
                     const float *gamma, size_t rows, size_t C)

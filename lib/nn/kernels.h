@@ -87,6 +87,9 @@ struct winograd;
                            size_t rows, size_t C))                           \
     X(void, add, (float *y, const float *x, size_t n))                       \
     X(void, to_bf16, (uint16_t *y, const float *x, size_t n))                \
+    X(void, range, (float *lo, float *hi, const float *x, size_t n))         \
+    X(void, quantise, (uint8_t *y, const float *x, float inverse,            \
+                       float zero, size_t n))                                \
     X(void, fused_stem_row, (float *out, const struct fused_stem_rows *in,   \
                              const float *w, const float *bias,              \
                              size_t pixels, size_t C, size_t O))             \

@@ -33,7 +33,9 @@ enum nn_type {
     NN_F32,
     NN_FAST,    /* float, and Winograd's method; within the tolerance that
                  * golden files set for float */
-    NN_BF16     /* products of bfloat16 values */
+    NN_BF16,    /* products of bfloat16 values */
+    NN_INT8     /* products of 8-bit values (lib/nn/int8.h); for the refiners,
+                 * inference only */
 };
 
 enum nn_mode {
@@ -47,7 +49,7 @@ struct nn_options {
     enum nn_type type;      /* NN_F32 or NN_BF16 unless NN_INFER */
 };
 
-/* "f32", "bf16", "fast"; -1 for any other word. */
+/* "f32", "bf16", "fast", "int8"; -1 for any other word. */
 int nn_type_parse(enum nn_type *type, const char *word);
 /* The word for it. */
 const char *nn_type_name(enum nn_type type);

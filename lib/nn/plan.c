@@ -13,7 +13,7 @@
 
 int nn_type_parse(enum nn_type *type, const char *word)
 {
-    for (int i = NN_F32; i <= NN_BF16; i++)
+    for (int i = NN_F32; i <= NN_INT8; i++)
         if (!strcmp(word, nn_type_name((enum nn_type)i))) {
             *type = (enum nn_type)i;
             return 0;
@@ -24,7 +24,8 @@ int nn_type_parse(enum nn_type *type, const char *word)
 const char *nn_type_name(enum nn_type type)
 {
     static const char *const name[] = { [NN_F32] = "f32", [NN_BF16] = "bf16",
-                                        [NN_FAST] = "fast" };
+                                        [NN_FAST] = "fast",
+                                        [NN_INT8] = "int8" };
 
     return name[type];
 }

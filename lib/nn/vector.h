@@ -32,6 +32,7 @@ typedef VF_TYPE(float) vf;
 typedef VF_TYPE(int32_t) vf_i32;
 typedef VF_TYPE(uint32_t) vf_u32;
 typedef VF_TYPE(uint16_t) vf_u16;
+typedef VF_TYPE(uint8_t) vf_u8;
 
 #define VF_INLINE static inline __attribute__((always_inline))
 
@@ -136,6 +137,34 @@ VF_INLINE void vf_store_bf16(uint16_t *p, vf a, vf b)
 #else
     *(vf_u16 *)p = __builtin_convertvector(u >> 16, vf_u16);
     *(vf_u16 *)(p + VF_LANES) = __builtin_convertvector(v >> 16, vf_u16);
+#endif
+}
+
+/* Two vectors of numbers to bytes: towards zero, then at least 0 and at most
+ * 255, which packing does by itself. */
+VF_INLINE void vf_store_u8(uint8_t *p, vf a, vf b)
+{
+#if !(defined(__SSE2__) || defined(__ARM_NEON)) || defined(ISA_AVX512)
+    a = vf_min(vf_max(a, vf_set(0)), vf_set(255));
+    b = vf_min(vf_max(b, vf_set(0)), vf_set(255));
+#endif
+    vf_i32 i = __builtin_convertvector(a, vf_i32);
+    vf_i32 j = __builtin_convertvector(b, vf_i32);
+#if defined(ISA_AVX2)
+    __m256i h = _mm256_packs_epi32((__m256i)i, (__m256i)j);
+    h = _mm256_permute4x64_epi64(h, 0xd8);
+    _mm_storeu_si128((__m128i *)p,
+                     _mm_packus_epi16(_mm256_castsi256_si128(h),
+                                      _mm256_extracti128_si256(h, 1)));
+#elif defined(__SSE2__) && !defined(ISA_AVX512)
+    __m128i h = _mm_packs_epi32((__m128i)i, (__m128i)j);
+    _mm_storel_epi64((__m128i *)p, _mm_packus_epi16(h, h));
+#elif defined(__ARM_NEON)
+    vst1_u8(p, vqmovun_s16(vqmovn_high_s32(vqmovn_s32((int32x4_t)i),
+                                           (int32x4_t)j)));
+#else
+    *(vf_u8 *)p = __builtin_convertvector(i, vf_u8);
+    *(vf_u8 *)(p + VF_LANES) = __builtin_convertvector(j, vf_u8);
 #endif
 }
 

@@ -131,10 +131,36 @@ PY
     has 'dB against all of it in f32'
 }
 
-@test "one thread and two give the same bits" {
-    spid-refine -j 1 -q feat.spid -o a.spid
-    spid-refine -j 2 -q feat.spid -o b.spid
+@test "8 bits: another picture, over 35 dB of f32, and reported" {
+    spid-refine --precision int8 feat.spid -o a.spid 2>err
+    cat err
+    ! grep -q 'no products of 8-bit' err || skip "no products of 8-bit values (a processor with VNNI)"
+    spid-refine --precision f32 -q feat.spid -o b.spid
+    status 1 cmp -s a.spid b.spid
+    sed -n 's/.*int8, .*largest error .*, \([0-9.]*\) dB against all of it in f32.*/\1/p' err >db
+    awk '{ n++; if ($1 < 35) exit 1 } END { exit n != 1 }' db
+}
+
+@test "8 bits where the processor has none are fast, with a warning" {
+    SPID_CPU=avx2 spid-refine --precision int8 feat.spid -o a.spid 2>err
+    cat err
+    [ "$(grep -c 'no products of 8-bit values on this processor' err)" -eq 1 ]
+    no grep -q 'int8, ' err
+    SPID_CPU=avx2 spid-refine --precision fast -q feat.spid -o b.spid
     cmp a.spid b.spid
+}
+
+@test "8 bits are for refiners alone" {
+    status 64 spid-motion --precision int8 feat.spid -o c.spid
+    has "int8 is for refiners"
+}
+
+@test "one thread and two give the same bits" {
+    for p in fast int8; do
+        spid-refine -j 1 --precision $p -q feat.spid -o a.spid
+        spid-refine -j 2 --precision $p -q feat.spid -o b.spid
+        cmp a.spid b.spid
+    done
 }
 
 @test "features that are not the refiner's are refused" {

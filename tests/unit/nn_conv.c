@@ -361,8 +361,89 @@ static void check_winograd(size_t h, size_t w, size_t in, size_t out)
     free(y);
 }
 
+/* 8-bit values: every kind of padding, sums with what is there, and the same
+ * bits for any number of threads. */
+static void check_int8(const struct shape *s, bool add)
+{
+    size_t oh, ow;
+    long unused;
+    struct params ps;
+    struct conv c;
+    struct nn_plan p;
+    struct error err = { 0 };
+
+    conv_test_sides(s, s->h, &oh, &unused);
+    conv_test_sides(s, s->w, &ow, &unused);
+    struct result r = { .out_n = s->B * oh * ow * s->out,
+                        .in_n = s->B * s->h * s->w * s->in,
+                        .w_n = s->out * s->in * s->k * s->k, .b_n = s->out };
+    conv_test_reserve(&r);
+    float *x = conv_test_noise(r.in_n, 4), *y = malloc(r.out_n * sizeof *y);
+    params_init(&ps);
+    conv_init(&c, &ps, "c", s->in, s->out, s->k, s->s, true);
+    c.pad = s->pad;
+    c.act = s->act;
+    c.add = add;
+    if (params_allocate(&ps, &err))
+        exit(1);
+    params_randomise(&ps, 6);
+    for (size_t o = 0; o < s->out; o++)
+        param_w(&ps, 1)[o] = 0.5f - (float)(o % 3) / 2;
+    for (size_t i = 0; i < r.in_n; i++)
+        x[i] += 0.7f;              /* the zero point is not in the middle */
+    parallel_set_width(3);
+    nn_plan_init(&p, (struct nn_options){ NN_INFER, NN_INT8 });
+    form_prefer(FORM_INT8);
+    conv_plan(&c, &p, s->B, s->h, s->w);
+    form_prefer(FORM_FLOAT);
+    if (nn_plan_finish(&p, &err)) {
+        printf("%s\n", err.text);
+        exit(1);
+    }
+    uint64_t first = 0;
+    for (int threads = 1; threads <= 3; threads++) {
+        parallel_set_width(threads);
+        for (size_t i = 0; i < r.out_n; i++)
+            y[i] = 0.25f;          /* added to, or overwritten */
+        conv_forward(y, x, &c);
+        uint64_t hash = conv_test_bits(0, y, r.out_n);
+        CHECK(threads == 1 || hash == first, "8 bits: other bits with %d "
+              "threads", threads);
+        first = hash;
+    }
+    for (size_t o = 0; o < s->out && add; o++)
+        param_w(&ps, 1)[o] += 0.25f;
+    conv_test_reference(&r, x, param_w(&ps, 0), param_w(&ps, 1), NULL, s, oh,
+                        ow);
+    /* in float where there are no instructions for bytes */
+    bool native = nn_type_native(NN_INT8);
+    conv_test_compare("8 bits", s, y, r.out, r.out_n, native ? 1e-2 : 6e-5);
+    double off = 0;
+    for (size_t i = 0; i < r.out_n; i++)
+        off = fmax(off, fabs((double)y[i] - r.out[i]));
+    CHECK(!native || off >= 1e-4,
+          "8 bits are as exact as float: they were not used");
+    nn_plan_release(&p);
+    params_release(&ps);
+    conv_test_drop(&r);
+    free(x);
+    free(y);
+}
+
 int main(void)
 {
+    static const struct shape bytes[] = {
+        { 1, 19, 23, 32, 48, 3, 1, CONV_HALF, ACT_LRELU, FLOATS },
+        { 1, 40, 37, 16, 32, 3, 2, CONV_HALF, ACT_RELU, FLOATS },
+        { 2, 33, 36, 32, 16, 3, 2, CONV_SAME, ACT_NONE, FLOATS },
+        { 1, 38, 44, 16, 16, 2, 2, CONV_NONE, ACT_LRELU, FLOATS },
+        { 3, 17, 19, 64, 32, 1, 1, CONV_HALF, ACT_NONE, FLOATS },
+        { 1, 34, 35, 32, 32, 1, 2, CONV_HALF, ACT_NONE, FLOATS },
+    };
+
+    for (size_t i = 0; i < sizeof bytes / sizeof *bytes; i++)
+        for (int add = 0; add < 2; add++)
+            check_int8(&bytes[i], add);
     for (size_t i = 0; i < sizeof shapes / sizeof *shapes; i++)
         check_shape(&shapes[i]);
     check_winograd(9, 14, 32, 48);

@@ -77,21 +77,20 @@ static void timed_release(struct timed *t)
 /* The least times of the types in turn, so that others' work meets all. */
 static void layer_compare(const struct layer *l, const float *in, float *out)
 {
-    static const enum nn_type type[] = { NN_F32, NN_FAST, NN_BF16 };
-    enum { TYPES = sizeof type / sizeof *type };
-    struct timed t[TYPES];
+    static const enum nn_type type[] = { NN_F32, NN_FAST, NN_BF16, NN_INT8 };
+    struct timed t[4];
     char what[120];
 
-    for (int i = 0; i < TYPES; i++)
+    for (int i = 0; i < 4; i++)
         timed_open(&t[i], l, type[i]);
     for (int round = 0; round < 24; round++)
-        for (int i = 0; i < TYPES; i++) {
+        for (int i = 0; i < 4; i++) {
             double s = form_seconds();
 
             conv_forward(out, in, &t[i].c);
             t[i].best = fmin(t[i].best, form_seconds() - s);
         }
-    for (int i = 1; i < TYPES; i++) {
+    for (int i = 1; i < 4; i++) {
         snprintf(what, sizeof what, "%zu -> %zu, %zux%zu of %zu: %s %.0f us, "
                  "f32 %.0f, times", l->l.in, l->l.out, l->l.kernel,
                  l->l.kernel, l->side, nn_type_name(type[i]), 1e6 * t[i].best,
@@ -99,24 +98,24 @@ static void layer_compare(const struct layer *l, const float *in, float *out)
         /* a third and 20 us for what others do to the caches */
         check(what, (t[i].best - 2e-5) / t[0].best, 1.33);
     }
-    for (int i = 0; i < TYPES; i++)
+    for (int i = 0; i < 4; i++)
         timed_release(&t[i]);
 }
 
 /* What processors that are not here would choose. */
 static void rates_compare(void)
 {
-    static const struct form_rates none = { 16, 0, 2 },
-                                   intel = { 32, 32, 2 },
-                                   zen4 = { 16, 32, 2 },
-                                   tiles = { 32, 300, 32 };
+    static const struct form_rates none = { 16, 0, 0, 2 },
+                                   intel = { 32, 32, 128, 2 },
+                                   zen4 = { 16, 32, 64, 2 },
+                                   tiles = { 32, 300, 400, 32 };
     const struct form_layer wide = { 128, 128, 3, 1 }, thin = { 16, 16, 3, 1 };
     bool less = true;
 
     for (size_t i = 0; i < LAYERS; i++) {
         const struct form_layer *l = &layers[i].l;
 
-        less &= form_choose(l, FORM_BF16, &none) <= FORM_WINOGRAD;
+        less &= form_choose(l, FORM_INT8, &none) <= FORM_WINOGRAD;
         less &= form_choose(l, FORM_BF16, &intel) <= FORM_WINOGRAD;
     }
     check_that("no type that gains nothing over float", less);
@@ -145,8 +144,8 @@ int main(void)
     for (size_t i = 0; i < max; i++)
         in[i] = (float)random_range(&dice, -1, 1);
     rates_compare();
-    printf("%s: products a cycle f32 %g, bf16 %g\n", cpu_name(), r.f32,
-           r.bf16);
+    printf("%s: products a cycle f32 %g, bf16 %g, int8 %g\n", cpu_name(),
+           r.f32, r.bf16, r.int8);
     for (size_t i = 0; i < LAYERS; i++)
         layer_compare(&layers[i], in, out);
     free(in);

@@ -20,6 +20,7 @@
 
 static float in[6][ROOM], out[3][ROOM];
 static uint16_t half[ROOM];
+static uint8_t bytes[ROOM];
 static struct depthwise dw;
 static struct rescale grow;
 static struct winograd wino;
@@ -27,8 +28,8 @@ static struct nn_plan plan;
 
 typedef void run_fn(const struct nn_kernels *k, size_t rows, size_t C);
 
-/* Each runs one kernel on rows of C channels and writes to out or half; what
- * is read lies in `in`. */
+/* Each runs one kernel on rows of C channels and writes to out (or half or
+ * bytes); what is read lies in `in`. */
 #define CASE(name, ...)                                                      \
     static void run_##name(const struct nn_kernels *k, size_t rows,          \
                            size_t C)                                         \
@@ -86,6 +87,9 @@ CASE(sft_backward,
      k->sft_backward(out[0], out[1], in[0], in[1], in[2], 1, rows, C))
 CASE(add, memcpy(out[0], in[1], n * sizeof(float)); k->add(out[0], in[0], n))
 CASE(to_bf16, k->to_bf16(half, in[0], n))
+CASE(range, out[0][0] = out[0][1] = 0;
+     k->range(out[0], out[0] + 1, in[0], n))
+CASE(quantise, k->quantise(bytes, in[0], 100, 117, n))
 CASE(fused_stem_row, struct fused_stem_rows r = { { in[0], in[1] },
                                       { (char *)in[2], (char *)in[3] }, 64 };
      k->fused_stem_row(out[0], &r, in[4], in[5], rows, C, 16))
@@ -140,7 +144,12 @@ static const struct kernel_case {
     ROW(rescale_line_backward, 1, 1, 2, 1e-6),
     ROW(sft_forward, 1024, 32, 10, 1e-6),
     ROW(sft_backward, 1024, 32, 10, 1e-6), ROW(add, 1021, 40, 10, 0),
-    ROW(to_bf16, 1021, 41, 10, 0), ROW(fused_stem_row, 253, 32, 4, 1e-5),
+    ROW(to_bf16, 1021, 41, 10, 0), ROW(range,
+                                                                         1021,
+                                                                         41,
+                                                                         10,
+                                                                         0),
+    ROW(quantise, 1021, 41, 10, 0), ROW(fused_stem_row, 253, 32, 4, 1e-5),
     ROW(pick_rgb, 512, 32, 10, 0), ROW(pick_rgb_half, 128, 32, 10, 0),
     ROW(pick_rgb_half, 31, 3, 10, 0), ROW(widen, 1021, 41, 10, 0),
     ROW(softmax, 48, 1369, 2, 1e-5), ROW(softmax_backward, 48, 1369, 4, 1e-5),
@@ -192,6 +201,7 @@ static void kernel_poison(void)
     for (size_t b = 0; b < 3; b++)
         for (size_t i = 0; i < ROOM; i++)
             out[b][i] = 0;
+    memset(bytes, 99, sizeof bytes);
     for (size_t i = 0; i < ROOM; i++)
         half[i] = (uint16_t)(i * 40503u) & 0xfbff;   /* no infinity */
 }
@@ -200,15 +210,18 @@ static int kernel_compare(const struct kernel_case *c, enum cpu_level level)
 {
     static float want[ROOM];
     static uint16_t want_half[ROOM];
+    static uint8_t want_bytes[ROOM];
 
     kernel_poison();
     c->run(nn_kernels_at(CPU_BASELINE), c->rows, c->C);
     memcpy(want, out[0], sizeof want);
     memcpy(want_half, half, sizeof half);
+    memcpy(want_bytes, bytes, sizeof bytes);
     kernel_poison();
     c->run(nn_kernels_at(level), c->rows, c->C);
     double max = kernel_apart(out[0], want, ROOM);
-    bool same = !memcmp(want_half, half, sizeof half);
+    bool same = !memcmp(want_half, half, sizeof half) &&
+                !memcmp(want_bytes, bytes, sizeof bytes);
     if (same && max <= c->tolerance)
         return 0;
     printf("%s %zux%zu, %s: %g (at most %g)%s\n", c->name, c->rows, c->C,

@@ -230,6 +230,7 @@ static int pipeline_open(struct pipe *p, struct pipe_rows *l,
                          const struct variant *v, struct error *err)
 {
     struct bench_person *s = &l->person;
+    const enum nn_type motion = v->type == NN_INT8 ? NN_FAST : v->type;
     const struct animate_options opt = {
         .pipeline = {
             .size = PERSON_SIZE, .model = &s->model, .star = v->star,
@@ -248,7 +249,7 @@ static int pipeline_open(struct pipe *p, struct pipe_rows *l,
     p->l = l;
     p->truth = l->truth[v->star];
     p->sink = framesink_open(&sink, err);
-    if (!p->sink || encoders_open(&p->nets, &s->model, false, v->type, err) ||
+    if (!p->sink || encoders_open(&p->nets, &s->model, false, motion, err) ||
         head_fold(&p->mean, &s->head, NULL, 0, err) ||
         pipeline_start_track(p, v, err) ||
         (v->video && pipeline_make_video(p, err)) ||
@@ -432,6 +433,7 @@ static int pipeline_all(struct pipe_rows *l, struct error *err)
         {"--no-photo", false, .type = NN_FAST, .no_photo = true},
         {"f32 networks", false, .type = NN_F32},
         {"bf16 networks", false, .type = NN_BF16},
+        {"int8 refiner", false, .type = NN_INT8},
         {"f32 features", false, .type = NN_FAST, .f32 = true},
         {"--roi", false, .type = NN_FAST, .roi = true},
         {"default", true, .video = true, .type = NN_FAST, .report = true},
@@ -453,7 +455,8 @@ static int pipeline_all(struct pipe_rows *l, struct error *err)
     for (size_t i = 0; i < sizeof variants / sizeof *variants; i++) {
         if (!variants[i].exact)
             baked_drop_clear(&s->baked);        /* as the programs do */
-        if (pipeline_variant(l, &variants[i], err))
+        if ((variants[i].type != NN_INT8 || nn_type_native(NN_INT8)) &&
+            pipeline_variant(l, &variants[i], err))
             return -1;
     }
     return pipeline_reduced(l, err);

@@ -43,8 +43,9 @@ void conv_onednn_reorder(struct nn_call *call, void *to, const void *from,
 }
 
 void conv_onednn_forward(void *out, const void *src, const float *bias,
-                         struct conv *c)
+                         const float *scale, struct conv *c)
 {
     (void)bias;
+    (void)scale;
     im2col_forward(out, src, &c->impl->im2col);
 }
