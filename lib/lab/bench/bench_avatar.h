@@ -1,4 +1,5 @@
-/* The synthetic person that the stages flame, branches and pipeline share. */
+/* The synthetic person that the stages branches, pipeline and shared have in
+ * common. */
 #ifndef SPID_LAB_BENCH_BENCH_AVATAR_H
 #define SPID_LAB_BENCH_BENCH_AVATAR_H
 
