@@ -173,6 +173,6 @@ L
         -c:v libx264 -crf 8 square.mp4
     status 0 spid-motion -q -m "$TOP/examples/model" square.mp4 -o b.spid
     status 0 spid-eval --motion --format json a.spid b.spid
-    [[ $output =~ \"pose_deg\":\ ([0-9.]+) ]]
+    [[ $output =~ \"pose_deg\":[[:space:]]*([0-9.]+) ]]
     awk "BEGIN { exit !(${BASH_REMATCH[1]} < 1) }"
 }

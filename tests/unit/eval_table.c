@@ -44,9 +44,9 @@ int main(void)
     check_that("no such cell is NaN", isnan(table_mean(&t, 9, 9)));
     check_that("unknown format", table_format_parse(&f, "xml") == -1);
     expect_text(&t, TABLE_TSV, "one \"way\"\t25\t-\t2\t1\n");
-    expect_text(&t, TABLE_JSON, "\"one \\\"way\\\"\": {\"psnr\": 25, "
-                                "\"l1_x\": null, \"frames\": 2, "
-                                "\"failed\": 1}");
+    expect_text(&t, TABLE_JSON, "\"one \\\"way\\\"\":\t{\n\t\t\"psnr\":\t25,\n"
+                                "\t\t\"l1_x\":\tnull,\n\t\t\"frames\":\t2,\n"
+                                "\t\t\"failed\":\t1\n\t}");
     expect_text(&t, TABLE_LATEX, "\\textbf{25.00} & --");
     expect_text(&t, TABLE_LATEX, "l1\\_x$\\downarrow$");
     expect_text(&t, TABLE_TEXT, "24.00");

@@ -158,16 +158,7 @@ char *bench_table(const struct bench *b)
 
 /* ---- for programs ------------------------------------------------------- */
 
-/* JSON has no NaN and no infinity. */
-static void report_add_number(cJSON *o, const char *key, double v)
-{
-    if (isfinite(v))
-        cJSON_AddNumberToObject(o, key, v);
-    else
-        cJSON_AddNullToObject(o, key);
-}
-
-/* A row as a JSON object. */
+/* A row as a JSON object; NaN is null. */
 static void report_add_row(cJSON *rows, const struct bench_row *r)
 {
     cJSON *o = cJSON_CreateObject();
@@ -176,11 +167,11 @@ static void report_add_row(cJSON *rows, const struct bench_row *r)
     cJSON_AddStringToObject(o, "config", r->config);
     cJSON_AddStringToObject(o, "knob", r->knob);
     cJSON_AddNumberToObject(o, "threads", r->threads);
-    report_add_number(o, "ms_min", r->ms_min);
-    report_add_number(o, "ms_median", r->ms_median);
-    report_add_number(o, "ms_p95", r->ms_p95);
-    report_add_number(o, "max_abs", r->max_abs);
-    report_add_number(o, "psnr_db", r->psnr_db);
+    cJSON_AddNumberToObject(o, "ms_min", r->ms_min);
+    cJSON_AddNumberToObject(o, "ms_median", r->ms_median);
+    cJSON_AddNumberToObject(o, "ms_p95", r->ms_p95);
+    cJSON_AddNumberToObject(o, "max_abs", r->max_abs);
+    cJSON_AddNumberToObject(o, "psnr_db", r->psnr_db);
     cJSON_AddBoolToObject(o, "pareto", r->pareto);
     cJSON_AddItemToArray(rows, o);
 }
@@ -201,8 +192,9 @@ char *bench_json(const struct bench *b)
         const struct bench_pair *p = &b->pair[i];
         cJSON *o = cJSON_GetObjectItemCaseSensitive(root, p->object);
 
-        report_add_number(o ? o : cJSON_AddObjectToObject(root, p->object),
-                          p->key, p->value);
+        cJSON_AddNumberToObject(
+            o ? o : cJSON_AddObjectToObject(root, p->object), p->key,
+            p->value);
     }
     char *text = cJSON_Print(root);
 

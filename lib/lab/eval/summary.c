@@ -1,7 +1,6 @@
 /* A model's summary as JSON. */
 #include "lib/lab/eval/summary.h"
 
-#include <math.h>
 #include <string.h>
 
 static const struct {
@@ -45,16 +44,12 @@ static double summary_figure(const struct table *t, const char *row,
 
 void summary_write(FILE *f, const struct table *t)
 {
-    fputs("{\n", f);
-    for (size_t i = 0; i < sizeof figure / sizeof *figure; i++) {
-        double x = summary_figure(t, figure[i].row, figure[i].column);
+    cJSON *json = cJSON_CreateObject();
 
-        if (isnan(x))
-            fprintf(f, " \"%s\": null,\n", figure[i].key);
-        else
-            fprintf(f, " \"%s\": %.6g,\n", figure[i].key, x);
-    }
-    fputs(" \"rows\": ", f);
-    table_write(f, t, TABLE_JSON);
-    fputs("}\n", f);
+    for (size_t i = 0; i < sizeof figure / sizeof *figure; i++)
+        cJSON_AddNumberToObject(json, figure[i].key,
+                                summary_figure(t, figure[i].row,
+                                               figure[i].column));
+    cJSON_AddItemToObject(json, "rows", table_json(t));
+    table_put_json(f, json);
 }

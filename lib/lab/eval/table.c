@@ -140,41 +140,28 @@ static void table_write_text(FILE *f, const struct table *t, bool tsv)
     }
 }
 
-/* A string with what JSON wants escaped. */
-static void table_json_string(FILE *f, const char *s)
+cJSON *table_json(const struct table *t)
 {
-    fputc('"', f);
-    for (; *s; s++) {
-        if (*s == '"' || *s == '\\')
-            fprintf(f, "\\%c", *s);
-        else if ((unsigned char)*s < 32)
-            fprintf(f, "\\u%04x", *s);
-        else
-            fputc(*s, f);
+    cJSON *rows = cJSON_CreateObject();
+
+    for (size_t r = 0; r < t->rows; r++) {
+        cJSON *o = cJSON_AddObjectToObject(rows, t->row[r].name);
+
+        for (size_t c = 0; c < t->columns; c++)     /* null where it is NaN */
+            cJSON_AddNumberToObject(o, t->column[c], table_mean(t, r, c));
+        cJSON_AddNumberToObject(o, "frames", (double)table_row_max(t, r, false));
+        cJSON_AddNumberToObject(o, "failed", (double)table_row_max(t, r, true));
     }
-    fputc('"', f);
+    return rows;
 }
 
-/* Rows as objects. */
-static void table_write_json(FILE *f, const struct table *t)
+void table_put_json(FILE *f, cJSON *json)
 {
-    fputs("{", f);
-    for (size_t r = 0; r < t->rows; r++) {
-        fputs(r ? ",\n " : "\n ", f);
-        table_json_string(f, t->row[r].name);
-        fputs(": {", f);
-        for (size_t c = 0; c < t->columns; c++) {
-            double x = table_mean(t, r, c);
-            table_json_string(f, t->column[c]);
-            if (isnan(x))
-                fputs(": null, ", f);
-            else
-                fprintf(f, ": %.9g, ", x);
-        }
-        fprintf(f, "\"frames\": %zu, \"failed\": %zu}",
-                table_row_max(t, r, false), table_row_max(t, r, true));
-    }
-    fputs("\n}\n", f);
+    char *text = cJSON_Print(json);
+
+    cJSON_Delete(json);
+    fprintf(f, "%s\n", text ? text : "");
+    free(text);
 }
 
 /* A string with what LaTeX wants escaped. */
@@ -230,7 +217,7 @@ static void table_write_latex(FILE *f, const struct table *t)
 void table_write(FILE *f, const struct table *t, enum table_format format)
 {
     if (format == TABLE_JSON)
-        table_write_json(f, t);
+        table_put_json(f, table_json(t));
     else if (format == TABLE_LATEX)
         table_write_latex(f, t);
     else

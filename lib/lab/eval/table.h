@@ -3,6 +3,7 @@
 #ifndef SPID_LAB_EVAL_TABLE_H
 #define SPID_LAB_EVAL_TABLE_H
 
+#include <cjson/cJSON.h>
 #include <stddef.h>
 #include <stdio.h>
 
@@ -51,8 +52,13 @@ double table_mean(const struct table *t, size_t row, size_t column);
 /* "text", "tsv", "json", "latex"; -1 for any other word. */
 int table_format_parse(enum table_format *f, const char *word);
 
-/* Write the table.  JSON: {"ROW":{"COLUMN":mean,...,"failed":n},...} with
- * null where nothing was measured; LaTeX: a tabular, best values bold. */
+/* {"ROW":{"COLUMN":mean,...,"frames":n,"failed":n},...} with null where nothing
+ * was measured, for the caller to delete. */
+cJSON *table_json(const struct table *t);
+/* Write it as text, and delete it. */
+void table_put_json(FILE *f, cJSON *json);
+/* Write the table, as table_json has it, or LaTeX: a tabular, best values
+ * bold. */
 void table_write(FILE *f, const struct table *t, enum table_format format);
 
 #endif
