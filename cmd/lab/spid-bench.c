@@ -40,7 +40,9 @@ static const struct stage {
     { "motion", bench_motion },
     { "shape", bench_shape },
     { "refine", bench_refine },
+    { "flame", bench_flame },
     { "branches", bench_branches },
+    { "train", bench_train },
     { "pipeline", bench_pipeline },
     { "shared", bench_shared },
 };

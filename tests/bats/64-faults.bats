@@ -192,7 +192,7 @@ spid-prepare -q -m model -o @ bad.mp4
 spid-train -q -c motion.json --head model/head.safetensors -o @ people.spid
 spid-report -q runs -o @.html
 spid-report -q runs --sheet @.png -o /dev/null
-spid-bench -q --tsv -s 0.1 -o @.tsv motion
+spid-bench -q --tsv -s 0.1 -o @.tsv flame
 spid-bench -q -j 1 -s 0.2 --plot @.gp -o /dev/null motion
 spid-flame -q -m model -i avatar.spid motion.spid -o /dev/null --stats @.tsv
 END

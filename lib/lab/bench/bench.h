@@ -108,6 +108,8 @@ int bench_motion(struct bench *b, struct error *err);
 /* E_beta in its precisions. */
 int bench_shape(struct bench *b, struct error *err);
 int bench_refine(struct bench *b, struct error *err);
+/* Head meshes: posing one, with every direction active. */
+int bench_flame(struct bench *b, struct error *err);
 /* Baking a person, with the paper's networks, too, and what a frame of Phase B
  * moves. */
 int bench_branches(struct bench *b, struct error *err);
@@ -116,5 +118,7 @@ int bench_pipeline(struct bench *b, struct error *err);
 /* Whole programs beside busy ones, on more threads than there are processors,
  * and at nice 19. */
 int bench_shared(struct bench *b, struct error *err);
+/* Training steps of the encoder and the whole system. */
+int bench_train(struct bench *b, struct error *err);
 
 #endif

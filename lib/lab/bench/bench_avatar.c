@@ -1,4 +1,4 @@
-/* Baking and the Gaussians' update, on a synthetic person with true
+/* The head mesh and the Gaussians' update, on a synthetic person with true
  * parameters. */
 #include "lib/lab/bench/bench_avatar.h"
 
@@ -129,6 +129,82 @@ int bench_person_write(const struct bench_person *p, const char *path,
         }
     }
     return out ? framesink_finish(out, err) : -1;
+}
+
+/* ---- flame ------------------------------------------------------------- */
+
+/* Pose the next frame's mesh. */
+static int bench_call_pose(void *context, struct error *err)
+{
+    struct bench_person *p = context;
+
+    (void)err;
+    head_pose(p->verts, &p->id, &p->motion[p->at++ % PERSON_FRAMES].pose);
+    return 0;
+}
+
+/* Largest difference from the double reference, over some frames. */
+static double bench_pose_error(struct bench_person *p)
+{
+    size_t n = 3 * p->head.V;
+    double *ref = malloc(n * sizeof *ref), worst = 0;
+    double *beta = calloc(p->head.nshape, sizeof *beta);
+    double exp[HEAD_MAX_EXP];
+    struct identity mean;
+    struct error err;
+
+    for (size_t i = 0; ref && beta && i < PERSON_FRAMES &&
+         head_fold(&mean, &p->head, NULL, 0, &err) == 0; i += 4) {
+        const struct head_motion *m = &p->motion[i].pose;
+        struct head_motion_d d = {.beta = beta, .exp = exp,
+                                  .lid = {m->lid[0], m->lid[1]}};
+
+        for (size_t k = 0; k < p->head.nexp; k++)
+            exp[k] = m->exp[k];
+        for (int k = 0; k < 3; k++) {
+            d.pose[6 + k] = m->jaw[k];
+            d.pose[9 + k] = m->eye[k];
+            d.pose[12 + k] = m->eye[3 + k];
+        }
+        head_pose(p->verts, &mean, m);
+        head_pose_d(ref, NULL, &p->head, &d);
+        for (size_t k = 0; k < n; k++)
+            worst = fmax(worst, fabs(p->verts[k] - ref[k]));
+        identity_release(&mean);
+    }
+    free(ref);
+    free(beta);
+    return worst;
+}
+
+int bench_flame(struct bench *b, struct error *err)
+{
+    struct bench_person *p = calloc(1, sizeof *p);
+    struct bench_times t;
+    char config[96];
+    int rc = p ? bench_person_open(p, b, err)
+               : error_set(err, EX_OSERR, "no memory");
+
+    if (rc == 0) {
+        /* every direction active, as a network's output has it */
+        for (size_t i = 0; i < PERSON_FRAMES; i++)
+            for (size_t k = 0; k < p->head.nexp; k++)
+                if (p->motion[i].exp[k] == 0)
+                    p->motion[i].exp[k] = 1e-3f;
+        double worst = bench_pose_error(p);
+        snprintf(config, sizeof config, "V=%zu, %zu expressions, jaw, eyes, "
+                 "lids", p->head.V, p->head.nexp);
+        rc = bench_time(&t, b->seconds / 4, 300, bench_call_pose, p, err);
+        if (rc == 0) {
+            bench_add(b, "flame", config, "default", 1, &t, worst, NAN);
+            bench_note(b, "flame: %.3f micrometres from the double "
+                       "reference", worst / p->head.scale * 1e6);
+        }
+    }
+    if (p)
+        bench_person_close(p);
+    free(p);
+    return rc;
 }
 
 /* ---- branches ---------------------------------------------------------- */

@@ -1,5 +1,4 @@
-/* The synthetic person that the stages branches, pipeline and shared have in
- * common. */
+/* The synthetic person that the stages flame, branches and pipeline share. */
 #ifndef SPID_LAB_BENCH_BENCH_AVATAR_H
 #define SPID_LAB_BENCH_BENCH_AVATAR_H
 
