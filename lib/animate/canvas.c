@@ -50,7 +50,7 @@ static int canvas_reserve(struct canvas *c, bool photo, struct error *err)
     const size_t pixels = c->size * c->size;
 
     if (c->places && !c->place)
-        c->place = malloc(PLACE_CHANNELS * pixels * sizeof *c->place);
+        c->place = malloc(SPLAT_PLACE_CHANNELS * pixels * sizeof *c->place);
     if (photo && !c->photo)
         c->photo = malloc(TEXTURE_PHOTO * pixels * sizeof *c->photo);
     if (c->lit && !c->gain)

@@ -21,7 +21,7 @@ struct canvas {
     struct splat_place_view view;       /* what places are relative to */
     float *photo;               /* (N,N,5) looked up there, for FEAT */
     bool places;                /* these are asked for, too: */
-    float *place;               /* (N,N,3) */
+    float *place;               /* (N,N,4) */
     struct texture_shader shader;
     bool lit;                   /* the head's light is known: set before a
                                  * frame is drawn, with */

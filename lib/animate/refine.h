@@ -62,7 +62,7 @@ struct refine_input {
     const float *photo;         /* (height,width,5), packed (pixels,5): what
                                  * the photograph shows (lib/photo), or
                                  * NULL */
-    const float *place;         /* (height,width,3) where it does, or NULL, */
+    const float *place;         /* (height,width,4) where it does, or NULL, */
     struct splat_place_view view;       /* and the view to there */
     const float *gain;          /* of a square: how the light changed
                                  * (lib/splat/relight.h), or NULL */

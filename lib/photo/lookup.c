@@ -65,7 +65,7 @@ static bool lookup_run(float *photo, const struct texture_shader *s,
     const size_t S = s->t->side[s->level], whole = n / 16 * 16;
     float step = 2.0f / (float)s->size;
     struct lookup_run r;
-    float rest[3 * LOOKUP_RUN], cover[LOOKUP_RUN];
+    float rest[SPLAT_PLACE_CHANNELS * LOOKUP_RUN], cover[LOOKUP_RUN];
 
     r.step = step;
     r.nx = ((float)x + 0.5f) * step - 1;
@@ -74,7 +74,7 @@ static bool lookup_run(float *photo, const struct texture_shader *s,
     if (whole < n) {
         memset(rest, 0, sizeof rest);
         memset(cover, 0, sizeof cover);
-        memcpy(rest, place, 3 * n * sizeof *rest);
+        memcpy(rest, place, SPLAT_PLACE_CHANNELS * n * sizeof *rest);
         memcpy(cover, alpha, n * sizeof *cover);
         place = rest;
         alpha = cover;
@@ -112,7 +112,8 @@ PARALLEL(texture_lookup_part, y, const struct texture_shader *, s,
         const size_t n = left < LOOKUP_RUN ? left : LOOKUP_RUN;
         float *to = s->photo + TEXTURE_PHOTO * at;
 
-        if (!lookup_run(to, s, place + 3 * at, alpha + at, x, y, n))
+        if (!lookup_run(to, s, place + SPLAT_PLACE_CHANNELS * at, alpha + at,
+                        x, y, n))
             memset(to, 0, TEXTURE_PHOTO * n * sizeof *to);
     }
 }
@@ -137,7 +138,8 @@ PARALLEL(lookup_apply_part, y, const struct texture_shader *, s,
         const size_t n = left < LOOKUP_RUN ? left : LOOKUP_RUN;
         float photo[TEXTURE_PHOTO * LOOKUP_RUN];
 
-        if (!lookup_run(photo, s, place + 3 * at, alpha + at, x, y, n))
+        if (!lookup_run(photo, s, place + SPLAT_PLACE_CHANNELS * at,
+                        alpha + at, x, y, n))
             continue;
         if (field)
             texture_field_row(photo, color + 3 * at, alpha + at, field, step,

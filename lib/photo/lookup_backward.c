@@ -4,6 +4,7 @@
 
 #include <math.h>
 #include <stdbool.h>
+#include <string.h>
 
 #include "lib/photo/lookup.h"
 
@@ -77,18 +78,26 @@ static void lookup_position_backward(float duv[2], const float d[4],
         }
 }
 
-/* dp (3) += duv through the place p (3), half its picture's side. */
+/* dp (4) += duv through the place p (4) on M(y), half its picture's side (back
+ * through splat_place_blended). */
 static void lookup_place_backward(float *dp, const float duv[2],
-                                  const float *p, float half)
+                                  const float *p, const double M[2],
+                                  const struct splat_place_side *side,
+                                  float half)
 {
-    dp[0] += half * duv[0] / p[2];
-    dp[1] += half * duv[1] / p[2];
-    dp[2] -= half * (duv[0] * p[0] + duv[1] * p[1]) / (p[2] * p[2]);
+    const float *e = side->e, by = half / p[2];
+    const float along = (float)(e[0] * M[0] + e[1] * M[1]) *
+                        (duv[0] * e[0] + duv[1] * e[1]);
+
+    dp[0] += by * duv[0];
+    dp[1] += by * duv[1];
+    dp[2] -= by * (duv[0] * p[0] + duv[1] * p[1] - p[3] * along) / p[2];
+    dp[3] -= by * along;
 }
 
 /* ---- confidence -------------------------------------------------------- */
 
-/* dp (3) and dalpha += the confidence's gradient d at the place p (3) under
+/* dp (4) and dalpha += the confidence's gradient d at the place p (4) under
  * coverage alpha, of which it is `times` as much at most; whether there is any
  * confidence. */
 static bool lookup_confidence_backward(float *dp, float *dalpha,
@@ -124,22 +133,27 @@ void texture_lookup_backward(float *dplace, float *dalpha,
     const size_t level = texture_level(t, v, size), S = t->side[level];
     const float step = 2.0f / (float)size, half = 0.5f * (float)S;
     const float times = texture_cover(v);
+    const struct splat_place_side side = splat_place_side(v);
 
     for (size_t i = 0; i < size * size; i++) {
-        const float *p = place + 3 * i, *d = dphoto + TEXTURE_PHOTO * i;
+        const float *p = place + SPLAT_PLACE_CHANNELS * i;
+        const float *d = dphoto + TEXTURE_PHOTO * i;
+        float *dp = dplace + SPLAT_PLACE_CHANNELS * i;
         float nx = ((float)(i % size) + 0.5f) * step - 1;
         float ny = ((float)(i / size) + 0.5f) * step - 1, duv[2];
-        double at[2];
+        double M[2], at[2];
 
         if (!(p[2] > TEXTURE_MIN) ||
-            !lookup_confidence_backward(dplace + 3 * i, dalpha + i, p,
-                                        alpha[i], times, d[4]))
+            !lookup_confidence_backward(dp, dalpha + i, p, alpha[i], times,
+                                        d[4]))
             continue;
-        splat_place_at(at, v, nx, ny);
-        const struct lookup_sample s = lookup_sample_at(
-            t->level[level], S, half * ((float)at[0] + p[0] / p[2] + 1),
-            half * ((float)at[1] + p[1] / p[2] + 1));
+        splat_place_at(M, v, nx, ny);
+        memcpy(at, M, sizeof at);
+        splat_place_blended(at, &side, p);
+        const struct lookup_sample s =
+            lookup_sample_at(t->level[level], S, half * ((float)at[0] + 1),
+                             half * ((float)at[1] + 1));
         lookup_position_backward(duv, d, &s);
-        lookup_place_backward(dplace + 3 * i, duv, p, half);
+        lookup_place_backward(dp, duv, p, M, &side, half);
     }
 }

@@ -22,7 +22,7 @@ struct lookup_run {
 };
 
 /* r->confidence, u and v of n pixels, a multiple of 16, from what was blended there:
- * place (n,3) and alpha (n); whether any has a place. */
+ * place (n,4) and alpha (n); whether any has a place. */
 typedef bool lookup_places_fn(struct lookup_run *r,
                               const struct splat_place_view *v,
                               const float *place, const float *alpha,

@@ -9,42 +9,25 @@
 
 /* ---- places -------------------------------------------------------------- */
 
-/* Numbers k, k + 3, k + 6 ... of the 3 VEC in a, b and c. */
-VEC_INLINE vf lookup_every_third(vf a, vf b, vf c, const int k)
-{
-#ifdef __clang__        /* has no shuffle by a vector, but finds one here */
-    float all[3 * VEC];
-    vf r;
-
-    vf_store(all, a);
-    vf_store(all + VEC, b);
-    vf_store(all + 2 * VEC, c);
-#pragma GCC unroll 16
-    for (int i = 0; i < VEC; i++)
-        r[i] = all[3 * i + k];
-    return r;
-#else
-    const vi at = 3 * vi_iota() + k;
-    const vi first = at < 2 * VEC;
-
-    a = __builtin_shuffle(a, b, at & first);
-    return __builtin_shuffle(a, c, (vi_iota() & first) | ((at - VEC) & ~first));
-#endif
-}
-
 static bool ISA(lookup_places)(struct lookup_run *r,
                                const struct splat_place_view *v,
                                const float *place, const float *alpha,
                                size_t n)
 {
     const float *A = v->A, *b = v->b, *S = v->shoulders, *neck = v->neck;
+    const struct splat_place_side side = splat_place_side(v);
     const vf zero = vf_set(0), one = vf_set(1), cover = vf_set(texture_cover(v));
+    const vf e[2] = {vf_set(side.e[0]), vf_set(side.e[1])};
     vf max = zero;
 
-    for (size_t i = 0; i < n; i += VEC, place += 3 * VEC) {
-        vf p = vf_load(place), q = vf_load(place + VEC);
-        vf s = vf_load(place + 2 * VEC);
-        vf weight = lookup_every_third(p, q, s, 2);
+    for (size_t i = 0; i < n; i += VEC, place += SPLAT_PLACE_CHANNELS * VEC) {
+        const float *row[VEC];
+        vf p[SPLAT_PLACE_CHANNELS];
+
+        for (int k = 0; k < VEC; k++)
+            row[k] = place + SPLAT_PLACE_CHANNELS * k;
+        vf_columns(p, row, 1);
+        vf weight = p[2];
         vm has = vf_gt(weight, vf_set(TEXTURE_MIN));
 
         if (!vm_any(has)) {
@@ -60,8 +43,8 @@ static bool ISA(lookup_places)(struct lookup_run *r,
         vf confidence = vf_keep(has, vf_clamp(own, zero, one) * covered);
         vf nx = __builtin_convertvector(vi_iota() + (int)i, vf) * r->step +
                 r->nx;
-        vf x = lookup_every_third(p, q, s, 0) * over + b[0] + 1;
-        vf y = lookup_every_third(p, q, s, 1) * over + b[1] + 1;
+        vf x = A[0] * nx + (A[1] * r->ny + b[0]);
+        vf y = A[2] * nx + (A[3] * r->ny + b[1]);
 
         vf_store(r->confidence + i, confidence);
         max = vf_max(max, confidence);
@@ -69,8 +52,12 @@ static bool ISA(lookup_places)(struct lookup_run *r,
                             one);
         x += share * (S[0] * nx + (S[1] * r->ny + S[4]));
         y += share * (S[2] * nx + (S[3] * r->ny + S[5]));
-        vf_store(r->u + i, r->half * (A[0] * nx + A[1] * r->ny + x));
-        vf_store(r->v + i, r->half * (A[2] * nx + A[3] * r->ny + y));
+        /* splat_place_blended */
+        vf along = p[3] * (e[0] * x + e[1] * y);
+        x += (p[0] - along * e[0]) * over;
+        y += (p[1] - along * e[1]) * over;
+        vf_store(r->u + i, r->half * (x + 1));
+        vf_store(r->v + i, r->half * (y + 1));
     }
     return vm_any(vf_gt(max, zero));
 }

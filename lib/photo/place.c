@@ -8,7 +8,6 @@
 #include "lib/base/camera.h"
 #include "lib/base/parallel.h"
 
-#define PLACE_STEEPEST 0.35f    /* of the view's determinant: 70 degrees */
 /* Heights above the neck's pivot, head units, between which the head's map goes
  * over into the shoulders'.  Any two give true places; between these lies what
  * is seen of a neck.  -0.03 and 0.03, 0 and 0.05, -0.07 and 0.07 change no frame
@@ -50,7 +49,7 @@ static void place_map(float map[6], const float source[12],
     place_plane(P, source, cam);
     float det = P[0] * P[3] - P[1] * P[2];
     /* steeper than that, the map of the steepest plane that is allowed */
-    float inv = scale / fmaxf(det, PLACE_STEEPEST);
+    float inv = scale / fmaxf(det, SPLAT_PLACE_STEEPEST);
     map[0] = P[3] * inv;
     map[1] = -P[1] * inv;
     map[2] = -P[2] * inv;

@@ -4,11 +4,12 @@
  * Positions are normalised picture coordinates (x right, y down, -1..1).  A
  * frame's place is split in two: a plane through the head that faces the
  * source's camera goes from the driven picture to the source picture by one
- * affine map (the view), and each Gaussian carries what differs from it (its
- * offset).  So a place is exact across a Gaussian's whole footprint for the
- * plane, and to first order nearly so for the face, while the renderer blends
- * three numbers that are constant in each Gaussian.  Below the neck the view
- * goes over into the affine map of the shoulders, which stay where they were. */
+ * affine map (the view), and each Gaussian carries what differs from it, its
+ * offset and how its surface foreshortens the steps (struct splat_place_view).  So
+ * a place is exact to first order across a Gaussian's whole footprint, in the
+ * direction in which the camera has moved, while the renderer blends four numbers
+ * that are constant in each Gaussian.  Below the neck the view goes over into the
+ * affine map of the shoulders, which stay where they were. */
 #ifndef SPID_PHOTO_PLACE_H
 #define SPID_PHOTO_PLACE_H
 
@@ -16,7 +17,6 @@
 
 #include "lib/splat/types.h"
 
-#define PLACE_CHANNELS 3        /* sure x offset, sure y offset, sure */
 #define PLACE_REACH 3.0f        /* standard deviations that are drawn of any */
 
 /* Where a frame has the shoulders: body (3,4) moves them in the head's frame

@@ -67,7 +67,7 @@ void texture_shader_init(struct texture_shader *s, const struct texture *t,
 splat_shade_fn texture_shade;   /* ctx: a struct texture_shader */
 
 /* photo (size,size,5) of a picture of size by size pixels.
- *   place (size,size,3)  the blended places (place.h)
+ *   place (size,size,4)  the blended places (place.h)
  *   alpha (size,size)    coverage
  * A pixel that no Gaussian with a place covers gets zeros.  The confidence is
  * the blended one's share of the coverage: how far the photograph is believed
@@ -112,7 +112,7 @@ void texture_compose_backward(float *drgb, float *dalpha, float *dphoto,
                               const struct texture_field *field,
                               size_t height, size_t width);
 
-/* dplace (size,size,3) and dalpha (size,size) += the gradient of dphoto
+/* dplace (size,size,4) and dalpha (size,size) += the gradient of dphoto
  * (size,size,5), what texture_lookup gave.  Constants are the view and the
  * level. */
 void texture_lookup_backward(float *dplace, float *dalpha,

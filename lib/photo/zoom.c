@@ -19,9 +19,12 @@ int zoom_init(struct zoom *z, size_t from, size_t to, bool place,
     rescale_plan(&z->three, &z->plan, RESCALE_BILINEAR, 1, from, from, to, to,
                  3);
     rescale_plan(&z->one, &z->plan, RESCALE_BILINEAR, 1, from, from, to, to, 1);
+    rescale_plan(&z->places, &z->plan, RESCALE_BILINEAR, 1, from, from, to, to,
+                 SPLAT_PLACE_CHANNELS);
     z->color = malloc(3 * n * sizeof *z->color);
     z->alpha = malloc(n * sizeof *z->alpha);
-    z->place = place ? malloc(PLACE_CHANNELS * n * sizeof *z->place) : NULL;
+    if (place)
+        z->place = malloc(SPLAT_PLACE_CHANNELS * n * sizeof *z->place);
     if (z->color && z->alpha && (z->place || !place) &&
         !nn_plan_finish(&z->plan, NULL))
         return 0;
@@ -49,7 +52,7 @@ void zoom_picture(struct zoom *z, const float *color, const float *alpha,
     rescale_forward(z->alpha, alpha, &z->one);
     if (!place)
         return;
-    rescale_forward(z->place, place, &z->three);
+    rescale_forward(z->place, place, &z->places);
     if (field->at)
         texture_apply_field(z->color, z->alpha, t, v, z->place, z->to, field,
                             times * TEXTURE_FIELD_STEP);

@@ -17,10 +17,10 @@
 struct zoom {
     size_t from, to;
     struct nn_plan plan;
-    struct rescale three, one;  /* channels */
+    struct rescale three, one, places;  /* channels */
     float *color, *alpha;       /* (to,to,3) premultiplied, (to,to): the
                                  * larger picture */
-    float *place;               /* (to,to,3) */
+    float *place;               /* (to,to,4) */
 };
 
 /* place: room for the photograph's places, too. */
@@ -30,7 +30,7 @@ int zoom_init(struct zoom *z, size_t from, size_t to, bool place,
 void zoom_release(struct zoom *z);
 
 /* z->color and z->alpha from color (from,from,3) and alpha (from,from); with
- * place (from,from,3, or NULL) and its view v the photograph t over them, and
+ * place (from,from,4, or NULL) and its view v the photograph t over them, and
  * what a refiner says of it (field->at NULL: nothing). */
 void zoom_picture(struct zoom *z, const float *color, const float *alpha,
                   const float *place, const struct splat_place_view *v,

@@ -25,7 +25,7 @@ int backward_init(struct splat *s)
     b->T = malloc(pixels * sizeof *b->T);
     b->image = malloc(pixels * (size_t)s->opt.channels * sizeof *b->image);
     if (s->opt.place)
-        b->place = malloc(pixels * 3 * sizeof *b->place);
+        b->place = malloc(pixels * SPLAT_PLACE_CHANNELS * sizeof *b->place);
     return b->T && b->image && (b->place || !s->opt.place) ? 0 : -1;
 }
 

@@ -10,7 +10,7 @@
 
 /* Sums over a tile's pixels of dL/dq x^k y^f are float 4 k + f of a pair (of
  * these, k + f <= 2 are meant); of dL/dcolor, up to three channels, or with
- * places of dL/dplace, float 4 c + 3. */
+ * places of the four of dL/dplace, float 4 c + 3. */
 #define MOMENT(k, f) (4 * (k) + (f))
 #define GRAD_COLOR(c) (4 * (c) + 3)
 
@@ -39,7 +39,7 @@ struct splat_gradient_state {
     float *image;              /* (H,W,C) the last forward's, without
                                 * background */
     float background[SPLAT_MAX_CHANNELS];
-    float *place;              /* (H,W,3) its places, with opt.place */
+    float *place;              /* (H,W,4) its places, with opt.place */
     bool drawn, placed;        /* there was a frame; places were drawn, ... */
     bool pulled;               /* ... and have gradients */
 };

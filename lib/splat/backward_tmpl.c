@@ -25,24 +25,24 @@ VEC_INLINE uint32_t backward_pixels(vi *at, const struct splat *s, int x0,
     return vm_bits(in);
 }
 
-/* Gradients of three channels at block k's pixels, for the sums of four
+/* Gradients of four channels at block k's pixels, for the sums of four
  * Gaussians. */
 static void backward_load_grad_color(struct splat_work *w, int k,
                                      const float (*grad)[VEC])
 {
     for (int p = 0; p < VEC; p++) {
-        float r = grad[0][p], g = grad[1][p], b = grad[2][p];
+        float r = grad[0][p], g = grad[1][p], b = grad[2][p], a = grad[3][p];
 
 #if VEC == 16
-        vf two = vf_sel((vm)0x00f0, vf_set(g), vf_set(r));
+        vf low = vf_sel((vm)0x00f0, vf_set(g), vf_set(r));
+        vf high = vf_sel((vm)0x0f00, vf_set(b), vf_set(a));
 
-        vf_store(w->grad_color[k][p],
-                 vf_keep((vm)0x0fff, vf_sel((vm)0x0f00, vf_set(b), two)));
+        vf_store(w->grad_color[k][p], vf_sel((vm)0x00ff, low, high));
 #else
         vq_store(w->grad_color[k][p], (vq){r, r, r, r});
         vq_store(w->grad_color[k][p] + 4, (vq){g, g, g, g});
         vq_store(w->grad_color[k][p] + 8, (vq){b, b, b, b});
-        vq_store(w->grad_color[k][p] + 12, (vq){0});
+        vq_store(w->grad_color[k][p] + 12, (vq){a, a, a, a});
 #endif
     }
 }
@@ -72,11 +72,11 @@ VEC_INLINE vf backward_load_places(struct splat_work *w, int k,
 {
     vf sum = vf_set(0);
 
-    for (int m = 0; m < 3; m++) {
-        vf g = vf_gather(d_place + m, at * 3);
+    for (int m = 0; m < SPLAT_PLACE_CHANNELS; m++) {
+        vf g = vf_gather(d_place + m, at * SPLAT_PLACE_CHANNELS);
 
         vf_store(w->g_place[k][m], g);
-        sum = vf_fma(vf_gather(place + m, at * 3), g, sum);
+        sum = vf_fma(vf_gather(place + m, at * SPLAT_PLACE_CHANNELS), g, sum);
     }
     backward_load_grad_color(w, k, (const float (*)[VEC])w->g_place[k]);
     return sum;
@@ -217,13 +217,13 @@ VEC_INLINE vf backward_grad_color_sum(const float (*row)[VEC],
 }
 
 /* Add the sums of four list entries to their rows of w->pair: dq, and with
- * three channels to sum up here the weights, at the block's pixels.  First
+ * `channels` to sum up here, 0, 3 or 4, the weights, at the block's pixels.  First
  * columns are summed, lanes 4 x + Gaussian, then the columns together, lanes
  * 4 power + Gaussian. */
 VEC_INLINE void backward_flush(struct splat_work *w,
                                const float (*grad_color)[16],
                                const uint32_t *list, vf dq[4], vf weight[4],
-                               const struct powers *at, const bool three)
+                               const struct powers *at, const int channels)
 {
     float row[3][VEC], shade[4][VEC];
     vf m[4];
@@ -241,19 +241,20 @@ VEC_INLINE void backward_flush(struct splat_work *w,
     for (int f = 0; f < 3; f++)
         vf_store(row[f], m[f]);
     FROM_MEMORY(row);
-    if (three) {
+    if (channels) {
         vf_transpose_quads(weight);
         FOUR vf_store(shade[k], weight[k]);
         FROM_MEMORY(shade);
     }
-    /* the last of sixteen numbers have no meaning */
-#pragma GCC unroll 3
-    for (int part = 0; part < 12; part += VEC) {
+    /* of sixteen numbers the last four have no meaning but the fourth channel */
+    const int numbers = channels > 3 ? 16 : 12;
+#pragma GCC unroll 4
+    for (int part = 0; part < numbers; part += VEC) {
 #pragma GCC unroll 3
         for (int f = 0; f < 3; f++)
             m[f] = backward_column_sum(row[f], at, part);
         m[3] = vf_set(0);
-        if (three)
+        if (channels)
             m[3] = backward_grad_color_sum((const float (*)[VEC])shade,
                                            grad_color, part);
         vf_transpose_quads(m);
@@ -306,14 +307,14 @@ VEC_INLINE void backward_traverse(struct splat_work *w, int b,
     uint32_t n = w->count[b / PARTS], j = 0;
     vf x = chunk_slice_x(b), cut = vf_set(v->cut), stop = vf_set(v->t_cut);
     vm alive = vm_from_bits(w->alive[b]);
-    vf T = vf_keep(alive, vf_load(w->T[b])), g[3];
+    vf T = vf_keep(alive, vf_load(w->T[b])), g[SPLAT_PLACE_CHANNELS];
     vf remaining = vf_load(w->remaining[b]);
     struct powers at;
 
     backward_powers(&at, b);
     if (wide)
         backward_color_dot_grads(w, b, st->table, st->row);
-    for (int c = 0; c < 3; c++)
+    for (int c = 0; c < SPLAT_PLACE_CHANNELS; c++)
         g[c] = vf_load(place ? w->g_place[b][c] : w->g[b][c]);
     for (; j < n && vm_any(alive); j += 4) {
         vf e[4], alpha[4], behind[4], color_dot_grad[4], dq[4], weight[4];
@@ -331,7 +332,7 @@ VEC_INLINE void backward_traverse(struct splat_work *w, int b,
             color_dot_grad[k] =
                 wide ? vf_load(w->color_dot_grad[j + (uint32_t)k]) : dot;
             if (place)
-                color_dot_grad[k] += dot;
+                color_dot_grad[k] += vf_fma(vf_set(c[3]), g[3], dot);
         }
         FOUR {
             vf all = vf_mul_keep(on[k], alpha[k], T), before = remaining;
@@ -350,7 +351,7 @@ VEC_INLINE void backward_traverse(struct splat_work *w, int b,
                 vf_store(w->row[j + (uint32_t)k], weight[k]);
         }
         backward_flush(w, grad_color, list + j, dq, weight, &at,
-                       !wide || place);
+                       place ? 4 : wide ? 0 : 3);
         alive = vf_gt(T, stop);
     }
     if (wide)
@@ -432,7 +433,7 @@ VEC_INLINE void backward_put_centered(float *to, const float m[16], float u,
         q[k] -= second * __builtin_shufflevector(q[k], q[k], 0, 0, 1, 3);
         vq_store(to + 4 * k, q[k]);
     }
-    vq_store(to + 12, (vq){0});
+    vq_store(to + 12, (vq){0, 0, 0, m[GRAD_COLOR(3)]});
 }
 
 /* The chunk's sums to their pairs' places. */

@@ -18,8 +18,8 @@
 /* Columns of an entry, the first of which are summed up.  q = high - (root x -
  * shift)^2, shift = BASE + TILT y, high = TOP - FALLOFF (y - ROW)^2, x and y
  * about the tile's centre. */
-enum { COLOR = 0, DEPTH = 3, PLACE = 4, SUMS = 7,
-       BASE = 8, TILT, ROW, FALLOFF, TOP, ROOT, COLUMNS_OF_ENTRY = 16 };
+enum { COLOR = 0, DEPTH = 3, PLACE = 4, SUMS = 8,
+       BASE = SUMS, TILT, ROW, FALLOFF, TOP, ROOT, COLUMNS_OF_ENTRY = 16 };
 
 /* One thread's scratch. */
 struct splat_work {
@@ -36,11 +36,11 @@ struct splat_work {
     float wide[SLICES * VEC][SPLAT_MAX_CHANNELS];
     float g[SLICES][SPLAT_MAX_CHANNELS][VEC];  /* dL/dcolor, backward */
     float remaining[SLICES][VEC];          /* backward: light still behind */
-    float g_place[SLICES][3][VEC];         /* backward: dL/dplace */
+    float g_place[SLICES][SPLAT_PLACE_CHANNELS][VEC];  /* backward: dL/dplace */
     float color_dot_grad[COLUMN][VEC];     /* backward: color . g */
     float pair[COLUMN][16];                /* backward: sums of each entry
                                             * about the tile's centre */
-    float grad_color[SLICES][VEC][16];     /* backward, up to 3 channels: at
+    float grad_color[SLICES][VEC][16];     /* backward, up to 4 channels: at
                                             * pixel p, number 4 c + 0..3 is
                                             * dL/dcolor of c */
     float center[2][COLUMN];               /* x, y about the tile's centre */

@@ -235,9 +235,9 @@ VEC_INLINE void gradient_of_parameters(struct lanes *d,
     }
 }
 
-/* Places pull at the centre (r), through what the view makes of it: the channels
- * are c (2 uv - 1 - M(x)), dplace their gradients and c the one that
- * splat_project left there. */
+/* Places pull at the centre (r), through what the view makes of it: dplace are
+ * the channels' gradients, c and c s what splat_project left there (struct
+ * splat_place_view). */
 VEC_INLINE void gradient_of_place(struct lanes *d, const vf dplace[2],
                                   const struct splat_state *st, size_t i,
                                   const vf r[FIELDS])
@@ -249,8 +249,10 @@ VEC_INLINE void gradient_of_place(struct lanes *d, const vf dplace[2],
     const vf zero = vf_set(0), one = vf_set(1);
     const vf share = vf_set(n[0]) * x + vf_set(n[1]) * y + vf_set(n[2]);
     const vm part = vm_and(vf_gt(share, zero), vf_gt(one, share));
+    const struct splat_place_side side = splat_place_side(&v->place);
+    const vf e[2] = {vf_set(side.e[0]), vf_set(side.e[1])};
     vf J[4];
-    float kept[VEC];
+    float kept[2][VEC];
 
     /* splat_place_slope */
     for (int k = 0; k < 4; k++) {
@@ -262,9 +264,12 @@ VEC_INLINE void gradient_of_place(struct lanes *d, const vf dplace[2],
                vf_keep(part, more * vf_set(n[k % 2]));
     }
     for (size_t k = 0; k < VEC; k++)
-        kept[k] = st->place[i + k][2];
-    vf confidence = vf_load(kept);
-    vf u = confidence * dplace[0], w = confidence * dplace[1];
+        for (int q = 0; q < 2; q++)
+            kept[q][k] = st->place[i + k][2 + q];
+    vf confidence = vf_load(kept[0]);
+    vf along = vf_load(kept[1]) * (e[0] * dplace[0] + e[1] * dplace[1]);
+    vf u = confidence * dplace[0] - along * e[0];
+    vf w = confidence * dplace[1] - along * e[1];
 
     d->x -= vf_set(2 / (float)v->width) * (J[0] * u + J[2] * w);
     d->y -= vf_set(2 / (float)v->height) * (J[1] * u + J[3] * w);
@@ -359,11 +364,12 @@ VEC_INLINE void gradient_of_gaussians(const struct splat *s, size_t first,
             r[k] = vf_keep(on, r[k]);
         gradient_of_screen(&d, m, r);
         if (places) {
-            vf place[3] = {m[GRAD_COLOR(0)], m[GRAD_COLOR(1)],
-                           m[GRAD_COLOR(2)]};
+            vf place[SPLAT_PLACE_CHANNELS] = {
+                m[GRAD_COLOR(0)], m[GRAD_COLOR(1)], m[GRAD_COLOR(2)],
+                m[GRAD_COLOR(3)]};
 
             gradient_of_place(&d, place, st, i, r);
-            gradient_add(g->place, place, 3, &here);
+            gradient_add(g->place, place, SPLAT_PLACE_CHANNELS, &here);
         }
         gradient_of_cov(S, &d, r);
         memcpy(before, d.P, sizeof before);

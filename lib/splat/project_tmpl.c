@@ -185,15 +185,19 @@ VEC_INLINE vf project_confidence(const struct splat_state *s, size_t i,
            vf_clamp(vf_min(drawn, rotated), vf_set(0), vf_set(1));
 }
 
-/* Place channels of Gaussians i and on: what their places in the source
- * picture differ by from where the view takes their centres. */
+/* Place channels of Gaussians i and on (struct splat_place_view). */
 VEC_INLINE void project_channels(struct splat_state *s, size_t i,
+                                 const struct splat_place_side *side,
                                  const struct lanes *l, vf surface)
 {
     const struct view *v = &s->view;
     vf x = l->x * vf_set(2 / (float)v->width) - vf_set(1);
     vf y = l->y * vf_set(2 / (float)v->height) - vf_set(1);
-    vf confidence = project_confidence(s, i, surface), row[4];
+    vf confidence = project_confidence(s, i, surface), row[4], at[2];
+    vf rise = surface - vf_set(1);      /* gaussian_shorter */
+    vf shorter = rise / vf_max(vf_set(side->facing) + rise,
+                               vf_set(SPLAT_PLACE_STEEPEST));
+    vm seen = vf_gt(confidence, vf_set(0));
     const float *n = v->place.neck;
     vf share = vf_clamp(vf_fma(vf_set(n[0]), x,
                                vf_fma(vf_set(n[1]), y, vf_set(n[2]))),
@@ -201,20 +205,23 @@ VEC_INLINE void project_channels(struct splat_state *s, size_t i,
 
     for (int k = 0; k < 2; k++) {
         const float *A = v->place.A + 2 * k, *S = v->place.shoulders + 2 * k;
-        vf at = vf_fma(vf_set(A[0]), x,
+        at[k] = vf_fma(vf_set(A[0]), x,
                        vf_fma(vf_set(A[1]), y, vf_set(v->place.b[k])));
         vf more = vf_fma(vf_set(S[0]), x,
                          vf_fma(vf_set(S[1]), y,
                                 vf_set(v->place.shoulders[4 + k])));
 
-        at = vf_fma(share, more, at);
-
-        /* a centre may be anywhere where nothing was seen of it */
-        row[k] = vf_keep(vf_gt(confidence, vf_set(0)),
-                         confidence * (vf_load(s->cloud.uv[k] + i) - at));
+        at[k] = vf_fma(share, more, at[k]);
     }
+    vf along = shorter * (vf_set(side->e[0]) * at[0] +
+                          vf_set(side->e[1]) * at[1]);
+    /* a centre may be anywhere where nothing was seen of it */
+    for (int k = 0; k < 2; k++)
+        row[k] = vf_keep(seen, confidence * (vf_load(s->cloud.uv[k] + i) -
+                                             at[k] + along *
+                                             vf_set(side->e[k])));
     row[2] = confidence;
-    row[3] = vf_set(0);
+    row[3] = vf_keep(seen, confidence * shorter);
     vf_put_rows(s->place[i], row, 4);
 }
 
@@ -238,6 +245,7 @@ VEC_INLINE void project_dgr_rects(struct splat_state *s, size_t i,
 void ISA(splat_project)(struct splat_state *s, size_t first, size_t last)
 {
     const struct view *v = &s->view;
+    const struct splat_place_side side = splat_place_side(&v->place);
     const vf zero = vf_set(0), big = vf_set(1e36f);
 
     for (size_t i = first; i < last; i += VEC) {
@@ -278,7 +286,7 @@ void ISA(splat_project)(struct splat_state *s, size_t first, size_t last)
 
         vi_store(&s->key[i], (vi)vf_sel(ok, l.z, (vf)vi_set(-1)));
         if (s->place)
-            project_channels(s, i, &l, surface);
+            project_channels(s, i, &side, &l, surface);
         vi_put_pairs(&s->rect[i], tx0 | tx1 << 16, ty0 | ty1 << 16);
         if (v->dgr)
             project_dgr_rects(s, i, &l);

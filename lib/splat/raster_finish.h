@@ -142,7 +142,7 @@ static void raster_stream_half(uint16_t *out, const struct splat_work *w, int y,
 /* Four rows of a tile on their way out: T, depth, up to 4 colours,
  * place channels. */
 struct strip {
-    float T[4][TILE], z[4][TILE], color[4][4][TILE], place[3][4][TILE];
+    float T[4][TILE], z[4][TILE], color[4][4][TILE], place[4][4][TILE];
 };
 
 /* Can colours of more than 4 channels go straight to where they belong? */
@@ -224,16 +224,21 @@ static void raster_finish_places(const struct strip *p, const struct splat *s,
                                  int n)
 {
     const int width = s->opt.width;
-    const size_t bytes = 3 * (size_t)n * sizeof *out->place;
-    float row[4][TILE], place[3 * TILE];
+    const size_t first = SPLAT_PLACE_CHANNELS * at;
+    float place[SPLAT_PLACE_CHANNELS * TILE];
+    const size_t bytes = SPLAT_PLACE_CHANNELS * (size_t)n * sizeof *place;
 
-    for (int c = 0; c < 3; c++)
-        memcpy(row[c], p->place[c][y], sizeof row[c]);
-    raster_put_colors(place, row, n, 3);
+    for (int x = 0; x < TILE; x += VEC) {
+        vf v[SPLAT_PLACE_CHANNELS];
+
+        for (int c = 0; c < SPLAT_PLACE_CHANNELS; c++)
+            v[c] = vf_load(p->place[c][y] + x);
+        vf_put_rows(place + SPLAT_PLACE_CHANNELS * x, v, SPLAT_PLACE_CHANNELS);
+    }
     if (out->place)
-        memcpy(out->place + 3 * at, place, bytes);
+        memcpy(out->place + first, place, bytes);
     if (out->kept_place)
-        memcpy(out->kept_place + 3 * at, place, bytes);
+        memcpy(out->kept_place + first, place, bytes);
     if (out->shade)
         out->shade(out->ctx, out->image ? out->image +
                                           at * (size_t)s->opt.channels : NULL,
@@ -276,7 +281,7 @@ static void raster_finish(struct splat_work *w, const struct splat *s,
         raster_block_rows(p.T, w->T[ACROSS * by]);
         for (int c = 0; !s->state->row && c < 4; c++)
             raster_block_rows(p.color[c], w->sum[COLOR + c][ACROSS * by]);
-        for (int c = 0; place && c < 3; c++)
+        for (int c = 0; place && c < SPLAT_PLACE_CHANNELS; c++)
             raster_block_rows(p.place[c], w->sum[PLACE + c][ACROSS * by]);
         if (out->depth)
             raster_block_rows(p.z, w->sum[DEPTH][ACROSS * by]);

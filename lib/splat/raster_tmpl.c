@@ -98,7 +98,7 @@ VEC_INLINE void raster_sum(struct splat_work *w, int block, uint32_t rows,
     vf sum[SUMS][PARTS];
 
 #define EACH_SUM \
-    _Pragma("GCC unroll 7") for (int c = 0; c < SUMS; c++) \
+    _Pragma("GCC unroll 8") for (int c = 0; c < SUMS; c++) \
         if (columns >> c & 1) \
             _Pragma("GCC unroll 4") for (int k = 0; k < PARTS; k++)
     EACH_SUM sum[c][k] = vf_load(w->sum[c][PARTS * block + k]);
@@ -304,12 +304,10 @@ static void raster_block(const struct splat *s, struct splat_work *w,
     case 4: n = raster_traverse(w, block, v, 4); break;
     default: n = raster_traverse(w, block, v, 5); break;
     }
-    if (place && !wide)
-        raster_sum(w, block, n, 0x77);
-    else if (place)
-        raster_sum(w, block, n, 0x70);
-    else if (!wide)
+    if (!wide)                  /* all at once would not fit the registers */
         raster_sum(w, block, n, 0x07);
+    if (place)
+        raster_sum(w, block, n, 0xf0);
     if (s->opt.depth || s->opt.channels == 4)
         raster_sum(w, block, n, 0x08);
     for (int k = 0; wide && k < PARTS; k++)
@@ -371,7 +369,8 @@ VEC_INLINE void raster_fetch_target(const struct splat *s,
             chunk_fetch(out->background_free + at * C,
                         n * C * sizeof *out->background_free);
         if (out->place)
-            chunk_fetch(out->place + 3 * at, 3 * n * sizeof *out->place);
+            chunk_fetch(out->place + SPLAT_PLACE_CHANNELS * at,
+                        SPLAT_PLACE_CHANNELS * n * sizeof *out->place);
         if (out->alpha)
             chunk_fetch(out->alpha + at, n * sizeof *out->alpha);
         if (out->final_T)

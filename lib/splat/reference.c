@@ -83,6 +83,7 @@ void reference_release(struct reference *t)
 {
     free(t->uv);
     free(t->confidence);
+    free(t->shorter);
     free(t->mean);
     free(t->scale);
     free(t->quat);

@@ -14,8 +14,9 @@ struct reference {
     double *mean, *scale, *quat, *opacity, *color;   /* owned; (N,3) (N,3)
                                                       * (N,4) (N) (N,C) */
     double rt[12], fx, fy, cx, cy;
-    double background[SPLAT_MAX_CHANNELS + 3];
-    double *uv, *confidence;     /* owned; (N,2) from -1 to 1, (N) c; or NULL */
+    double background[SPLAT_MAX_CHANNELS + SPLAT_PLACE_CHANNELS];
+    double *uv, *confidence, *shorter;   /* owned; (N,2) from -1 to 1, (N) c,
+                                          * (N) s; or NULL */
     struct splat_place_view view;
     uint32_t *order;       /* NULL, or (N): drawn in this order, not by depth
                             * (finite differences); owned by the caller */

@@ -207,8 +207,12 @@ static void reference_place_backward(struct screen *s, const double *d_color,
                                      const struct reference_point *p,
                                      const struct reference *t, size_t i)
 {
-    const double *d = d_color + (i + 1) * (size_t)t->channels - 3;
-    double u = -t->confidence[i] * d[0], v = -t->confidence[i] * d[1], J[4];
+    const struct splat_place_side side = splat_place_side(&t->view);
+    const double *d = d_color + (i + 1) * (size_t)t->channels -
+                      SPLAT_PLACE_CHANNELS;
+    const double along = t->shorter[i] * (side.e[0] * d[0] + side.e[1] * d[1]);
+    double u = -t->confidence[i] * (d[0] - along * side.e[0]), J[4];
+    double v = -t->confidence[i] * (d[1] - along * side.e[1]);
 
     splat_place_slope(J, &t->view, 2 * p->x / t->width - 1,
                       2 * p->y / t->height - 1);

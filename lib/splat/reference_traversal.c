@@ -91,11 +91,12 @@ static int traversal_fill_lists(struct traversal *w, const struct reference *t,
     return 0;
 }
 
-/* The scene's channels with the places of where the Gaussians are now: c
- * (2 uv - 1 - A x - b). */
+/* The scene's channels with the places of where the Gaussians are now (struct
+ * splat_place_view). */
 static int traversal_fill_places(struct traversal *w,
                                  const struct reference *t, struct error *err)
 {
+    const struct splat_place_side side = splat_place_side(&t->view);
     size_t C = (size_t)t->channels;
 
     w->color = t->color;
@@ -108,13 +109,17 @@ static int traversal_fill_places(struct traversal *w,
     for (size_t i = 0; i < t->n; i++) {
         double x = 2 * w->point[i].x / t->width - 1;
         double y = 2 * w->point[i].y / t->height - 1;
-        double *out = w->placed + (i + 1) * C - 3, confidence = t->confidence[i];
-        double at[2];
+        double *out = w->placed + (i + 1) * C - SPLAT_PLACE_CHANNELS;
+        double confidence = t->confidence[i], at[2];
 
         splat_place_at(at, &t->view, x, y);
+        const double along = t->shorter[i] *
+                             (side.e[0] * at[0] + side.e[1] * at[1]);
         for (int k = 0; k < 2; k++)
-            out[k] = confidence * (t->uv[2 * i + (size_t)k] - at[k]);
+            out[k] = confidence * (t->uv[2 * i + (size_t)k] - at[k] +
+                                   along * side.e[k]);
         out[2] = confidence;
+        out[3] = confidence * t->shorter[i];
     }
     return 0;
 }

@@ -97,7 +97,7 @@ struct splat_state {
     size_t fadings;
     struct projected_gaussian *projection;   /* (N) */
     float (*color)[4];         /* (N) the first channels */
-    float (*place)[4];         /* (N) place channels and 0, or NULL */
+    float (*place)[4];         /* (N) place channels, or NULL */
     uint32_t *key;             /* (N) bits of z, or HIDDEN */
     float *fine[3];            /* (N) with gradients: what float loses of x, y,
                                 * z; else NULL */

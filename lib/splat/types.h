@@ -88,10 +88,16 @@ struct splat {
 };
 
 /* How places in the driven picture become places in the source picture, but for
- * each Gaussian's own offset: M(x), which is A x + b on the head, positions from
- * -1 to 1 across a picture.  The three place channels of a Gaussian centred at x
- * are c (2 uv - 1 - M(x)), x before y, and c, the confidence in it: seen times
- * gaussian_visible. */
+ * each Gaussian's own surface: M(x), which is A x + b on a plane that faces the
+ * source's camera, positions from -1 to 1 across a picture.  On a surface whose
+ * depth rises otherwise a step is shorter by the share s (gaussian_shorter) along
+ * e (2), a unit vector, so that the Gaussian centred at x has what the frame shows
+ * at y at
+ *   2 uv - 1 + (1 - s e e^T) (M(y) - M(x)).
+ * Its place channels, of which y is not part and which are blended, are
+ *   c (2 uv - 1 - M(x) + s e e^T M(x)), x before y; c; c s,
+ * c being the confidence in it: seen times gaussian_visible. */
+#define SPLAT_PLACE_CHANNELS 4
 struct splat_place_view {
     float A[4];                   /* rows */
     float b[2];
@@ -104,6 +110,32 @@ struct splat_place_view {
                                    * to the right and down (gaussian_visible) */
 };
 #define SPLAT_PLACE_VIEW 17     /* numbers of it */
+
+/* Determinants are at least this, surfaces seen at no less than 20 degrees: maps
+ * would grow without bound. */
+#define SPLAT_PLACE_STEEPEST 0.35f
+
+/* The direction of `toward`, or 0 (2), and the cosine between the cameras. */
+struct splat_place_side {
+    float e[2], facing;
+};
+
+static inline struct splat_place_side
+splat_place_side(const struct splat_place_view *v)
+{
+    const float *t = v->toward, square = t[0] * t[0] + t[1] * t[1];
+    const float by = square > 0 ? 1 / sqrtf(square) : 0;
+
+    return (struct splat_place_side){
+        {t[0] * by, t[1] * by},
+        fmaxf(sqrtf(fmaxf(1 - square, 0)), SPLAT_PLACE_STEEPEST)};
+}
+
+/* s, from how far the depth rises toward the frame's camera: tilt . toward. */
+static inline float gaussian_shorter(float rise, float facing)
+{
+    return rise / fmaxf(facing + rise, SPLAT_PLACE_STEEPEST);
+}
 
 /* at (2): where the view takes a frame's (x,y). */
 static inline void splat_place_at(double at[2],
@@ -118,7 +150,19 @@ static inline void splat_place_at(double at[2],
                 share * (S[2 * k] * x + S[2 * k + 1] * y + S[4 + k]);
 }
 
-/* J (2,2): how that place moves with x and y. */
+/* at (2), M(y), becomes the place that was blended there: p, the channels. */
+static inline void splat_place_blended(double at[2],
+                                       const struct splat_place_side *side,
+                                       const float p[SPLAT_PLACE_CHANNELS])
+{
+    const float *e = side->e;
+    const double along = p[3] * (e[0] * at[0] + e[1] * at[1]);
+
+    for (int k = 0; k < 2; k++)
+        at[k] += (p[k] - along * e[k]) / p[2];
+}
+
+/* J (2,2): how M moves with x and y. */
 static inline void splat_place_slope(double J[4],
                                      const struct splat_place_view *v,
                                      double x, double y)
@@ -136,7 +180,7 @@ static inline void splat_place_slope(double J[4],
 }
 
 /* What becomes of n <= 16 finished pixels of row y, from x on: color (n,C) and
- * alpha (n) in place in their pictures, by the blended places, place (n,3).
+ * alpha (n) in place in their pictures, by the blended places, place (n,4).
  * color is NULL in half precision.  Any thread calls it. */
 typedef void splat_shade_fn(void *ctx, float *color, float *alpha,
                             const float *place, int x, int y, int n);
@@ -148,7 +192,7 @@ struct splat_pictures {
     uint16_t *half;               /* ... the same in half precision */
     float *alpha;                 /* (H,W) 1 - T */
     float *depth;                 /* (H,W) with opt.depth */
-    float *place;                 /* (H,W,3) with opt.place: sum_i w_i of the
+    float *place;                 /* (H,W,4) with opt.place: sum_i w_i of the
                                    * place channels, always in float */
     splat_shade_fn *shade;        /* with opt.place and alpha */
     void *ctx;                    /* its first argument */
@@ -168,7 +212,7 @@ struct splat_gradients {
     float *color;                 /* (N,C), C of splat_options */
     float *rt;                    /* (3,4) of the camera's [R|t], entry by
                                    * entry (R taken as nine free numbers) */
-    float *place;                 /* (N,3) of the place channels */
+    float *place;                 /* (N,4) of the place channels */
 };
 
 #endif

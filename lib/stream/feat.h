@@ -12,7 +12,7 @@
 #include "lib/stream/stream.h"
 
 #define FEAT_PHOTO 5    /* numbers of a pixel of photo, */
-#define FEAT_PLACE 3    /* of place, */
+#define FEAT_PLACE 4    /* of place, */
 #define FEAT_MAP 17     /* of the places' view */
 #define FEAT_GAIN 4    /* pixels from one number of gain to the next, */
 #define FEAT_TURN 6     /* and of the head's turn */
@@ -30,7 +30,7 @@ struct feat {
     const float *depth;     /* (height,width) camera z; not read */
     const float *photo;     /* (height,width,5), packed (pixels,5): what the
                              * photograph shows (lib/photo) */
-    const float *place;     /* (height,width,3) blended places, */
+    const float *place;     /* (height,width,4) blended places, */
     const float *map;       /* (17) and their view (lib/splat/types.h) */
     const float *gain;      /* (gain_height,gain_width) gains of the
                              * colours, a quarter of the picture's size

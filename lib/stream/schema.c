@@ -100,7 +100,7 @@ static const struct schema table[] = {
     { RECORD_FEAT, "alpha", "f32", "H,W", true, "0 to 1" },
     { RECORD_FEAT, "photo", "f32", "H,W,5|P,5", false,
       "the photograph's share" },
-    { RECORD_FEAT, "place", "f32", "H,W,3", false, "blended places" },
+    { RECORD_FEAT, "place", "f32", "H,W,4", false, "blended places" },
     { RECORD_FEAT, "map", "f32", "17", false, "their view" },
     { RECORD_FEAT, "gain", "f32", "G,K", false, "how the light changed" },
     { RECORD_FEAT, "turn", "f32", "6", false, "of the head since the source" },

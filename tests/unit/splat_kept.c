@@ -2,11 +2,12 @@
  * drawn anew, whatever comes, goes and stays bare. */
 #include "tests/unit/splat_scene.h"
 
-enum { SIZE = 200, N = 300, P = SIZE * SIZE };
+enum { SIZE = 200, N = 300, P = SIZE * SIZE, PLACES = SPLAT_PLACE_CHANNELS };
 
 /* Everything that a frame of SpiD* has. */
 struct kept_pictures {
-    float image[3 * P], alpha[P], place[3 * P], shaded[3 * P];
+    float image[3 * P], alpha[P];
+    float place[PLACES * P], shaded[PLACES * P];
 };
 
 /* What a shader is told, where it belongs. */
@@ -18,7 +19,8 @@ static void kept_shade(void *ctx, float *color, float *alpha,
 
     CHECK(n <= 16 && color == p->image + 3 * at && alpha == p->alpha + at,
           "row %d from %d on: others' pixels", y, x);
-    memcpy(p->shaded + 3 * at, place, 3 * (size_t)n * sizeof *place);
+    memcpy(p->shaded + PLACES * at, place,
+           PLACES * (size_t)n * sizeof *place);
 }
 
 static void kept_draw(struct splat *s, struct kept_pictures *p,

@@ -4,7 +4,7 @@
 #include "lib/base/random.h"
 #include "tests/unit/splat_scene.h"
 
-enum { SIZE = 40, N = 1200 };
+enum { SIZE = 40, N = 1200, PLACES = SPLAT_PLACE_CHANNELS };
 
 static const struct splat_place_view view = {
     .A = {0.9f, 0.2f, -0.15f, 1.1f}, .b = {0.05f, -0.1f},
@@ -52,33 +52,36 @@ static double places_left(const struct gaussians *g, size_t i)
                     gaussian_more(g->tilt + 2 * i, view.toward)));
 }
 
-/* t's reference, whose pictures end in three channels of places; size pixels a
+/* t's reference, whose pictures end in the channels of places; size pixels a
  * side. */
 static int places_reference(struct reference *r, const struct testscene *t,
                             int channels, int size, struct error *err)
 {
     const struct splat_camera cam = splat_camera_square(t->cam, size, 12);
     const struct gaussians *g = &t->g;
+    const struct splat_place_side side = splat_place_side(&view);
     const size_t C = (size_t)channels;
     double *color;
 
     if (reference_init(r, g, &cam, size, size, channels, SPLAT_GSPLAT, 0, err))
         return -1;
-    color = scene_grab(r->n * (C + 3), sizeof *color);
+    color = scene_grab(r->n * (C + PLACES), sizeof *color);
     r->uv = scene_grab(2 * r->n, sizeof *r->uv);
     r->confidence = scene_grab(r->n, sizeof *r->confidence);
+    r->shorter = scene_grab(r->n, sizeof *r->shorter);
     for (size_t i = 0; i < r->n; i++) {
         const float more = gaussian_more(g->tilt + 2 * i, view.toward);
 
-        memcpy(color + i * (C + 3), r->color + i * C, C * sizeof *color);
+        memcpy(color + i * (C + PLACES), r->color + i * C, C * sizeof *color);
         r->opacity[i] *= places_left(g, i);
         r->confidence[i] = gaussians_seen(g, i) * gaussian_visible(more);
+        r->shorter[i] = gaussian_shorter(more - 1, side.facing);
         for (size_t k = 0; k < 2; k++)
             r->uv[2 * i + k] = 2 * (double)g->uv[2 * i + k] - 1;
     }
     free(r->color);
     r->color = color;
-    r->channels += 3;
+    r->channels += PLACES;
     r->view = view;
     return 0;
 }
@@ -115,15 +118,16 @@ static double places_error(const float *place, const struct testscene *t)
     struct reference truth;
     struct error err = {0};
     size_t P = SIZE * SIZE;
-    double *want = scene_grab(P * 4, sizeof *want), worst = 0;
+    double *want = scene_grab(P * (PLACES + 1), sizeof *want), worst = 0;
     uint8_t *skip = scene_grab(P, 1);
 
     if (places_reference(&truth, t, 1, SIZE, &err) ||
         reference_forward(want, NULL, NULL, skip, &truth, &err))
         exit(1);
     for (size_t p = 0; p < P; p++)
-        for (size_t c = 0; c < 3 && !skip[p]; c++)
-            worst = fmax(worst, fabs(place[3 * p + c] - want[4 * p + 1 + c]));
+        for (size_t c = 0; c < PLACES && !skip[p]; c++)
+            worst = fmax(worst, fabs(place[PLACES * p + c] -
+                                      want[(PLACES + 1) * p + 1 + c]));
     reference_release(&truth);
     free(want);
     free(skip);
@@ -137,8 +141,8 @@ static void places_forward(int channels, bool depth)
     size_t P = SIZE * SIZE, C = (size_t)channels;
     float *plain = scene_grab(P * C, sizeof *plain);
     float *image = scene_grab(P * C, sizeof *image);
-    float *place = scene_grab(P * 3, sizeof *place);
-    float *other = scene_grab(P * 3, sizeof *other);
+    float *place = scene_grab(P * PLACES, sizeof *place);
+    float *other = scene_grab(P * PLACES, sizeof *other);
     char what[64];
 
     places_scene(&t, N, 41);
@@ -163,7 +167,7 @@ static void places_forward(int channels, bool depth)
     o.threads = 7;
     draw_places(image, other, &t, &o);
     check_that("the same bits for 7 threads",
-               !memcmp(place, other, P * 3 * sizeof *place) &&
+               !memcmp(place, other, P * PLACES * sizeof *place) &&
                !memcmp(plain, image, P * C * sizeof *image));
     places_release(&t);
     free(plain);
@@ -238,8 +242,8 @@ static void places_moving(void)
     struct error err = {0};
     size_t P = SIZE * SIZE;
     float *image = scene_grab(P * 3, sizeof *image);
-    float *place = scene_grab(P * 3, sizeof *place);
-    float *fresh = scene_grab(P * 3, sizeof *fresh);
+    float *place = scene_grab(P * PLACES, sizeof *place);
+    float *fresh = scene_grab(P * PLACES, sizeof *fresh);
     struct splat_pictures out = {.image = image, .place = place};
     struct splat_place_view first = {.A = {1, 0, 0, 1}};
 
@@ -264,12 +268,12 @@ static void places_moving(void)
     check_error("drawn thrice", ok, &err);
     draw_places(image, fresh, &t, &o);
     check_that("moved, another view: as drawn anew",
-               !memcmp(place, fresh, P * 3 * sizeof *place));
+               !memcmp(place, fresh, P * PLACES * sizeof *place));
     check("moved: places against double", places_error(place, &t), 5e-5);
     t.g.reach = NULL;
     draw_places(image, fresh, &t, &o);
     check_that("which the reach has changed",
-               memcmp(place, fresh, P * 3 * sizeof *place) != 0);
+               memcmp(place, fresh, P * PLACES * sizeof *place) != 0);
     splat_release(&s);
     places_release(&t);
     free(source_mean);
@@ -282,7 +286,7 @@ static void places_moving(void)
 /* ---- backward ------------------------------------------------------------ */
 
 /* Rows of one Gaussian's gradients, and the camera's after them. */
-enum { MEAN = 0, SCALE = 3, QUAT = 6, OPACITY = 10, PLACE = 11, COLOR = 14 };
+enum { MEAN = 0, SCALE = 3, QUAT = 6, OPACITY = 10, PLACE = 11, COLOR = PLACE + PLACES };
 
 static float *kernel_gradients(const struct testscene *t, size_t C,
                                int threads,
@@ -293,7 +297,7 @@ static float *kernel_gradients(const struct testscene *t, size_t C,
     size_t n = t->g.n;
     float *all = scene_grab(n * (COLOR + C) + 12, sizeof *all);
     float *image = scene_grab(SIZE * SIZE * C, sizeof *image);
-    float *place = scene_grab(SIZE * SIZE * 3, sizeof *place);
+    float *place = scene_grab(SIZE * SIZE * PLACES, sizeof *place);
     struct splat_pictures out = {.image = image, .place = place};
     struct splat_gradients g = {
         .mean = all, .scale = all + SCALE * n, .quat = all + QUAT * n,
@@ -318,7 +322,7 @@ static float *kernel_gradients(const struct testscene *t, size_t C,
 static double *reference_gradients_of(const struct testscene *t, size_t C,
                                       const struct splat_picture_gradients *d)
 {
-    size_t n = t->g.n, P = SIZE * SIZE, K = C + 3;
+    size_t n = t->g.n, P = SIZE * SIZE, K = C + PLACES;
     double *all = scene_grab(n * (COLOR + C) + 12, sizeof *all);
     double *color = scene_grab(n * K, sizeof *color);
     double *g = scene_grab(P * K, sizeof *g), *ga = scene_grab(P, sizeof *ga);
@@ -332,7 +336,7 @@ static double *reference_gradients_of(const struct testscene *t, size_t C,
     for (size_t p = 0; p < P; p++) {
         for (size_t c = 0; c < K; c++)
             g[p * K + c] = c < C ? d->image[p * C + c]
-                                 : d->place[p * 3 + c - C];
+                                 : d->place[p * PLACES + c - C];
         ga[p] = d->alpha[p];
     }
     if (places_reference(&truth, t, (int)C, SIZE, &err) ||
@@ -342,7 +346,7 @@ static double *reference_gradients_of(const struct testscene *t, size_t C,
         all[OPACITY * n + i] *= places_left(&t->g, i);
     for (size_t i = 0; i < n; i++)
         for (size_t c = 0; c < K; c++)
-            all[c < C ? COLOR * n + i * C + c : PLACE * n + i * 3 + c - C] =
+            all[c < C ? COLOR * n + i * C + c : PLACE * n + i * PLACES + c - C] =
                 color[i * K + c];
     reference_release(&truth);
     free(color);
@@ -371,11 +375,11 @@ static void places_backward(size_t C)
     size_t P = SIZE * SIZE, all = N * (COLOR + C) + 12;
     size_t at[8] = {0, SCALE * N, QUAT * N, OPACITY * N, PLACE * N,
                     COLOR * N, (COLOR + C) * N, all};
-    float *f = scene_grab(P * (C + 4), sizeof *f);
+    float *f = scene_grab(P * (C + PLACES + 1), sizeof *f);
     struct splat_picture_gradients d = {f, f + P * C, f + P * (C + 1)};
 
     places_scene(&t, N, 21);
-    random_numbers(f, P * (C + 4), 3);
+    random_numbers(f, P * (C + PLACES + 1), 3);
     double *want = reference_gradients_of(&t, C, &d);
     float *one = kernel_gradients(&t, C, 1, &d);
     float *seven = kernel_gradients(&t, C, 7, &d);
@@ -435,7 +439,7 @@ static double difference_error(double *x, const double *d, size_t n, double h,
 
 static void finite_differences(void)
 {
-    enum { FEW = 12, SMALL = 16, K = 4 };
+    enum { FEW = 12, SMALL = 16, K = PLACES + 1 };
     struct testscene scene;
     struct reference t;
     struct error err = {0};

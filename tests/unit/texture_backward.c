@@ -7,7 +7,8 @@
 #include "lib/photo/lookup.h"
 #include "tests/check.h"
 
-enum { S = 24, PIXELS = S * S, FIELD = S / TEXTURE_FIELD_STEP };
+enum { S = 24, PIXELS = S * S, FIELD = S / TEXTURE_FIELD_STEP,
+       PLACES = SPLAT_PLACE_CHANNELS };
 
 static struct random dice;
 
@@ -152,9 +153,9 @@ static const struct splat_place_view view = {
     .shoulders = {0.1f, 0.05f, -0.1f, 0.1f, 0.02f, 0.01f},
     .neck = {0.2f, 1, 0.5f}, .toward = {0.9f, -0.3f}
 };
-static double place[3 * PIXELS], cover[PIXELS];
-static float place_f[3 * PIXELS], cover_f[PIXELS];
-static float dplace[3 * PIXELS], dcover[PIXELS], photo[TEXTURE_PHOTO * PIXELS];
+static double place[PLACES * PIXELS], cover[PIXELS];
+static float place_f[PLACES * PIXELS], cover_f[PIXELS];
+static float dplace[PLACES * PIXELS], dcover[PIXELS], photo[TEXTURE_PHOTO * PIXELS];
 static float probe[TEXTURE_PHOTO * PIXELS];
 
 /* Keys's weight of tap k of four. */
@@ -183,20 +184,22 @@ static double lookup_number(const uint8_t *t, double u, double v, int c)
 
 static double backward_confidence(size_t i)
 {
-    return fmin(fmax(1.6 * place[3 * i + 2] / cover[i] - 0.2, 0), 1) *
+    return fmin(fmax(1.6 * place[PLACES * i + 2] / cover[i] - 0.2, 0), 1) *
            fmin(1.4f / hypot(0.9f, 0.3f) * cover[i], 1);
 }
 
 /* Where pixel j's place lies, pixels. */
 static void backward_position(double uv[2], size_t j)
 {
-    const double *p = place + 3 * j;
+    const struct splat_place_side side = splat_place_side(&view);
+    const double *p = place + PLACES * j;
     const double n[2] = {(2.0 * (double)(j % S) + 1) / S - 1,
                          (2.0 * (double)(j / S) + 1) / S - 1};
 
     splat_place_at(uv, &view, n[0], n[1]);
+    const double along = p[3] * (side.e[0] * uv[0] + side.e[1] * uv[1]);
     for (int k = 0; k < 2; k++)
-        uv[k] = 0.5 * S * (uv[k] + p[k] / p[2] + 1);
+        uv[k] = 0.5 * S * (uv[k] + (p[k] - along * side.e[k]) / p[2] + 1);
 }
 
 /* What pixel i adds to the loss. */
@@ -220,14 +223,16 @@ static void lookup_inputs(void)
         for (size_t c = 0; c < 3; c++)
             rgb8[3 * i + c] = (uint8_t)random_below(&dice, matte[i] + 1u);
         cover_f[i] = backward_draw(0.3, 1);
-        place_f[3 * i + 2] = backward_draw(0.4, 1) * cover_f[i];
+        place_f[PLACES * i + 2] = backward_draw(0.4, 1) * cover_f[i];
         for (size_t c = 0; c < 2; c++)
-            place_f[3 * i + c] = backward_draw(-1.6, 1.6) / S
-                                 * place_f[3 * i + 2];
+            place_f[PLACES * i + c] = backward_draw(-1.6, 1.6) / S
+                                 * place_f[PLACES * i + 2];
+        place_f[PLACES * i + 3] = backward_draw(-0.5, 0.7)
+                                  * place_f[PLACES * i + 2];
         for (size_t c = 0; c < TEXTURE_PHOTO; c++)
             probe[TEXTURE_PHOTO * i + c] = backward_draw(-1, 1);
     }
-    for (size_t i = 0; i < 3 * PIXELS; i++)
+    for (size_t i = 0; i < PLACES * PIXELS; i++)
         place[i] = (double)place_f[i];
     for (size_t i = 0; i < PIXELS; i++)
         cover[i] = (double)cover_f[i];
@@ -269,10 +274,10 @@ static void backward_lookup(void)
                             cover_f, S);
     worst = 0;
     for (size_t i = 0; i < PIXELS; i++) {
-        for (size_t c = 0; c < 3; c++) {
-            double want = lookup_difference(&t, &place[3 * i + c], i);
+        for (size_t c = 0; c < PLACES; c++) {
+            double want = lookup_difference(&t, &place[PLACES * i + c], i);
 
-            backward_compare((double)dplace[3 * i + c], want, 10 + fabs(want));
+            backward_compare((double)dplace[PLACES * i + c], want, 10 + fabs(want));
         }
         backward_compare((double)dcover[i], lookup_difference(&t, &cover[i], i),
                          1);

@@ -12,14 +12,14 @@
 #include "tests/check.h"
 #include "tests/unit/levels.h"
 
-enum { S = 128, PIXELS = S * S };
+enum { S = 128, PIXELS = S * S, PLACES = SPLAT_PLACE_CHANNELS };
 
 static const struct splat_place_view straight = {.A = {1, 0, 0, 1}};
 
 /* A photograph of somebody in front of something: rgb is person + (1 - matte)
  * back, rounded. */
 static uint8_t rgb[3 * PIXELS], matte[PIXELS], back[3 * PIXELS];
-static float color[3 * PIXELS], alpha[PIXELS], place[3 * PIXELS];
+static float color[3 * PIXELS], alpha[PIXELS], place[PLACES * PIXELS];
 static float photo[TEXTURE_PHOTO * PIXELS];
 
 static void lookup_draw_photograph(uint64_t seed)
@@ -52,9 +52,9 @@ static void texture_of_photograph(struct texture *t)
 static void lookup_set_places(float x, float y, float seen, float cover)
 {
     for (size_t i = 0; i < PIXELS; i++) {
-        place[3 * i] = x * seen;
-        place[3 * i + 1] = y * seen;
-        place[3 * i + 2] = seen;
+        place[PLACES * i] = x * seen;
+        place[PLACES * i + 1] = y * seen;
+        place[PLACES * i + 2] = seen;
         alpha[i] = cover;
     }
 }
@@ -204,9 +204,9 @@ static void test_identity(void)
         double at[2];
 
         splat_place_at(at, &other, x, y);
-        place[3 * i] = x - (float)at[0];
-        place[3 * i + 1] = y - (float)at[1];
-        place[3 * i + 2] = 1;
+        place[PLACES * i] = x - (float)at[0];
+        place[PLACES * i + 1] = y - (float)at[1];
+        place[PLACES * i + 2] = 1;
         alpha[i] = 1;
     }
     texture_apply(color, 3, alpha, &t, &other, place, S);
@@ -295,7 +295,7 @@ static void test_nothing(const struct texture *t)
     lookup_set_places(0, 0, 1, 1);
     for (size_t i = 0; i < PIXELS; i++)
         if (i % S >= S / 2)
-            memset(place + 3 * i, 0, 3 * sizeof *place);
+            memset(place + PLACES * i, 0, PLACES * sizeof *place);
     lookup_run(t);
     check_that("beside nothing: full", lookup_confidence(S / 2 - 1, 9) == 1);
     check_that("nothing: zeros",
@@ -347,9 +347,9 @@ static void lookup_set_chance(void)
     lookup_set_places(0, 0, 1, 1);
     for (size_t i = 0; i < PIXELS; i++) {
         alpha[i] = (float)random_uniform(&r);
-        place[3 * i + 2] = alpha[i] * (float)random_uniform(&r);
-        place[3 * i] = (float)random_range(&r, -1, 1) * 2 / S
-                       * place[3 * i + 2];
+        place[PLACES * i + 2] = alpha[i] * (float)random_uniform(&r);
+        place[PLACES * i] = (float)random_range(&r, -1, 1) * 2 / S
+                       * place[PLACES * i + 2];
     }
     lookup_set_grey();
 }
@@ -413,8 +413,8 @@ static void in_one(const struct texture *t)
     for (size_t i = 0; i < PIXELS; i += 16) {
         const int x = (int)(i % S), y = (int)(i / S);
 
-        texture_shade(&beside, NULL, over + i, place + 3 * i, x, y, 16);
-        texture_shade(&mixed, shaded + 3 * i, over + i, place + 3 * i, x, y,
+        texture_shade(&beside, NULL, over + i, place + PLACES * i, x, y, 16);
+        texture_shade(&mixed, shaded + 3 * i, over + i, place + PLACES * i, x, y,
                       16);
     }
     check_that("looked up while it is drawn: the same bits",

@@ -7,6 +7,7 @@
 #include "lib/base/camera.h"
 #include "lib/base/neck_blend.h"
 #include "lib/base/rotation.h"
+#include "lib/base/gaussians.h"
 #include "lib/photo/place.h"
 #include "tests/check.h"
 
@@ -119,6 +120,75 @@ static void place_planes(void)
           largest_offset(source, cam, 0), 0.04);
     check_that("turned: points before the plane have more",
                largest_offset(source, cam, 0.6) > 0.1);
+}
+
+/* How far from the truth a Gaussian in the middle of a slope puts the points
+ * about it, normalised; with `flat` as if it faced the source's camera. */
+static double slope_error(const float source[12], const float cam[12],
+                          const float tilt[2], bool flat)
+{
+    struct splat_place_view v;
+    float mean[3 * N], uv[2 * N], n[2 * N];
+    struct random r;
+    double at[2], worst = 0;
+
+    random_init(&r, 5, "slope");
+    for (size_t i = 0; i < N; i++) {
+        const float x = i ? (float)random_range(&r, -0.1, 0.1) : 0;
+        const float y = i ? (float)random_range(&r, -0.1, 0.1) : 0;
+        const float z = tilt[0] * x + tilt[1] * y;
+
+        for (size_t k = 0; k < 3; k++)
+            mean[3 * i + k] = x * source[k] + y * source[4 + k] +
+                              z * source[8 + k];
+    }
+    place_view_make(&v, source, cam, NULL);
+    camera_project(uv, NULL, source, 2, mean, N);
+    camera_project(n, NULL, cam, 2, mean, N);
+    const struct splat_place_side side = splat_place_side(&v);
+    const float s = flat ? 0
+        : gaussian_shorter(gaussian_more(tilt, v.toward) - 1, side.facing);
+    float p[SPLAT_PLACE_CHANNELS] = {0, 0, 0.7f, 0.7f * s};
+
+    splat_place_at(at, &v, n[0] - 1, n[1] - 1);
+    const double along = s * (side.e[0] * at[0] + side.e[1] * at[1]);
+    for (int k = 0; k < 2; k++)
+        p[k] = 0.7f * (float)(uv[k] - 1 - at[k] + along * side.e[k]);
+    for (size_t i = 0; i < N; i++) {
+        splat_place_at(at, &v, n[2 * i] - 1, n[2 * i + 1] - 1);
+        splat_place_blended(at, &side, p);
+        for (size_t k = 0; k < 2; k++)
+            worst = fmax(worst, fabs(at[k] - (uv[2 * i + k] - 1)));
+    }
+    return worst;
+}
+
+/* Slopes along the way that the camera has gone, either way. */
+static void place_slopes(void)
+{
+    const float look[3] = {0.1f, -0.3f, 0};
+    float source[12], cam[12];
+    double exact = 0, flat = 1;
+
+    place_rotated(source, look, 0, 12);
+    for (int way = -1; way <= 1; way += 2)
+        for (int axis = 0; axis < 2; axis++)
+            for (float slope = -0.8f; slope < 2.5f; slope += 1.6f) {
+                float turned[3] = {look[0], look[1], look[2]}, tilt[2] = {0};
+                struct splat_place_view v;
+
+                turned[1 - axis] += 0.4f * (float)way;
+                place_rotated(cam, turned, 0, 12);
+                place_view_make(&v, source, cam, NULL);
+                const float size = hypotf(v.toward[0], v.toward[1]);
+                for (int k = 0; k < 2; k++)
+                    tilt[k] = slope * v.toward[k] / size;
+                exact = fmax(exact, slope_error(source, cam, tilt, false));
+                flat = fmin(flat, slope_error(source, cam, tilt, true));
+            }
+    check("on a slope: what perspective adds", exact, 6e-3);
+    check_that("as if it were flat: four times that and more",
+               flat > 4 * exact);
 }
 
 /* A uv, through the offsets and back by the view. */
@@ -258,6 +328,7 @@ static void place_outside(void)
 int main(void)
 {
     place_planes();
+    place_slopes();
     round_trip();
     place_shoulders();
     place_steep();

@@ -1,9 +1,15 @@
 // The three programs of the graphics card: Gaussians to blended colours, places
 // and gains, those and the photograph to the picture, the mesh as lines.
 
-// Where the view takes a place of the picture (splat_place_at of
-// lib/splat/types.h).
+// Where the view takes a place of the picture, and the way and the cosine to the
+// frame's camera (splat_place_at and splat_place_side of lib/splat/types.h).
 const viewed = `
+uniform vec2 toward;
+vec3 side() {
+  float square = dot(toward, toward);
+  return vec3(square > 0.0 ? toward * inversesqrt(square) : vec2(0.0),
+              max(sqrt(max(1.0 - square, 0.0)), 0.35));
+}
 uniform vec4 placeA, shouldersA;
 uniform vec2 placeB, shouldersB;
 uniform vec3 neck;
@@ -25,13 +31,12 @@ uniform vec4 cam[3];
 uniform vec2 size;
 uniform float focal;
 uniform ivec3 branches;
-uniform vec2 toward;
 uniform vec3 photoLight;
 uniform vec4 light;
 ${viewed}
 out vec2 spread;
 flat out vec4 paint;
-flat out vec3 place;
+flat out vec4 place;
 flat out float gain;
 
 /* gaussian_more, gaussian_visible, gaussian_halved and gaussian_light of
@@ -89,7 +94,11 @@ void main() {
 #ifdef PLACES
   vec2 n = 12.0 * p.xy / p.z;
   float sure = t1.w * mean.w * visible(surface);
-  place = vec3(sure * (2.0 * t3.xy - 1.0 - viewed(n)), sure);
+  vec3 e = side();
+  vec2 view = viewed(n);
+  float shorter = (surface - 1.0) / max(e.z + surface - 1.0, 0.35);
+  place = sure * vec4(2.0 * t3.xy - 1.0 - view +
+                      shorter * dot(e.xy, view) * e.xy, 1.0, shorter);
   vec3 normal = texelFetch(normals, ivec2(i % WIDTH, i / WIDTH), 0).xyz;
   gain = sqrt(light.w * lit(normal, light.xyz) / lit(normal, photoLight));
 #endif
@@ -99,7 +108,7 @@ export const gaussianFragment = `
 precision highp float;
 in vec2 spread;
 flat in vec4 paint;
-flat in vec3 place;
+flat in vec4 place;
 flat in float gain;
 layout(location = 0) out vec4 color;
 #ifdef PLACES
@@ -113,8 +122,8 @@ void main() {
   alpha = min(alpha, 0.99);
   color = vec4(alpha * paint.rgb, alpha);
 #ifdef PLACES
-  where = vec4(alpha * place, alpha);
-  gained = vec4(alpha * gain, alpha, 0.0, alpha);
+  where = vec4(alpha * place.xyz, alpha);
+  gained = vec4(alpha * gain, alpha, alpha * place.w, alpha);
 #endif
 }`;
 
@@ -131,7 +140,6 @@ uniform highp sampler2D colors, wheres, gains, person, backdrop;
 uniform vec2 size;
 uniform float span;
 uniform vec3 background, beyond;
-uniform vec2 toward;
 uniform bool photo, scenery, original;
 ${viewed}
 out vec4 color;
@@ -184,7 +192,9 @@ void main() {
     if (p.z > LEAST) {
       float sure = clamp(1.6 * p.z / max(own.a, LEAST) - 0.2, 0.0, 1.0) *
                    min(cover() * own.a, 1.0);
-      vec2 uv = viewed(n) + p.xy / p.z + 1.0;
+      vec2 e = side().xy, view = viewed(n);
+      float shorter = texelFetch(gains, at, 0).z;
+      vec2 uv = view + (p.xy - shorter * dot(e, view) * e) / p.z + 1.0;
       vec4 seen = bicubic(person, 0.5 * uv * vec2(textureSize(person, 0)));
       own = mix(own, seen, sure);
     }

@@ -52,8 +52,8 @@ static int avatar_system_allocate(struct avatar_system *s, struct error *err)
         {&s->refined, 3 * n, false},
         {&s->coarse, 3 * n, false}, {&s->dcoarse, 3 * n, false},
         {&s->coarse_alpha, n, false},
-        {&s->place, s->photo ? 3 * n : 1, false},
-        {&s->dplace, s->photo ? 3 * n : 1, false},
+        {&s->place, s->photo ? SPLAT_PLACE_CHANNELS * n : 1, false},
+        {&s->dplace, s->photo ? SPLAT_PLACE_CHANNELS * n : 1, false},
         {&s->shown, P * n, false}, {&s->dshown, 2 * P * n, false},
         {&s->gain, side * side, false},
         {&s->dfield, n / (step * step) * TEXTURE_FIELD, false},
@@ -486,7 +486,8 @@ int avatar_system_draw_backward(struct avatar_system *s, struct error *err)
         image_add(s->dalpha, s->drgb_alpha, n);
     avatar_system_coarse_backward(s);
     if (s->photo) {
-        memset(s->dplace, 0, 3 * n * sizeof *s->dplace);
+        memset(s->dplace, 0,
+               SPLAT_PLACE_CHANNELS * n * sizeof *s->dplace);
         texture_lookup_backward(s->dplace, s->dalpha, s->dshown,
                                 &s->texture, &s->view, s->place, s->alpha,
                                 s->image);

@@ -51,7 +51,7 @@ struct avatar_system {
                                      * before the photograph joins */
     float *coarse, *dcoarse;        /* (image,image,3) without the refiner */
     float *coarse_alpha;            /* (image,image) of it */
-    float *place, *dplace;          /* (image,image,3), when photo */
+    float *place, *dplace;          /* (image,image,4), when photo */
     float *shown, *dshown;          /* (image,image,5) what the photograph
                                      * shows; zeros unless photo */
     float *gain;                    /* of the frame (lib/splat/relight.h), when */
