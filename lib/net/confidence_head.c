@@ -5,47 +5,42 @@
 
 #include "lib/nn/conv.h"
 
-void confidence_head_init(struct confidence_head *s, struct params *ps,
-                    const char *prefix, size_t features)
+void confidence_head_init(struct dense *d, struct params *ps,
+                          const char *prefix, size_t features)
 {
-    const size_t dims[2] = {1, features};
     char name[120];
 
-    s->ps = ps;
-    s->features = features;
-    nn_name(name, "%ssure.weight", prefix);
-    s->w = params_add(ps, name, 2, dims, PARAM_HE, 0.1f);
-    nn_name(name, "%ssure.bias", prefix);
-    s->b = params_add(ps, name, 1, dims, PARAM_ZERO, 0.0f);
+    nn_name(name, "%ssure", prefix);
+    dense_init(d, ps, name, features, 1, 0.1f);
 }
 
 /* Before the sigmoid. */
-static double confidence_head_logit(const struct confidence_head *s,
+static double confidence_head_logit(const struct dense *d,
                                     const float *pooled)
 {
-    const float *w = param_w(s->ps, s->w);
-    double z = (double)*param_w(s->ps, s->b);
+    const float *w = param_w(d->ps, d->weight);
+    double z = (double)*param_w(d->ps, d->bias);
 
-    for (size_t k = 0; k < s->features; k++)
+    for (size_t k = 0; k < d->in; k++)
         z += (double)w[k] * (double)pooled[k];
     return z;
 }
 
-float confidence_head_forward(const struct confidence_head *s,
+float confidence_head_forward(const struct dense *d,
                               const float *pooled)
 {
-    return s->ps ? (float)(1 / (1 + exp(-confidence_head_logit(s, pooled))))
+    return d->ps ? (float)(1 / (1 + exp(-confidence_head_logit(d, pooled))))
                  : 1;
 }
 
-double confidence_head_loss(const struct confidence_head *s, const float *pooled,
-                      double truth, double scale)
+double confidence_head_loss(const struct dense *d, const float *pooled,
+                            double truth, double scale)
 {
-    double z = confidence_head_logit(s, pooled), p = 1 / (1 + exp(-z));
-    float *dw = param_g(s->ps, s->w);
+    double z = confidence_head_logit(d, pooled), p = 1 / (1 + exp(-z));
+    float *dw = param_g(d->ps, d->weight);
 
-    for (size_t k = 0; k < s->features; k++)
+    for (size_t k = 0; k < d->in; k++)
         dw[k] += (float)(scale * (p - truth) * (double)pooled[k]);
-    *param_g(s->ps, s->b) += (float)(scale * (p - truth));
+    *param_g(d->ps, d->bias) += (float)(scale * (p - truth));
     return scale * (fmax(z, 0) - z * truth + log1p(exp(-fabs(z))));
 }

@@ -4,26 +4,18 @@
 #ifndef SPID_NET_CONFIDENCE_HEAD_H
 #define SPID_NET_CONFIDENCE_HEAD_H
 
-#include <stddef.h>
+#include "lib/nn/dense.h"
 
-#include "lib/nn/params.h"
-
-struct confidence_head {
-    struct params *ps;          /* NULL: none declared */
-    size_t features, w, b;      /* tensor indices in ps */
-};
-
-/* Declare the two tensors. */
-void confidence_head_init(struct confidence_head *s, struct params *ps,
-                    const char *prefix, size_t features);
+/* Declare the two tensors; a zeroed layer is none. */
+void confidence_head_init(struct dense *d, struct params *ps,
+                          const char *prefix, size_t features);
 
 /* 0 to 1 from pooled (features); 1 when there is no such head. */
-float confidence_head_forward(const struct confidence_head *s,
-                              const float *pooled);
+float confidence_head_forward(const struct dense *d, const float *pooled);
 
 /* Logistic loss against truth (0 or 1), times scale; its gradient is added to
  * the head's. */
-double confidence_head_loss(const struct confidence_head *s, const float *pooled,
-                      double truth, double scale);
+double confidence_head_loss(const struct dense *d, const float *pooled,
+                            double truth, double scale);
 
 #endif

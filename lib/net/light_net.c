@@ -5,26 +5,17 @@
 #include <math.h>
 #include <string.h>
 
+#include "lib/nn/act.h"
+
 #define N LIGHT_NET_CELLS
 #define IN ((size_t)N * N)
 #define HIDDEN LIGHT_NET_HIDDEN
 #define DARK 0.02f      /* sRGB: what is darker tells nothing of its light */
 
-enum { HIDDEN_W, HIDDEN_B, SLOPE_W, SLOPE_B };
-
 void light_net_init(struct light_net *n, struct params *ps)
 {
-    const size_t hidden[2] = {HIDDEN, IN}, slope[2] = {3, HIDDEN};
-
-    n->ps = ps;
-    n->tensor[HIDDEN_W] = params_add(ps, "light.hidden.weight", 2, hidden,
-                                     PARAM_HE, 1);
-    n->tensor[HIDDEN_B] = params_add(ps, "light.hidden.bias", 1, hidden,
-                                     PARAM_ZERO, 0);
-    n->tensor[SLOPE_W] = params_add(ps, "light.slope.weight", 2, slope,
-                                    PARAM_HE, 0.1f);
-    n->tensor[SLOPE_B] = params_add(ps, "light.slope.bias", 1, slope,
-                                    PARAM_ZERO, 0);
+    dense_init(&n->hidden, ps, "light.hidden", IN, HIDDEN, 1);
+    dense_init(&n->slope, ps, "light.slope", HIDDEN, 3, 0.1f);
 }
 
 /* cells (N,N): logs of their means, less the mean of the middle third's. */
@@ -60,19 +51,9 @@ static void light_net_mirror(float out[IN], const float cells[IN])
 static void light_net_layers(float l[3], float hidden[HIDDEN],
                              const float cells[IN], const struct light_net *n)
 {
-    const float *w = param_w(n->ps, n->tensor[HIDDEN_W]);
-    const float *v = param_w(n->ps, n->tensor[SLOPE_W]);
-
-    memcpy(hidden, param_w(n->ps, n->tensor[HIDDEN_B]),
-           HIDDEN * sizeof *hidden);
-    memcpy(l, param_w(n->ps, n->tensor[SLOPE_B]), 3 * sizeof *l);
-    for (size_t h = 0; h < HIDDEN; h++) {
-        for (size_t i = 0; i < IN; i++)
-            hidden[h] += w[h * IN + i] * cells[i];
-        hidden[h] = fmaxf(hidden[h], 0);
-        for (size_t k = 0; k < 3; k++)
-            l[k] += v[k * HIDDEN + h] * hidden[h];
-    }
+    dense_forward(hidden, cells, &n->hidden);
+    act_forward(hidden, hidden, ACT_RELU, HIDDEN);
+    dense_forward(l, hidden, &n->slope);
 }
 
 /* Gradients of the tensors from dl, given what the layers saw and made. */
@@ -81,27 +62,11 @@ static void light_net_layers_backward(const float dl[3],
                                       const float cells[IN],
                                       const struct light_net *n)
 {
-    const float *v = param_w(n->ps, n->tensor[SLOPE_W]);
-    float *dw = param_g(n->ps, n->tensor[HIDDEN_W]);
-    float *db = param_g(n->ps, n->tensor[HIDDEN_B]);
-    float *dv = param_g(n->ps, n->tensor[SLOPE_W]);
-    float *dc = param_g(n->ps, n->tensor[SLOPE_B]);
+    float d[HIDDEN] = {0}, unused[IN] = {0};
 
-    for (size_t k = 0; k < 3; k++)
-        dc[k] += dl[k];
-    for (size_t h = 0; h < HIDDEN; h++) {
-        float d = 0;
-
-        if (!(hidden[h] > 0))
-            continue;
-        for (size_t k = 0; k < 3; k++) {
-            dv[k * HIDDEN + h] += dl[k] * hidden[h];
-            d += dl[k] * v[k * HIDDEN + h];
-        }
-        db[h] += d;
-        for (size_t i = 0; i < IN; i++)
-            dw[h * IN + i] += d * cells[i];
-    }
+    dense_backward(d, dl, hidden, &n->slope);
+    act_backward_out(d, d, hidden, ACT_RELU, HIDDEN);
+    dense_backward(unused, d, cells, &n->hidden);
 }
 
 /* Both passes of a crop. */
@@ -129,7 +94,7 @@ void light_net_forward(float l[3], const float *rgb,
     float length;
 
     memset(l, 0, 3 * sizeof *l);
-    if (!n->ps)
+    if (!n->hidden.ps)
         return;
     light_net_passes(l, &p, rgb, n);
     length = sqrtf(l[0] * l[0] + l[1] * l[1] + l[2] * l[2]);

@@ -6,17 +6,14 @@
 #ifndef SPID_NET_LIGHT_NET_H
 #define SPID_NET_LIGHT_NET_H
 
-#include <stddef.h>
-
-#include "lib/nn/params.h"
+#include "lib/nn/dense.h"
 
 #define LIGHT_NET_SIDE 224      /* pixels of a crop, that of the encoders */
 #define LIGHT_NET_CELLS 16      /* along a side */
 #define LIGHT_NET_HIDDEN 32
 
 struct light_net {
-    struct params *ps;          /* NULL: the model has none */
-    size_t tensor[4];           /* indices in ps */
+    struct dense hidden, slope; /* zeroed: the model has none */
 };
 
 /* Declare the tensors. */

@@ -30,12 +30,8 @@ int motion_encoder_init(struct motion_encoder *m, struct params *ps,
         mobilenet_copy(&m->second, &m->net, err))
         return -1;
     for (int i = 0; i < 6; i++) {
-        size_t dims[2] = { heads[i].n, m->net.features };
-
-        nn_name(name, "%s%s.weight", prefix, heads[i].name);
-        m->head_w[i] = params_add(ps, name, 2, dims, PARAM_HE, 0.1f);
-        nn_name(name, "%s%s.bias", prefix, heads[i].name);
-        m->head_b[i] = params_add(ps, name, 1, dims, PARAM_ZERO, 0.0f);
+        nn_name(name, "%s%s", prefix, heads[i].name);
+        dense_init(&m->head[i], ps, name, m->net.features, heads[i].n, 0.1f);
     }
     return 0;
 }
@@ -69,11 +65,11 @@ float motion_encoder_confidence(const struct motion_encoder *m, size_t n)
 void motion_encoder_init_weights(struct motion_encoder *m)
 {
     static const float rot[6] = { 1, 0, 0, 0, -1, 0 };
-    float *b = param_w(m->ps, m->head_b[0]);
+    float *b = param_w(m->ps, m->head[0].bias);
 
     memcpy(b, rot, sizeof rot);
-    param_w(m->ps, m->head_b[1])[2] = 7.0f;
-    b = param_w(m->ps, m->head_b[4]);
+    param_w(m->ps, m->head[1].bias)[2] = 7.0f;
+    b = param_w(m->ps, m->head[4].bias);
     b[0] = b[1] = -2.0f;          /* sigmoid 0.12 */
 }
 
@@ -123,14 +119,13 @@ PARALLEL(motion_encoder_crop, n, struct motion_encoder *, m, const float *, rgb)
 /* Row n of m->out from crop n's features. */
 static void motion_encoder_heads(struct motion_encoder *m, size_t n)
 {
-    const struct nn_kernels *k = nn_kernels();
-    const size_t F = m->net.features;
+    const float *pooled = m->pooled + n * m->net.features;
     float *row = m->out + n * MOTION_OUT;
 
     for (int i = 0; i < 6; i++)
-        k->gemv(row + heads[i].at, param_w(m->ps, m->head_w[i]),
-                m->pooled + n * F, param_w(m->ps, m->head_b[i]), heads[i].n, F);
-    k->act_forward(row + MOTION_LID, row + MOTION_LID, ACT_SIGMOID, 2);
+        dense_forward(row + heads[i].at, pooled, &m->head[i]);
+    nn_kernels()->act_forward(row + MOTION_LID, row + MOTION_LID, ACT_SIGMOID,
+                              2);
 }
 
 void motion_encoder_forward(float *out, const float *rgb,
@@ -154,55 +149,26 @@ void motion_encoder_forward_one(float *out, const float *rgb, size_t n,
     memcpy(out, m->out + n * MOTION_OUT, MOTION_OUT * sizeof *out);
 }
 
-/* In the forward pass, for each head: out = W pooled + b. */
-static void motion_encoder_head_backward(struct motion_encoder *m, int i)
-{
-    const struct nn_kernels *k = nn_kernels();
-    size_t F = m->net.features;
-    const float *w = param_w(m->ps, m->head_w[i]);
-    float *dw = param_g(m->ps, m->head_w[i]);
-    float *db = param_g(m->ps, m->head_b[i]);
-
-    for (size_t n = 0; n < m->batch; n++)
-        for (size_t o = 0; o < heads[i].n; o++) {
-            float g = m->dout[n * MOTION_OUT + heads[i].at + o];
-
-            db[o] += g;
-            k->outer_backward(dw + o * F, m->dpooled + n * F, w + o * F,
-                              m->pooled + n * F, g, F);
-        }
-}
-
 void motion_encoder_backward(float *drgb, const float *dout,
                              struct motion_encoder *m)
 {
     memcpy(m->dout, dout, m->batch * MOTION_OUT * sizeof *dout);
-    for (size_t n = 0; n < m->batch; n++) {
-        size_t at = n * MOTION_OUT + MOTION_LID;
-
-        act_backward_out(m->dout + at, m->dout + at, m->out + at, ACT_SIGMOID,
-                         2);
-    }
     memset(m->dpooled, 0, m->batch * m->net.features * sizeof *m->dpooled);
-    for (int i = 0; i < 6; i++)
-        motion_encoder_head_backward(m, i);
+    for (size_t n = 0; n < m->batch; n++) {
+        const size_t at = n * m->net.features, lid = n * MOTION_OUT + MOTION_LID;
+
+        act_backward_out(m->dout + lid, m->dout + lid, m->out + lid,
+                         ACT_SIGMOID, 2);
+        for (int i = 0; i < 6; i++)
+            dense_backward(m->dpooled + at,
+                           m->dout + n * MOTION_OUT + heads[i].at,
+                           m->pooled + at, &m->head[i]);
+    }
     mobilenet_backward(drgb, m->dpooled, &m->net);
 }
 
 /* ---- as a graph ------------------------------------------------------------
  */
-
-/* A linear head of pooled features. */
-static int motion_encoder_head_graph(struct graph *g, int pooled,
-                                     const struct params *ps, size_t w,
-                                     size_t b)
-{
-    int x = GRAPH_NODE(g, "Gemm", pooled, graph_weight(g, ps, w),
-                       graph_weight(g, ps, b));
-
-    graph_set_int(g, "transB", 1);
-    return x;
-}
 
 void motion_encoder_graph(struct graph *g, const struct motion_encoder *m)
 {
@@ -212,8 +178,7 @@ void motion_encoder_graph(struct graph *g, const struct motion_encoder *m)
     int part[6];
 
     for (int i = 0; i < 6; i++) {
-        part[i] = motion_encoder_head_graph(g, pooled, m->ps, m->head_w[i],
-                                            m->head_b[i]);
+        part[i] = graph_dense(g, pooled, &m->head[i]);
         if (heads[i].at == MOTION_LID)
             part[i] = graph_act(g, part[i], ACT_SIGMOID);
     }
@@ -222,7 +187,6 @@ void motion_encoder_graph(struct graph *g, const struct motion_encoder *m)
     GRAPH_OUTPUT(g, code, "code", 1, MOTION_OUT);
     if (!m->confidence.ps)
         return;
-    int confidence = motion_encoder_head_graph(g, pooled, m->ps, m->confidence.w,
-                                         m->confidence.b);
+    int confidence = graph_dense(g, pooled, &m->confidence);
     GRAPH_OUTPUT(g, graph_act(g, confidence, ACT_SIGMOID), "sure", 1, 1);
 }

@@ -30,8 +30,8 @@ struct motion_encoder {
                                    * each has a thread; NN_INFER only */
     bool apart;                   /* planned so */
     struct params *ps;
-    size_t head_w[6], head_b[6];  /* tensor indices in ps */
-    struct confidence_head confidence;        /* zeroed: none */
+    struct dense head[6];
+    struct dense confidence;      /* confidence_head.h; zeroed: none */
     bool has_rest;                /* motion_encoder_add_rest was called */
     size_t rest;                  /* tensor index in ps */
     size_t batch;

@@ -4,7 +4,6 @@
 #include <string.h>
 
 #include "lib/nn/conv.h"
-#include "lib/nn/kernels.h"
 
 int shape_encoder_init(struct shape_encoder *s, struct params *ps,
                        const char *prefix, const char *variant,
@@ -17,11 +16,8 @@ int shape_encoder_init(struct shape_encoder *s, struct params *ps,
     nn_name(name, "%sencoder.", prefix);
     if (mobilenet_init(&s->net, ps, name, variant, err))
         return -1;
-    size_t dims[2] = { SHAPE_ENCODER_OUT, s->net.features };
-    nn_name(name, "%sshape.weight", prefix);
-    s->weight = params_add(ps, name, 2, dims, PARAM_HE, 0.1f);
-    nn_name(name, "%sshape.bias", prefix);
-    s->bias = params_add(ps, name, 1, dims, PARAM_ZERO, 0.0f);
+    nn_name(name, "%sshape", prefix);
+    dense_init(&s->head, ps, name, s->net.features, SHAPE_ENCODER_OUT, 0.1f);
     return 0;
 }
 
@@ -59,30 +55,19 @@ void shape_encoder_forward(float *beta, const float *rgb,
 
     mobilenet_forward(s->pooled, rgb, &s->net);
     for (size_t n = 0; n < s->batch; n++)
-        nn_kernels()->gemv(beta + n * SHAPE_ENCODER_OUT,
-                           param_w(s->ps, s->weight), s->pooled + n * F,
-                           param_w(s->ps, s->bias), SHAPE_ENCODER_OUT, F);
+        dense_forward(beta + n * SHAPE_ENCODER_OUT, s->pooled + n * F,
+                      &s->head);
 }
 
-/* In the forward pass: beta = W pooled + b. */
 void shape_encoder_backward(float *drgb, const float *dbeta,
                             struct shape_encoder *s)
 {
     size_t F = s->net.features;
-    const float *w = param_w(s->ps, s->weight);
-    float *dw = param_g(s->ps, s->weight), *db = param_g(s->ps, s->bias);
 
     memset(s->dpooled, 0, s->batch * F * sizeof *s->dpooled);
     for (size_t n = 0; n < s->batch; n++)
-        for (size_t o = 0; o < SHAPE_ENCODER_OUT; o++) {
-            float g = dbeta[n * SHAPE_ENCODER_OUT + o];
-
-            db[o] += g;
-            for (size_t f = 0; f < F; f++) {
-                dw[o * F + f] += g * s->pooled[n * F + f];
-                s->dpooled[n * F + f] += g * w[o * F + f];
-            }
-        }
+        dense_backward(s->dpooled + n * F, dbeta + n * SHAPE_ENCODER_OUT,
+                       s->pooled + n * F, &s->head);
     mobilenet_backward(drgb, s->dpooled, &s->net);
 }
 
@@ -94,9 +79,6 @@ void shape_encoder_graph(struct graph *g, const struct shape_encoder *s)
     const size_t S = SHAPE_ENCODER_SIZE;
     int picture = GRAPH_INPUT(g, "picture", 1, S, S, 3);
     int pooled = mobilenet_graph(g, graph_maps(g, picture), &s->net);
-    int beta = GRAPH_NODE(g, "Gemm", pooled, graph_weight(g, s->ps, s->weight),
-                          graph_weight(g, s->ps, s->bias));
-
-    graph_set_int(g, "transB", 1);
-    GRAPH_OUTPUT(g, beta, "shape", 1, SHAPE_ENCODER_OUT);
+    GRAPH_OUTPUT(g, graph_dense(g, pooled, &s->head), "shape", 1,
+                 SHAPE_ENCODER_OUT);
 }

@@ -13,7 +13,7 @@
 struct shape_encoder {
     struct mobilenet net;
     struct params *ps;
-    size_t weight, bias;          /* tensor indices in ps */
+    struct dense head;
     size_t batch;
     struct nn_plan plan;
     float *pooled, *dpooled;      /* (B,features) */

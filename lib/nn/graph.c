@@ -301,12 +301,20 @@ int graph_conv_add(struct graph *g, int onto, int x, const struct conv *c)
     return graph_act(g, GRAPH_NODE(g, "Add", onto, x), c->act);
 }
 
+int graph_dense(struct graph *g, int x, const struct dense *d)
+{
+    x = GRAPH_NODE(g, "Gemm", x, graph_weight(g, d->ps, d->weight),
+                   graph_weight(g, d->ps, d->bias));
+    graph_set_int(g, "transB", 1);
+    return x;
+}
+
 int graph_linear(struct graph *g, int x, const struct conv *c)
 {
-    x = GRAPH_NODE(g, "Gemm", x, graph_weight(g, c->ps, c->weight),
-                   graph_weight(g, c->ps, c->bias));
-    graph_set_int(g, "transB", 1);
-    return graph_act(g, x, c->act);
+    const struct dense d = { .ps = c->ps, .weight = c->weight,
+                             .bias = c->bias };
+
+    return graph_act(g, graph_dense(g, x, &d), c->act);
 }
 
 int graph_conditional_conv(struct graph *g, int x, int by,

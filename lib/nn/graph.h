@@ -11,6 +11,7 @@
 #include "formats/onnx.h"
 #include "lib/nn/conditional_conv.h"
 #include "lib/nn/conv.h"
+#include "lib/nn/dense.h"
 #include "lib/nn/depthwise.h"
 #include "lib/nn/squeeze_excite.h"
 
@@ -77,6 +78,8 @@ int graph_act(struct graph *g, int x, enum nn_act act);
 /* act(conv x), on maps; on rows (B,in) for a linear layer. */
 int graph_conv(struct graph *g, int x, const struct conv *c);
 int graph_linear(struct graph *g, int x, const struct conv *c);
+/* W x + b, on rows (B,in). */
+int graph_dense(struct graph *g, int x, const struct dense *d);
 /* act(onto + conv x): what a layer with `add` gives. */
 int graph_conv_add(struct graph *g, int onto, int x, const struct conv *c);
 /* The layer whose weights depend on `by` (n). */

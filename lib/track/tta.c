@@ -101,7 +101,7 @@ int light_of_crop(struct motion *m, const struct light_net *net,
 
     if (rc == 0)
         light_net_forward(m->light, rgb, net);
-    m->lit = rc == 0 && net->ps;
+    m->lit = rc == 0 && net->hidden.ps;
     free(rgb);
     return rc;
 }

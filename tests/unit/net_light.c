@@ -24,9 +24,11 @@ static void light_check_gradient(struct params *ps, const float *grad,
                                  size_t t, const float *rgb,
                                  const struct light_net *net)
 {
-    float *w = param_w(ps, net->tensor[t]);
-    const float *g = grad + (param_g(ps, net->tensor[t]) - ps->g);
-    const size_t n = ps->tensor[net->tensor[t]].count;
+    const size_t at[] = {net->hidden.weight, net->hidden.bias,
+                         net->slope.weight, net->slope.bias};
+    float *w = param_w(ps, at[t]);
+    const float *g = grad + (param_g(ps, at[t]) - ps->g);
+    const size_t n = ps->tensor[at[t]].count;
     const float step = 2e-3f;
     double off = 0, size = 0;
 
@@ -88,7 +90,7 @@ int main(void)
     for (size_t t = 0; t < 4; t++)
         light_check_gradient(&ps, grad, t, rgb, &net);
 
-    float *slope = param_w(&ps, net.tensor[3]);
+    float *slope = param_w(&ps, net.slope.bias);
     slope[1] = 30;
     light_net_forward(l, rgb, &net);
     check("length less 1",

@@ -16,7 +16,7 @@ enum { FEATURES = 7, SIDE = 96, CROP = 3 * CROP_NET * CROP_NET };
 
 static void test_head(void)
 {
-    struct confidence_head none = {0}, s;
+    struct dense none = {0}, s;
     struct params ps;
     struct error err = {0};
     float pooled[FEATURES], *w, *g;
@@ -31,16 +31,16 @@ static void test_head(void)
     params_randomise(&ps, 3);
     for (int k = 0; k < FEATURES; k++)
         pooled[k] = 0.3f * (float)(k - 3);
-    w = param_w(&ps, s.w);
-    g = param_g(&ps, s.w);
+    w = param_w(&ps, s.weight);
+    g = param_g(&ps, s.weight);
     for (int truth = 0; truth < 2; truth++) {
         memset(ps.g, 0, ps.total * sizeof *ps.g);
         confidence_head_loss(&s, pooled, truth, 0.5);
-        double bias = (double)*param_g(&ps, s.b);
+        double bias = (double)*param_g(&ps, s.bias);
         float own[FEATURES];
         memcpy(own, g, sizeof own);
         for (int k = 0; k <= FEATURES; k++) {
-            float *at = k < FEATURES ? w + k : param_w(&ps, s.b), was = *at;
+            float *at = k < FEATURES ? w + k : param_w(&ps, s.bias), was = *at;
             double lo, hi;
 
             *at = was - 1e-2f;

@@ -21,7 +21,7 @@ static const char *const figure_name[FIGURE_COUNT] = {
 
 struct impl {
     struct mobilenet net;       /* for inference: nothing of it learns */
-    struct confidence_head head;
+    struct dense head;
     bool folded;                /* net has seen its weights */
     size_t batch;
     float *rgb, *pooled;        /* (B,224,224,3), (B,features) */
