@@ -123,55 +123,6 @@ static void conv_forward_int8(float *out, const float *in, struct conv *c)
     conv_onednn_forward(out, bytes, im->int8.bias, im->int8.scale, c);
 }
 
-static void conv_plan_small_linear(struct conv *c, const struct conv_shape *s)
-{
-    (void)s;
-    small_linear_plan(&c->impl->small_linear, c, c->plan);
-}
-
-static void conv_update_small_linear(struct conv *c, const float *w)
-{
-    small_linear_update(&c->impl->small_linear, w, c->impl->bias);
-}
-
-static void conv_forward_small_linear(float *out, const float *in,
-                                      struct conv *c)
-{
-    small_linear_forward(out, in, &c->impl->small_linear);
-}
-
-static void conv_plan_pointwise(struct conv *c, const struct conv_shape *s)
-{
-    (void)s;
-    pointwise_plan(&c->impl->pointwise, c, c->plan);
-}
-
-static void conv_update_pointwise(struct conv *c, const float *w)
-{
-    pointwise_update(&c->impl->pointwise, w);
-}
-
-static void conv_forward_pointwise(float *out, const float *in,
-                                   struct conv *c)
-{
-    pointwise_forward(out, in, &c->impl->pointwise);
-}
-
-static void conv_plan_im2col(struct conv *c, const struct conv_shape *s)
-{
-    im2col_plan(&c->impl->im2col, c, s, c->plan);
-}
-
-static void conv_update_im2col(struct conv *c, const float *w)
-{
-    im2col_update(&c->impl->im2col, w, c->impl->bias);
-}
-
-static void conv_forward_im2col(float *out, const float *in, struct conv *c)
-{
-    im2col_forward(out, in, &c->impl->im2col);
-}
-
 static void conv_plan_winograd(struct conv *c, const struct conv_shape *s)
 {
     (void)s;
@@ -271,14 +222,12 @@ static void conv_forward_direct(float *out, const float *in, struct conv *c)
 /* In the order in which they are asked; the last takes any layer. */
 static const struct conv_method conv_methods[] = {
     { conv_int8_wanted, conv_plan_int8, conv_update_int8, conv_forward_int8 },
-    { pointwise_wanted, conv_plan_pointwise, conv_update_pointwise,
-      conv_forward_pointwise },
+    { pointwise_wanted, pointwise_plan, pointwise_update, pointwise_forward },
     { conv_half_wanted, conv_plan_half, conv_update_direct,
       conv_forward_direct },
-    { small_linear_wanted, conv_plan_small_linear, conv_update_small_linear,
-      conv_forward_small_linear },
-    { im2col_wanted, conv_plan_im2col, conv_update_im2col,
-      conv_forward_im2col },
+    { small_linear_wanted, small_linear_plan, small_linear_update,
+      small_linear_forward },
+    { im2col_wanted, im2col_plan, im2col_update, im2col_forward },
     { conv_winograd_wanted, conv_plan_winograd, conv_update_winograd,
       conv_forward_winograd },
     { conv_direct_wanted, conv_onednn_plan_forward, conv_update_direct,
@@ -288,7 +237,7 @@ static const struct conv_method conv_methods[] = {
 /* Whether the layer's backward is pointwise.c's, too. */
 static bool conv_pointwise(const struct conv *c)
 {
-    return c->impl->method->plan == conv_plan_pointwise;
+    return c->impl->method->plan == pointwise_plan;
 }
 
 /* ---- planning -------------------------------------------------------------

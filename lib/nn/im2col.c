@@ -23,9 +23,10 @@ bool im2col_wanted(const struct conv *c)
                                             : few && terms >= 2048);
 }
 
-void im2col_plan(struct im2col *t, const struct conv *c,
-                 const struct conv_shape *s, struct nn_plan *p)
+void im2col_plan(struct conv *c, const struct conv_shape *s)
 {
+    struct im2col *t = &c->impl->im2col;
+    struct nn_plan *p = c->plan;
     size_t pixels = c->batch * c->oh * c->ow;
     size_t rows = pixels < BAND ? pixels : BAND;
 
@@ -35,7 +36,6 @@ void im2col_plan(struct im2col *t, const struct conv *c,
     t->K = c->kernel * c->kernel * c->in_data;
     t->N = (c->out + COLUMNS - 1) / COLUMNS * COLUMNS;
     t->w = nn_plan_floats(p, t->K * t->N);
-    t->bias = nn_plan_floats(p, c->out);
     t->rows = c->kernel == 1 && c->stride == 1
                   ? NULL : nn_plan_floats(p, rows * t->K);
     t->sum = c->add ? nn_plan_floats(p, rows * c->out) : NULL;
@@ -70,16 +70,12 @@ PARALLEL(im2col_update_part, j, struct im2col *, t,
 }
 
 /* w (out,in,k,k): term (tap,i) of the sum is row tap * in + i of a matrix. */
-void im2col_update(struct im2col *t, const float *w, const float *bias)
+void im2col_update(struct conv *c, const float *w)
 {
-    const struct nn_kernels *k = nn_kernels();
-    size_t in = t->c->in_data, out = t->c->out;
-    size_t taps = t->c->kernel * t->c->kernel;
+    struct im2col *t = &c->impl->im2col;
 
-    memcpy(t->bias, bias, out * sizeof *bias);
-
-    parallel_each(im2col_update_part, im2col_pieces(t), 1, t, k, w, in, taps,
-                  out);
+    parallel_each(im2col_update_part, im2col_pieces(t), 1, t, nn_kernels(), w,
+                  c->in_data, c->kernel * c->kernel, c->out);
 }
 
 /* What the window of one pixel of the output sees. */
@@ -147,14 +143,14 @@ static void im2col_multiply(float *out, const float *rows,
                   (M + ROWS - 1) / ROWS * (t->N / COLUMNS), 1, sum, rows, t,
                   nn_kernels(), M);
     for (size_t r = 0; r < M; r++)
-        im2col_add(sum + r * N, t->bias, N);
+        im2col_add(sum + r * N, t->c->impl->bias, N);
     if (t->sum)
         im2col_add(out, t->sum, M * N);
 }
 
-void im2col_forward(float *out, const float *in, struct im2col *t)
+void im2col_forward(float *out, const float *in, struct conv *c)
 {
-    const struct conv *c = t->c;
+    struct im2col *t = &c->impl->im2col;
     size_t pixels = c->batch * c->oh * c->ow;
 
     for (size_t m = 0; m < pixels; m += BAND) {

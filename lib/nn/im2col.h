@@ -14,7 +14,6 @@ struct im2col {
     size_t top, left;        /* zeros before the picture's first pixel */
     size_t K, N;             /* k k in; out rounded up to a panel */
     float *w;                /* packed, piece by piece */
-    float *bias;
     float *rows;             /* (a band of pixels, K); NULL: a window is a
                               * pixel, and they are the input */
     float *sum;              /* (a band of pixels, out), where it is added to
@@ -25,12 +24,9 @@ struct im2col {
  * are made of them: StyleUNet's innermost layers, whose errors would reach
  * every other layer by the style. */
 bool im2col_wanted(const struct conv *c);
-/* Buffers for the layer c, whose sizes are known, of shape s. */
-void im2col_plan(struct im2col *t, const struct conv *c,
-                 const struct conv_shape *s, struct nn_plan *p);
-/* From weights w (out,in_data,k,k) and bias (out). */
-void im2col_update(struct im2col *t, const float *w, const float *bias);
-/* out (B,oh,ow,out) from in (B,h,w,in_data). */
-void im2col_forward(float *out, const float *in, struct im2col *t);
+/* A conv_method's plan, update and forward. */
+void im2col_plan(struct conv *c, const struct conv_shape *s);
+void im2col_update(struct conv *c, const float *w);
+void im2col_forward(float *out, const float *in, struct conv *c);
 
 #endif

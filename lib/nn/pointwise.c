@@ -2,9 +2,8 @@
  * of rows and, where rows are summed, into a fixed number of parts. */
 #include "lib/nn/pointwise.h"
 
-
 #include "lib/base/parallel.h"
-#include "lib/nn/conv.h"
+#include "lib/nn/conv_impl.h"
 #include "lib/nn/kernels.h"
 #include "lib/nn/pairs_size.h"
 
@@ -23,12 +22,14 @@ static size_t pointwise_panels(size_t n)
     return (n + PAIRS_PANEL - 1) / PAIRS_PANEL * PAIRS_PANEL;
 }
 
-void pointwise_plan(struct pointwise *t, const struct conv *c,
-                    struct nn_plan *p)
+void pointwise_plan(struct conv *c, const struct conv_shape *s)
 {
+    struct pointwise *t = &c->impl->pointwise;
+    struct nn_plan *p = c->plan;
     size_t in = c->in, out = c->out, max = in > out ? in : out;
     size_t wide = pointwise_panels(in), R = POINTWISE_PAIRS;
 
+    (void)s;
     t->plan = p;
     t->rows = c->batch * c->h * c->w;
     t->in = in;
@@ -44,9 +45,10 @@ void pointwise_plan(struct pointwise *t, const struct conv *c,
     nn_plan_scratch(p, t->pairs_size * NN_PARTS);
 }
 
-void pointwise_update(struct pointwise *t, const float *w)
+void pointwise_update(struct conv *c, const float *w)
 {
     const struct nn_kernels *k = nn_kernels();
+    struct pointwise *t = &c->impl->pointwise;
 
     k->pointwise_pack(t->forward, w, 1, t->in, t->in, t->out);
     k->pointwise_pack(t->back, w, t->in, 1, t->out, t->in);
@@ -76,8 +78,10 @@ static void pointwise_multiply(float *C, const float *A,
                   t, k, C, A, packed, N, K);
 }
 
-void pointwise_forward(float *out, const float *in, struct pointwise *t)
+void pointwise_forward(float *out, const float *in, struct conv *c)
 {
+    const struct pointwise *t = &c->impl->pointwise;
+
     pointwise_multiply(out, in, t->forward, t->out, t->in, t);
 }
 

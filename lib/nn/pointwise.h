@@ -12,6 +12,7 @@
 #define POINTWISE_PAIRS 64   /* pairs of rows summed before they are stored */
 
 struct conv;
+struct conv_shape;
 
 struct pointwise {
     struct nn_plan *plan;
@@ -26,13 +27,10 @@ struct pointwise {
 /* NN_BF16 plans with a backward, where the processor has the products: plain
  * 1x1 layers, even numbers of channels, no bias and no activation. */
 bool pointwise_wanted(const struct conv *c);
-/* Buffers for the layer c, whose sizes are known. */
-void pointwise_plan(struct pointwise *t, const struct conv *c,
-                    struct nn_plan *p);
-/* From weights w (out,in). */
-void pointwise_update(struct pointwise *t, const float *w);
-/* out (rows,out) from in (rows,in). */
-void pointwise_forward(float *out, const float *in, struct pointwise *t);
+/* A conv_method's plan, update and forward. */
+void pointwise_plan(struct conv *c, const struct conv_shape *s);
+void pointwise_update(struct conv *c, const float *w);
+void pointwise_forward(float *out, const float *in, struct conv *c);
 /* din (rows,in) from dout (rows,out). */
 void pointwise_backward_data(float *din, const float *dout,
                              struct pointwise *t);

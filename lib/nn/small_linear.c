@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "lib/base/parallel.h"
-#include "lib/nn/conv.h"
+#include "lib/nn/conv_impl.h"
 #include "lib/nn/kernels.h"
 
 #define ROWS 16
@@ -15,42 +15,39 @@ bool small_linear_wanted(const struct conv *c)
            c->batch * c->h * c->w <= ROWS && c->act <= ACT_LRELU;
 }
 
-void small_linear_plan(struct small_linear *t, const struct conv *c,
-                       struct nn_plan *p)
+void small_linear_plan(struct conv *c, const struct conv_shape *s)
 {
-    t->c = c;
-    t->w = nn_plan_floats(p, c->out * c->in_data);
-    t->bias = nn_plan_floats(p, c->out);
+    (void)s;
+    c->impl->small_linear.w = nn_plan_floats(c->plan, c->out * c->in_data);
 }
 
-void small_linear_update(struct small_linear *t, const float *w,
-                         const float *bias)
+void small_linear_update(struct conv *c, const float *w)
 {
-    memcpy(t->w, w, t->c->out * t->c->in_data * sizeof *w);
-    memcpy(t->bias, bias, t->c->out * sizeof *bias);
+    memcpy(c->impl->small_linear.w, w, c->out * c->in_data * sizeof *w);
 }
 
 PARALLEL(small_linear_forward_part, o, const struct nn_kernels *, k,
-         const struct small_linear *, t, const float *, in, float *, out,
-         const struct conv *, c, size_t, rows, size_t, K, size_t, N)
+         const float *, in, float *, out, const struct conv *, c,
+         size_t, rows)
 {
+    const float *w = c->impl->small_linear.w + o * c->in_data;
+
     for (size_t r = 0; r < rows; r++) {
-        double sum = k->dot(t->w + o * K, in + r * K, K) + (double)t->bias[o];
-        float *to = out + r * N + o;
+        double sum = k->dot(w, in + r * c->in_data, c->in_data) +
+                     (double)c->impl->bias[o];
+        float *to = out + r * c->out + o;
 
         *to = (float)(c->add ? sum + (double)*to : sum);
     }
 }
 
-void small_linear_forward(float *out, const float *in,
-                          const struct small_linear *t)
+void small_linear_forward(float *out, const float *in, struct conv *c)
 {
-    const struct nn_kernels *k = nn_kernels();
-    const struct conv *c = t->c;
-    size_t rows = c->batch * c->h * c->w, K = c->in_data, N = c->out;
+    const size_t rows = c->batch * c->h * c->w, N = c->out;
 
-    parallel_each(small_linear_forward_part, N, N * K > 65536 ? 1 : N, k, t, in,
-                  out, c, rows, K, N);
+    parallel_each(small_linear_forward_part, N,
+                  N * c->in_data > 65536 ? 1 : N, nn_kernels(), in, out, c,
+                  rows);
     if (c->act != ACT_NONE)
         act_forward(out, out, c->act, rows * N);
 }

@@ -7,22 +7,17 @@
 #include "lib/nn/plan.h"
 
 struct conv;
+struct conv_shape;
 
 struct small_linear {
-    const struct conv *c;
-    float *w, *bias;         /* (out,in), (out) */
+    float *w;                /* (out,in) */
 };
 
 /* 1x1 of at most 16 pixels in all. */
 bool small_linear_wanted(const struct conv *c);
-/* Buffers for the layer c, whose sizes are known. */
-void small_linear_plan(struct small_linear *t, const struct conv *c,
-                       struct nn_plan *p);
-/* From weights w (out,in_data) and bias (out). */
-void small_linear_update(struct small_linear *t, const float *w,
-                         const float *bias);
-/* out (rows,out) = act(in (rows,in_data) w^T + bias) (+ out: add). */
-void small_linear_forward(float *out, const float *in,
-                          const struct small_linear *t);
+/* A conv_method's plan, update and forward. */
+void small_linear_plan(struct conv *c, const struct conv_shape *s);
+void small_linear_update(struct conv *c, const float *w);
+void small_linear_forward(float *out, const float *in, struct conv *c);
 
 #endif

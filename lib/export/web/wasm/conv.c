@@ -31,7 +31,7 @@ void nn_call_release(struct nn_call *c)
 
 void conv_onednn_plan_forward(struct conv *c, const struct conv_shape *s)
 {
-    im2col_plan(&c->impl->im2col, c, s, c->plan);
+    im2col_plan(c, s);
 }
 
 void conv_onednn_reorder(struct nn_call *call, void *to, const void *from,
@@ -39,7 +39,7 @@ void conv_onednn_reorder(struct nn_call *call, void *to, const void *from,
 {
     (void)call;
     (void)to;
-    im2col_update(&c->impl->im2col, from, c->impl->bias);
+    im2col_update(c, from);
 }
 
 void conv_onednn_forward(void *out, const void *src, const float *bias,
@@ -47,5 +47,5 @@ void conv_onednn_forward(void *out, const void *src, const float *bias,
 {
     (void)bias;
     (void)scale;
-    im2col_forward(out, src, &c->impl->im2col);
+    im2col_forward(out, src, c);
 }
