@@ -38,12 +38,6 @@ void compose_half_c(uint16_t *out, const float *x, size_t n)
         out[i] = float_to_half(x[i]);
 }
 
-void compose_widen_c(float *out, const uint16_t *x, size_t n)
-{
-    for (size_t i = 0; i < n; i++)
-        out[i] = half_to_float(x[i]);
-}
-
 void compose_planes_c(uint8_t *const plane[3], const uint8_t *rgb, size_t n,
                       const int32_t m[3][4])
 {
@@ -72,16 +66,16 @@ const struct compose_table *compose_table(void)
 {
     static const struct compose_table baseline = {
         compose_baseline, compose_quantise_baseline, compose_half_baseline,
-        compose_widen_baseline, compose_planes_baseline, compose_rgb_baseline
+        compose_planes_baseline, compose_rgb_baseline
     };
 #ifdef SPID_X86
     static const struct compose_table avx2 = {
         compose_avx2, compose_quantise_avx2, compose_half_avx2,
-        compose_widen_avx2, compose_planes_avx2, compose_rgb_avx2
+        compose_planes_avx2, compose_rgb_avx2
     };
     static const struct compose_table avx512 = {
         compose_avx512, compose_quantise_avx512, compose_half_avx512,
-        compose_widen_avx512, compose_planes_avx512, compose_rgb_avx512
+        compose_planes_avx512, compose_rgb_avx512
     };
 
     switch (cpu_level()) {

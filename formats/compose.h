@@ -18,8 +18,6 @@ typedef void compose_fn(uint8_t *out, const float *color, const float *alpha,
 typedef void compose_quantise_fn(uint8_t *out, const float *x, size_t n);
 /* out (n) = IEEE half of x, to nearest even. */
 typedef void compose_half_fn(uint16_t *out, const float *x, size_t n);
-/* out (n) = the float of IEEE half x. */
-typedef void compose_widen_fn(float *out, const uint16_t *x, size_t n);
 /* plane[j] (n) = clamp((m[j][0] r + m[j][1] g + m[j][2] b + m[j][3]) >> 16) of
  * rgb (n,3): Y4M's three planes. */
 typedef void compose_planes_fn(uint8_t *const plane[3], const uint8_t *rgb,
@@ -37,8 +35,6 @@ void compose_c(uint8_t *out, const float *color, const float *alpha,
 void compose_quantise_c(uint8_t *out, const float *x, size_t n);
 /* ... compose_half_fn ... */
 void compose_half_c(uint16_t *out, const float *x, size_t n);
-/* ... compose_widen_fn ... */
-void compose_widen_c(float *out, const uint16_t *x, size_t n);
 /* ... compose_planes_fn ... */
 void compose_planes_c(uint8_t *const plane[3], const uint8_t *rgb, size_t n,
                       const int32_t m[3][4]);
@@ -49,14 +45,12 @@ void compose_rgb_c(uint8_t *rgb, const uint8_t *luma, const int16_t *u,
 compose_fn compose_baseline;
 compose_quantise_fn compose_quantise_baseline;
 compose_half_fn compose_half_baseline;
-compose_widen_fn compose_widen_baseline;
 compose_planes_fn compose_planes_baseline;
 compose_rgb_fn compose_rgb_baseline;
 #ifdef SPID_X86
 compose_fn compose_avx2, compose_avx512;
 compose_quantise_fn compose_quantise_avx2, compose_quantise_avx512;
 compose_half_fn compose_half_avx2, compose_half_avx512;
-compose_widen_fn compose_widen_avx2, compose_widen_avx512;
 compose_planes_fn compose_planes_avx2, compose_planes_avx512;
 compose_rgb_fn compose_rgb_avx2, compose_rgb_avx512;
 #endif
@@ -66,7 +60,6 @@ struct compose_table {
     compose_fn *blend;
     compose_quantise_fn *quantise;
     compose_half_fn *half;
-    compose_widen_fn *widen;
     compose_planes_fn *planes;
     compose_rgb_fn *rgb;
 };

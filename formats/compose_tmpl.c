@@ -292,25 +292,6 @@ void ISA(compose_half)(uint16_t *out, const float *x, size_t n)
     compose_half_c(out + i, x + i, n - i);
 }
 
-/* The same back: below half's exponents by subtracting what was put above. */
-void ISA(compose_widen)(float *out, const uint16_t *x, size_t n)
-{
-    for (size_t i = 0; i < n; i++) {
-        const float min = 0x1p-14f;
-        uint32_t a = (uint32_t)(x[i] & 0x7fff) << 13;
-        uint32_t above = a + 0x38800000, small, u;
-        float f;
-
-        memcpy(&f, &above, sizeof f);
-        f -= min;
-        memcpy(&small, &f, sizeof small);
-        u = (int32_t)a < 0x800000 ? small : a + 0x38000000;
-        u = (int32_t)a >= 0xf800000 ? a + 0x70000000 : u;
-        u |= (uint32_t)(x[i] & 0x8000) << 16;
-        memcpy(out + i, &u, sizeof u);
-    }
-}
-
 #else
 
 void ISA(compose_half)(uint16_t *out, const float *x, size_t n)
@@ -324,18 +305,6 @@ void ISA(compose_half)(uint16_t *out, const float *x, size_t n)
                          _mm256_cvtps_ph(v, _MM_FROUND_TO_NEAREST_INT));
     }
     compose_half_c(out + i, x + i, n - i);
-}
-
-void ISA(compose_widen)(float *out, const uint16_t *x, size_t n)
-{
-    size_t i = 0;
-
-    for (; i + 8 <= n; i += 8) {
-        __m128i v = _mm_loadu_si128((const __m128i *)(x + i));
-
-        _mm256_storeu_ps(out + i, _mm256_cvtph_ps(v));
-    }
-    compose_widen_c(out + i, x + i, n - i);
 }
 
 #endif

@@ -9,10 +9,10 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "formats/compose.h"
 #include "lib/base/covered.h"
 #include "lib/base/half.h"
 #include "lib/base/parallel.h"
+#include "lib/nn/kernels.h"
 #include "lib/photo/texture.h"
 
 #define TILE 4          /* places of the field across, 16 pixels */
@@ -212,7 +212,7 @@ PARALLEL(refine_copy_part_part, y, struct refine *, r,
     if (in->f32)
         memcpy(to, in->f32 + from, cols * C * sizeof *to);
     else
-        compose_table()->widen(to, in->f16 + from, cols * C);
+        nn_kernels()->widen(to, in->f16 + from, cols * C);
     memset(to + cols * C, 0, (w - cols) * C * sizeof *to);
 }
 

@@ -22,7 +22,6 @@ struct narrow_end {
     uint8_t *cell;              /* (h,w) whether a pixel of it is covered */
     uint8_t *tile;              /* (tiles) whether it is wanted */
     uint32_t *list[2];          /* tiles wanted of joint, of the layer before */
-    size_t listed[2];
     bool some;                  /* the lists and cells are to be used */
     float max;                 /* of a tint */
 };

@@ -44,7 +44,7 @@ struct narrow_refiner {
     float *f0, *p0, *e0, *e1, *e2, *m, *pool, *part, *s1, *s2, *ms;
     float *c1, *r1, *t1, *y1, *z1, *c0, *r0, *t0, *y0, *z0, *d, *tint, *k;
     /* gradients */
-    float *g0[3], *g1[4], *g2[3], *de0, *de1, *dst0, *dst1, *df, *dd;
+    float *g0[3], *g1[4], *g2[3], *dst0, *dst1, *df, *dd;
     float *dp, *dtint, *dk;
     float *dsv[3];                /* (B,2w) of the style */
 };

@@ -25,8 +25,7 @@ struct depthwise {
     struct nn_plan *plan;
     float *taps, *flipped;        /* (C/16 up,k*k,16), zeros beyond C */
     float *bias;                  /* (C up) */
-    float *pads;                  /* per thread: 16 channels, padded */
-    size_t pad_size;              /* floats of one */
+    size_t pad_size;              /* floats of a thread's 16 channels, padded */
     float *dw;                    /* (batch,k*k,C) */
 };
 

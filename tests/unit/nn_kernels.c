@@ -7,6 +7,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "lib/base/half.h"
 #include "lib/base/random.h"
 #include "lib/nn/act.h"
 #include "lib/nn/depthwise.h"
@@ -251,6 +252,26 @@ static void time_case(const struct kernel_case *c)
     puts("");
 }
 
+/* Every half float, widened as lib/base/half.h has it; NaN is any NaN. */
+static int halves_compare(enum cpu_level level)
+{
+    size_t apart = 0;
+
+    for (size_t i = 0; i < 65536; i++)
+        half[i] = (uint16_t)i;
+    nn_kernels_at(level)->widen(out[0], half, 65536);
+    for (size_t i = 0; i < 65536; i++) {
+        const float want = half_to_float(half[i]);
+
+        apart += isnan(want) ? !isnan(out[0][i])
+                             : memcmp(&want, &out[0][i], sizeof want) != 0;
+    }
+    if (apart)
+        printf("%s: %zu halves are other floats\n", cpu_level_name(level),
+               apart);
+    return apart > 0;
+}
+
 int main(int argc, char **argv)
 {
     bool timing = argc > 1 && !strcmp(argv[1], "--time");
@@ -269,6 +290,8 @@ int main(int argc, char **argv)
         for (int k = 1; k <= (int)cpu_level() && !timing; k++)
             failures += kernel_compare(&cases[i], (enum cpu_level)k);
     }
+    for (int k = 0; k <= (int)cpu_level() && !timing; k++)
+        failures += halves_compare((enum cpu_level)k);
     nn_plan_release(&plan);
     if (!timing)
         printf("%zu kernels at %d levels, %d failures\n", CASES,
