@@ -1,5 +1,5 @@
 /* Premultiplied colours over a background, rounded to bytes: the plain
- * versions and the choice of the fastest. */
+ * versions, and whole frames. */
 #include "formats/compose.h"
 
 #include <string.h>
@@ -60,31 +60,6 @@ void compose_rgb_c(uint8_t *rgb, const uint8_t *luma, const int16_t *u,
 
             rgb[j] = (uint8_t)(x < 0 ? 0 : x > 255 ? 255 : x);
         }
-}
-
-const struct compose_table *compose_table(void)
-{
-    static const struct compose_table baseline = {
-        compose_baseline, compose_quantise_baseline, compose_half_baseline,
-        compose_planes_baseline, compose_rgb_baseline
-    };
-#ifdef SPID_X86
-    static const struct compose_table avx2 = {
-        compose_avx2, compose_quantise_avx2, compose_half_avx2,
-        compose_planes_avx2, compose_rgb_avx2
-    };
-    static const struct compose_table avx512 = {
-        compose_avx512, compose_quantise_avx512, compose_half_avx512,
-        compose_planes_avx512, compose_rgb_avx512
-    };
-
-    switch (cpu_level()) {
-    case CPU_AVX512: return &avx512;
-    case CPU_AVX2: return &avx2;
-    default: break;
-    }
-#endif
-    return &baseline;
 }
 
 /* ---- whole frames ----------------------------------------------------- */
@@ -154,7 +129,7 @@ static void compose_run(uint8_t *out, const struct framesink_frame *f,
                         const struct background *bg, size_t x, size_t y,
                         size_t n)
 {
-    const struct compose_table *t = compose_table();
+    const struct compose_kernels *t = CPU_PICK(compose_kernels);
     const size_t at = y * f->width + x;
     float run[3 * RUN];
     uint8_t back[3 * RUN];

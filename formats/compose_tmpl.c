@@ -109,8 +109,9 @@ static inline vf compose_spread(vf t, size_t k)
 #endif
 }
 
-void ISA(compose)(uint8_t *out, const float *color, const float *alpha,
-                  const uint8_t *bg, size_t bg_step, size_t n)
+static void compose_blend(uint8_t *out, const float *color,
+                          const float *alpha, const uint8_t *bg,
+                          size_t bg_step, size_t n)
 {
     uint8_t fill[3 * LANES];
     size_t i = 0;
@@ -134,7 +135,7 @@ void ISA(compose)(uint8_t *out, const float *color, const float *alpha,
               bg_step, n - i);
 }
 
-void ISA(compose_quantise)(uint8_t *out, const float *x, size_t n)
+static void compose_quantise(uint8_t *out, const float *x, size_t n)
 {
     size_t i = 0;
 
@@ -181,8 +182,8 @@ static inline __m128i compose_clamp_bytes(vi v)
     return _mm_packus_epi16(h, h);
 }
 
-void ISA(compose_planes)(uint8_t *const plane[3], const uint8_t *rgb,
-                         size_t n, const int32_t m[3][4])
+static void compose_planes(uint8_t *const plane[3], const uint8_t *rgb,
+                           size_t n, const int32_t m[3][4])
 {
     size_t i = 0;
 
@@ -225,8 +226,8 @@ static inline void compose_store_pixels(uint8_t *rgb, const __m128i c[3])
                                   _mm_shuffle_epi8(c[2], last[1])));
 }
 
-void ISA(compose_rgb)(uint8_t *rgb, const uint8_t *luma, const int16_t *u,
-                      const int16_t *v, size_t n, const int32_t m[3][4])
+static void compose_rgb(uint8_t *rgb, const uint8_t *luma, const int16_t *u,
+                        const int16_t *v, size_t n, const int32_t m[3][4])
 {
     size_t i = 0;
 
@@ -247,14 +248,14 @@ void ISA(compose_rgb)(uint8_t *rgb, const uint8_t *luma, const int16_t *u,
     compose_rgb_c(rgb + 3 * i, luma + i, u + i, v + i, n - i, m);
 }
 #else
-void ISA(compose_rgb)(uint8_t *rgb, const uint8_t *luma, const int16_t *u,
-                      const int16_t *v, size_t n, const int32_t m[3][4])
+static void compose_rgb(uint8_t *rgb, const uint8_t *luma, const int16_t *u,
+                        const int16_t *v, size_t n, const int32_t m[3][4])
 {
     compose_rgb_c(rgb, luma, u, v, n, m);
 }
 
-void ISA(compose_planes)(uint8_t *const plane[3], const uint8_t *rgb,
-                         size_t n, const int32_t m[3][4])
+static void compose_planes(uint8_t *const plane[3], const uint8_t *rgb,
+                           size_t n, const int32_t m[3][4])
 {
     compose_planes_c(plane, rgb, n, m);
 }
@@ -272,7 +273,7 @@ static inline vi compose_choose(vi on, vi a, vi b)
 
 /* Numbers too small for half's exponent are rounded by adding 1/2, whose last
  * bit is their last. */
-void ISA(compose_half)(uint16_t *out, const float *x, size_t n)
+static void compose_half(uint16_t *out, const float *x, size_t n)
 {
     typedef uint16_t vh __attribute__((vector_size(2 * LANES)));
     const vf half = {0.5f, 0.5f, 0.5f, 0.5f};
@@ -294,7 +295,7 @@ void ISA(compose_half)(uint16_t *out, const float *x, size_t n)
 
 #else
 
-void ISA(compose_half)(uint16_t *out, const float *x, size_t n)
+static void compose_half(uint16_t *out, const float *x, size_t n)
 {
     size_t i = 0;
 
@@ -308,3 +309,7 @@ void ISA(compose_half)(uint16_t *out, const float *x, size_t n)
 }
 
 #endif
+
+const struct compose_kernels ISA(compose_kernels) = {
+    compose_blend, compose_quantise, compose_half, compose_planes, compose_rgb
+};

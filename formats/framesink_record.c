@@ -6,6 +6,7 @@
 
 #include "formats/compose.h"
 #include "formats/framesink_impl.h"
+#include "lib/base/cpu.h"
 #include "lib/stream/feat.h"
 #include "lib/splat/relight.h"
 #include "lib/stream/imag.h"
@@ -49,7 +50,7 @@ static const uint16_t *framesink_half_features(struct framesink *s,
         s->half_count = s->half ? n : 0;
     }
     if (s->half)
-        compose_table()->half(s->half, f->color, n);
+        CPU_PICK(compose_kernels)->half(s->half, f->color, n);
     return s->half;
 }
 

@@ -9,13 +9,13 @@
 
 enum cpu_level { CPU_BASELINE, CPU_AVX2, CPU_AVX512 };
 
-/* Of the versions of a table or function, the one for this processor. */
+/* The address of what ISA_VERSIONS declares, the version for this processor. */
 #ifdef SPID_X86
-#define CPU_PICK(baseline, avx2, avx512)                                      \
-    (cpu_level() == CPU_AVX512 ? (avx512)                                     \
-     : cpu_level() == CPU_AVX2 ? (avx2) : (baseline))
+#define CPU_PICK(name)                                                        \
+    (cpu_level() == CPU_AVX512 ? &name##_avx512                               \
+     : cpu_level() == CPU_AVX2 ? &name##_avx2 : &name##_baseline)
 #else
-#define CPU_PICK(baseline, avx2, avx512) (baseline)
+#define CPU_PICK(name) (&name##_baseline)
 #endif
 
 /* Highest level this processor and system support, capped by $SPID_CPU

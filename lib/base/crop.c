@@ -260,31 +260,6 @@ void crop_sample_backward(float *grgb, double gq[3], const float *gout,
 
 /* ---- the fast one ----------------------------------------------------- */
 
-struct kernels {
-    crop_blend_fn *blend;
-    crop_gather_fn *gather;
-    crop_halve_fn *halve;
-    crop_add_fn *add;
-    crop_round_fn *round;
-};
-
-#define KERNELS(isa) { \
-    crop_blend_##isa, crop_gather_##isa, crop_halve_##isa, crop_add_##isa, \
-    crop_round_##isa \
-}
-
-/* The versions for this processor. */
-static const struct kernels *crop_kernels(void)
-{
-    static const struct kernels baseline = KERNELS(baseline);
-#ifdef SPID_X86
-    static const struct kernels avx2 = KERNELS(avx2);
-    static const struct kernels avx512 = KERNELS(avx512);
-#endif
-
-    return CPU_PICK(&baseline, &avx2, &avx512);
-}
-
 #define SPAN 1024              /* picture columns of the fast path */
 #define SIDE 512               /* output columns of the fast path */
 
@@ -323,7 +298,7 @@ void crop_sample_u8(float *out, size_t n, const uint8_t *rgb, size_t W,
                     size_t H, size_t stride, struct square q)
 {
     static const uint8_t black[3 * SPAN];
-    const struct kernels *k = crop_kernels();
+    const struct crop_kernels *k = CPU_PICK(crop_kernels);
     struct columns c;
     float row[3 * SPAN + 8] = {0}, line[3 * SIDE + 4];
     double left;
@@ -357,7 +332,7 @@ void crop_sample_u8(float *out, size_t n, const uint8_t *rgb, size_t W,
 PARALLEL(crop_halve_part, y, uint8_t *, out, const uint8_t *, rgb, size_t, w,
          size_t, stride, size_t, stride_in)
 {
-    crop_kernels()->halve(out + y * stride, rgb + 2 * y * stride_in,
+    CPU_PICK(crop_kernels)->halve(out + y * stride, rgb + 2 * y * stride_in,
                           rgb + (2 * y + 1) * stride_in, w);
 }
 
@@ -464,10 +439,10 @@ static void crop_filter_rows(uint8_t *out, float *room, const uint8_t *rgb,
 
         memset(room, 0, (wide + 3) * sizeof *room);
         for (size_t k = 0; k < f->count; k++)
-            crop_kernels()->add(room, rgb + (f->lo + k) * stride +
+            CPU_PICK(crop_kernels)->add(room, rgb + (f->lo + k) * stride +
                                 r->from * r->C, f->w[k], wide);
         crop_filter_row(row, room, r);
-        crop_kernels()->round(out + i * line, row, line);
+        CPU_PICK(crop_kernels)->round(out + i * line, row, line);
     }
 }
 

@@ -8,8 +8,8 @@ typedef uint8_t v8b __attribute__((vector_size(8)));
 typedef uint16_t v8h __attribute__((vector_size(16)));
 
 /* Two rows of bytes to one of floats. */
-void ISA(crop_blend)(float *row, const uint8_t *a, const uint8_t *b, float w,
-                     size_t n)
+static void crop_blend_rows(float *row, const uint8_t *a, const uint8_t *b,
+                            float w, size_t n)
 {
     const float wa = (1 - w) / 255, wb = w / 255;
 
@@ -18,8 +18,8 @@ void ISA(crop_blend)(float *row, const uint8_t *a, const uint8_t *b, float w,
 }
 
 /* Four floats at a time, of which three count. */
-void ISA(crop_gather)(float *out, const float *row, const int32_t *at,
-                      const float *w, size_t n)
+static void crop_gather_row(float *out, const float *row, const int32_t *at,
+                            const float *w, size_t n)
 {
     for (size_t i = 0; i < n; i++, out += 3) {
         v4f p, q;
@@ -35,8 +35,8 @@ void ISA(crop_gather)(float *out, const float *row, const int32_t *at,
 
 /* Means of 2x2 pixels, rounded: sums of both rows, then of neighbours eight
  * numbers at a time, of which three count. */
-void ISA(crop_halve)(uint8_t *out, const uint8_t *a, const uint8_t *b,
-                     size_t w)
+static void crop_halve_rows(uint8_t *out, const uint8_t *a, const uint8_t *b,
+                            size_t w)
 {
     for (size_t i = 0, n; i < w; i += n, a += 6 * n, b += 6 * n) {
         uint16_t sum[6 * HALVED + 8];
@@ -56,14 +56,14 @@ void ISA(crop_halve)(uint8_t *out, const uint8_t *a, const uint8_t *b,
 }
 
 /* Bytes are added, weighted. */
-void ISA(crop_add)(float *sum, const uint8_t *in, float w, size_t n)
+static void crop_add_row(float *sum, const uint8_t *in, float w, size_t n)
 {
     for (size_t i = 0; i < n; i++)
         sum[i] += w * in[i];
 }
 
 /* Floats to bytes. */
-void ISA(crop_round)(uint8_t *out, const float *in, size_t n)
+static void crop_round_row(uint8_t *out, const float *in, size_t n)
 {
     for (size_t i = 0; i < n; i++) {
         const float up = in[i] + 0.5f;
@@ -71,3 +71,8 @@ void ISA(crop_round)(uint8_t *out, const float *in, size_t n)
         out[i] = (uint8_t)(int)(up < 0 ? 0 : up > 255 ? 255 : up);
     }
 }
+
+const struct crop_kernels ISA(crop_kernels) = {
+    crop_blend_rows, crop_gather_row, crop_halve_rows, crop_add_row,
+    crop_round_row
+};

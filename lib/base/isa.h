@@ -15,4 +15,13 @@
 #define SPID_X86 1
 #endif
 
+/* Declares what such a file defines as ISA(name), a table of its functions or
+ * one of these; CPU_PICK(name) of lib/base/cpu.h points to this processor's. */
+#ifdef SPID_X86
+#define ISA_VERSIONS(type, name)                                              \
+    extern type name##_baseline, name##_avx2, name##_avx512
+#else
+#define ISA_VERSIONS(type, name) extern type name##_baseline
+#endif
+
 #endif

@@ -4,18 +4,11 @@
 #include "lib/base/cpu.h"
 #include "lib/base/resample_kernel.h"
 
-/* The versions for this processor. */
-static const struct grid_kernels *resample_kernels(void)
-{
-    return CPU_PICK(&grid_kernels_baseline, &grid_kernels_avx2,
-                    &grid_kernels_avx512);
-}
-
 void grid_sample(float *out, const float *x, const float *grid, size_t B,
                  size_t H, size_t W, size_t C, size_t N, bool align,
                  enum resample_padding pad)
 {
-    resample_kernels()->sample(out, x, grid, B, H, W, C, N, align,
+    CPU_PICK(grid_kernels)->sample(out, x, grid, B, H, W, C, N, align,
                                pad == RESAMPLE_BORDER);
 }
 
@@ -25,10 +18,10 @@ void grid_sample_backward(float *gx, float *ggrid, const float *gout,
                           enum resample_padding pad)
 {
     if (ggrid)
-        resample_kernels()->dgrid(ggrid, gout, x, grid, B, H, W, C, N, align,
+        CPU_PICK(grid_kernels)->dgrid(ggrid, gout, x, grid, B, H, W, C, N, align,
                                   pad == RESAMPLE_BORDER);
     if (gx)
-        resample_kernels()->dx(gx, gout, grid, B, H, W, C, N, align,
+        CPU_PICK(grid_kernels)->dx(gx, gout, grid, B, H, W, C, N, align,
                                pad == RESAMPLE_BORDER);
 }
 

@@ -19,9 +19,6 @@ struct grid_kernels {
                bool border);
 };
 
-extern const struct grid_kernels grid_kernels_baseline;
-#ifdef SPID_X86
-extern const struct grid_kernels grid_kernels_avx2, grid_kernels_avx512;
-#endif
+ISA_VERSIONS(const struct grid_kernels, grid_kernels);
 
 #endif

@@ -266,17 +266,7 @@ void head_pose(float *verts, const struct identity *id,
 
     lbs_chain_of(&c, id, m);
     lbs_frame_of(&fr, index, value, &c, id, m);
-#ifdef SPID_X86
-    if (cpu_level() >= CPU_AVX512) {
-        lbs_pose_avx512(verts, &fr);
-        return;
-    }
-    if (cpu_level() >= CPU_AVX2) {
-        lbs_pose_avx2(verts, &fr);
-        return;
-    }
-#endif
-    lbs_pose_baseline(verts, &fr);
+    CPU_PICK(lbs_kernels)->pose(verts, &fr);
 }
 
 void identity_rest(float *verts, const struct identity *id)
@@ -292,23 +282,6 @@ void head_pose_joints(float *joints, const struct identity *id,
     lbs_chain_of(&c, id, m);
     for (int i = 0; i < 3 * HEAD_JOINTS; i++)
         joints[i] = (float)c.tg[i / 3][i % 3];
-}
-
-/* The best kernel that the processor has. */
-static void lbs_back_kernel(struct lbs_sums *s, const float *dverts,
-                            const struct lbs_frame *fr)
-{
-#ifdef SPID_X86
-    if (cpu_level() >= CPU_AVX512) {
-        lbs_back_avx512(s, dverts, fr);
-        return;
-    }
-    if (cpu_level() >= CPU_AVX2) {
-        lbs_back_avx2(s, dverts, fr);
-        return;
-    }
-#endif
-    lbs_back_baseline(s, dverts, fr);
 }
 
 /* From the joints' places to what they depend on: J = J(beta) + joint_exp
@@ -363,7 +336,7 @@ void head_pose_backward(struct head_motion_grad *g, const float *dverts,
 
     lbs_chain_of(&c, id, m);
     lbs_frame_of(&fr, index, value, &c, id, m);
-    lbs_back_kernel(&s, dverts, &fr);
+    CPU_PICK(lbs_kernels)->back(&s, dverts, &fr);
     for (int j = 0; j < HEAD_JOINTS; j++) {
         for (int i = 0; i < 12; i++)
             dA[j][i] = s.A[j][i];

@@ -46,20 +46,14 @@ struct lbs_sums {
     float A[HEAD_JOINTS][12];
 };
 
-/* verts (V,3) out, all blocks in order. */
-void lbs_pose_baseline(float *verts, const struct lbs_frame *fr);
-/* The same eight at a time, ... */
-void lbs_pose_avx2(float *verts, const struct lbs_frame *fr);
-/* ... and sixteen at a time. */
-void lbs_pose_avx512(float *verts, const struct lbs_frame *fr);
-/* s += gradients of dverts (V,3). */
-void lbs_back_baseline(struct lbs_sums *s, const float *dverts,
-                       const struct lbs_frame *fr);
-/* The same eight at a time, ... */
-void lbs_back_avx2(struct lbs_sums *s, const float *dverts,
-                   const struct lbs_frame *fr);
-/* ... and sixteen at a time. */
-void lbs_back_avx512(struct lbs_sums *s, const float *dverts,
-                     const struct lbs_frame *fr);
+struct lbs_kernels {
+    /* verts (V,3) out, all blocks in order */
+    void (*pose)(float *verts, const struct lbs_frame *fr);
+    /* s += gradients of dverts (V,3) */
+    void (*back)(struct lbs_sums *s, const float *dverts,
+                 const struct lbs_frame *fr);
+};
+
+ISA_VERSIONS(const struct lbs_kernels, lbs_kernels);
 
 #endif

@@ -136,7 +136,7 @@ static size_t lbs_block_length(const struct head *h, size_t b)
     return left < B ? left : B;
 }
 
-void ISA(lbs_pose)(float *verts, const struct lbs_frame *fr)
+static void lbs_pose(float *verts, const struct lbs_frame *fr)
 {
     static const int both[2] = {0, 1};
     const struct head *h = fr->id->head;
@@ -210,7 +210,7 @@ static inline void lbs_skin_back(vec dp[NV], vec dA[HEAD_JOINTS][12],
     }
 }
 
-void ISA(lbs_back)(struct lbs_sums *s, const float *dverts,
+static void lbs_back(struct lbs_sums *s, const float *dverts,
                    const struct lbs_frame *fr)
 {
     const struct head *h = fr->id->head;
@@ -244,3 +244,5 @@ void ISA(lbs_back)(struct lbs_sums *s, const float *dverts,
         for (int i = 0; i < 12; i++)
             s->A[j][i] += lbs_sum_lanes(&dA[j][i]);
 }
+
+const struct lbs_kernels ISA(lbs_kernels) = {lbs_pose, lbs_back};

@@ -5,6 +5,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "lib/base/cpu.h"
 #include "lib/base/parallel.h"
 #include "lib/photo/lookup.h"
 #include "lib/photo/lookup_kernel.h"
@@ -25,7 +26,7 @@ void texture_mix(float *color, size_t channels, float *alpha,
                  const float *photo, size_t n)
 {
     if (channels == 3) {
-        lookup_kernels()->mix(color, alpha, photo, n);
+        CPU_PICK(lookup_kernels)->mix(color, alpha, photo, n);
         return;
     }
     for (size_t i = 0; i < n; i++) {

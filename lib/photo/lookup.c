@@ -11,17 +11,6 @@
 /* Octaves by which a finer level is preferred. */
 #define TEXTURE_FINER 0.1f
 
-const struct lookup_kernels *lookup_kernels(void)
-{
-#ifdef SPID_X86
-    if (cpu_level() >= CPU_AVX512)
-        return &lookup_kernels_avx512;
-    if (cpu_level() >= CPU_AVX2)
-        return &lookup_kernels_avx2;
-#endif
-    return &lookup_kernels_baseline;
-}
-
 /* The level whose pixels are nearest to the picture's in size, with a slight
  * preference for finer ones; much finer ones would flicker. */
 size_t texture_level(const struct texture *t, const struct splat_place_view *v,
@@ -61,7 +50,7 @@ static bool lookup_run(float *photo, const struct texture_shader *s,
                        const float *place, const float *alpha, size_t x,
                        size_t y, size_t n)
 {
-    const struct lookup_kernels *kernels = lookup_kernels();
+    const struct lookup_kernels *kernels = CPU_PICK(lookup_kernels);
     const size_t S = s->t->side[s->level], whole = n / 16 * 16;
     float step = 2.0f / (float)s->size;
     struct lookup_run r;

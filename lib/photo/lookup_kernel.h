@@ -46,12 +46,6 @@ struct lookup_kernels {
     texture_mix_fn *mix;
 };
 
-/* The widest that the processor has (cpu_level). */
-const struct lookup_kernels *lookup_kernels(void);
-
-extern const struct lookup_kernels lookup_kernels_baseline;
-#ifdef SPID_X86
-extern const struct lookup_kernels lookup_kernels_avx2, lookup_kernels_avx512;
-#endif
+ISA_VERSIONS(const struct lookup_kernels, lookup_kernels);
 
 #endif

@@ -8,9 +8,6 @@
 int matting_solve(struct matting *m, const float *prior, size_t w, bool known,
                   struct error *err)
 {
-    matting_find_fn *find = CPU_PICK(matting_find_baseline, matting_find_avx2,
-                                     matting_find_avx512);
-
-    return find(m, prior, w, known, err) || backdrop_fill(m, err) ||
-           margin_fill(m, err) ? -1 : 0;
+    return CPU_PICK(matting_find)(m, prior, w, known, err) ||
+           backdrop_fill(m, err) || margin_fill(m, err) ? -1 : 0;
 }

@@ -8,9 +8,6 @@
 /* matting_solve but for what is behind the person and beyond the picture. */
 typedef int matting_find_fn(struct matting *m, const float *prior, size_t w,
                             bool known, struct error *err);
-matting_find_fn matting_find_baseline;
-#ifdef SPID_X86
-matting_find_fn matting_find_avx2, matting_find_avx512;
-#endif
+ISA_VERSIONS(matting_find_fn, matting_find);
 
 #endif

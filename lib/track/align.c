@@ -49,12 +49,6 @@ static const double align_spread[6] = {0.026, 0.026, 0.013,
 #define SCALE_ON 0.2            /* ... logarithm of the depths' ratio */
 #define MISSES 10               /* in a row: the keyframes are discarded */
 
-const struct align_kernels *align_kernels(void)
-{
-    return CPU_PICK(&align_kernels_baseline, &align_kernels_avx2,
-                    &align_kernels_avx512);
-}
-
 /* ---- points ------------------------------------------------------------- */
 
 /* Squared distance, head units, that vertex v goes in expressions, blinks. */
@@ -252,7 +246,7 @@ static void align_sum(struct align_sums *s, const struct align *a,
         (float)p->gain, (float)p->bias,
         {(float)c[0], (float)c[1], (float)c[2]}, (float)sigma};
 
-    align_kernels()->sum(s, k->visibility, k->room, a->picture, &camera, &r,
+    CPU_PICK(align_kernels)->sum(s, k->visibility, k->room, a->picture, &camera, &r,
                          step);
 }
 
@@ -391,7 +385,7 @@ static void align_add_keyframe(struct align *a, const struct motion *m,
     float *level = a->work, *weight = level + a->room, *visibility;
     size_t n = 0, room;
 
-    align_kernels()->show(level, weight, a->point, a->normal, a->room,
+    CPU_PICK(align_kernels)->show(level, weight, a->point, a->normal, a->room,
                           a->picture, &camera);
     for (size_t i = 0; i < a->count; i++) {
         const bool well = weight[i] >= FACING && a->steady[i] >= STEADY;
@@ -448,7 +442,7 @@ bool align_step(struct align *a, struct motion *m, const float *rgb,
         p.R[k] = m->R[k];
     for (int k = 0; k < 3; k++)
         p.t[k] = m->t[k];
-    align_kernels()->picture(a->picture, a->work, rgb);
+    CPU_PICK(align_kernels)->picture(a->picture, a->work, rgb);
     for (size_t k = 0; k < a->keys; k++) {
         double far = align_distance(&a->key[k], m->R, m->t);
 

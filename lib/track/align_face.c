@@ -8,6 +8,7 @@
 #include <sysexits.h>
 
 #include "lib/base/cholesky.h"
+#include "lib/base/cpu.h"
 
 /* Standard deviations of E_m's error: */
 #define SPREAD 0.15f            /* of a component of the expression */
@@ -263,7 +264,7 @@ void align_face_show(float *shown, struct align_face *f,
 
     align_face_pose(f, m);
     align_face_normals(f, m);
-    align_kernels()->show(shown, weight, f->point, f->facing, f->room,
+    CPU_PICK(align_kernels)->show(shown, weight, f->point, f->facing, f->room,
                           picture, camera);
     for (size_t i = 0; i < f->room; i++)
         if (i >= f->count || weight[i] < FACING)
@@ -348,7 +349,7 @@ void align_face_fit(struct align_face *f, struct motion *m,
         return;
     align_face_pose(f, m);
     for (int step = 0; step < STEPS; step++) {
-        align_kernels()->face(&s, &points, x, f->unknowns, picture, camera,
+        CPU_PICK(align_kernels)->face(&s, &points, x, f->unknowns, picture, camera,
                               (float)sigma);
         if (!(s.weight > 0))
             return;

@@ -109,12 +109,6 @@ struct align_kernels {
     align_face_fn *face;
 };
 
-/* The widest that the processor has (cpu_level). */
-const struct align_kernels *align_kernels(void);
-
-extern const struct align_kernels align_kernels_baseline;
-#ifdef SPID_X86
-extern const struct align_kernels align_kernels_avx2, align_kernels_avx512;
-#endif
+ISA_VERSIONS(const struct align_kernels, align_kernels);
 
 #endif

@@ -30,7 +30,7 @@ static void test_versions(void)
     static float color[3 * N], alpha[N];
     static uint8_t bg[3 * N], a[3 * N + 8], b[3 * N + 8];
     static uint16_t h[3 * N], g[3 * N];
-    const struct compose_table *t = compose_table();
+    const struct compose_kernels *t = CPU_PICK(compose_kernels);
     struct random r;
     int max = 0, over = 0, half = 0;
 
@@ -89,7 +89,7 @@ static void test_planes(void)
         memset(a, 0xa5, sizeof a);
         memset(b, 0xa5, sizeof b);
         compose_planes_c((uint8_t *[3]){a[0], a[1], a[2]}, rgb, n, m);
-        compose_table()->planes((uint8_t *[3]){b[0], b[1], b[2]}, rgb, n, m);
+        CPU_PICK(compose_kernels)->planes((uint8_t *[3]){b[0], b[1], b[2]}, rgb, n, m);
         apart += memcmp(a, b, sizeof a) != 0;
     }
     check_that("planes are the same bytes, and end where they should",
@@ -117,7 +117,7 @@ static void test_rgb(void)
         memset(a, 0xa5, sizeof a);
         memset(b, 0xa5, sizeof b);
         compose_rgb_c(a, luma, u, v, n, m);
-        compose_table()->rgb(b, luma, u, v, n, m);
+        CPU_PICK(compose_kernels)->rgb(b, luma, u, v, n, m);
         apart += memcmp(a, b, sizeof a) != 0;
     }
     check_that("pixels of planes likewise", apart == 0);

@@ -4,6 +4,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "lib/base/cpu.h"
 #include "lib/base/parallel.h"
 #include "lib/base/random.h"
 #include "lib/photo/lookup.h"
@@ -108,7 +109,7 @@ static void against_double(size_t n)
         for (size_t k = 0; k < STRIDE; k++)
             out[STRIDE * i + k] = -3;
     }
-    lookup_kernels()->bicubic(out, uv[0], uv[1], weight, AT, t, n);
+    CPU_PICK(lookup_kernels)->bicubic(out, uv[0], uv[1], weight, AT, t, n);
     for (size_t i = 0; i < AT; i++)
         for (int c = 0; c < STRIDE; c++) {
             float got = out[STRIDE * i + (size_t)c];

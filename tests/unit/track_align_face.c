@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "lib/base/cpu.h"
 #include "lib/track/align_face.h"
 #include "tests/check.h"
 #include "tests/unit/sphere_head.h"
@@ -98,10 +99,10 @@ static double face_error(size_t k, bool lid, const struct identity *id)
     CHECK(f.codes == 2, "%zu directions are sought, of 2", f.codes);
     shown = malloc(2 * f.room * sizeof *shown);
     face_render(rgb, rest, 1, 0);
-    align_kernels()->picture(picture, work, rgb);
+    CPU_PICK(align_kernels)->picture(picture, work, rgb);
     align_face_show(shown, &f, &m, picture, &camera);
     face_render(rgb, truth, 0.97, 0.02);
-    align_kernels()->picture(picture, work, rgb);
+    CPU_PICK(align_kernels)->picture(picture, work, rgb);
     float *const sought[2] = {m.exp, lid ? m.pose.lid : m.exp + 1};
     for (int i = 0; i < 2; i++)
         *sought[i] = given[i];

@@ -4,6 +4,8 @@
 
 #include <stddef.h>
 
+#include "lib/base/isa.h"
+
 #define METRIC_WINDOW 11 /* taps; the standard deviation is 1.5 */
 
 /* The normalised taps. */
@@ -18,5 +20,11 @@ void metric_blur(double *out, const double *in, size_t H, size_t W,
  * overwritten; tmp as above. */
 void metric_blur_transpose(double *out, const double *in, size_t H, size_t W,
                            double *tmp);
+
+/* Both, a version for each instruction set. */
+typedef void metric_blur_fn(double *out, const double *in, size_t H, size_t W,
+                            double *tmp);
+ISA_VERSIONS(metric_blur_fn, metric_blur);
+ISA_VERSIONS(metric_blur_fn, metric_blur_transpose);
 
 #endif

@@ -3,13 +3,6 @@
 
 #include <string.h>
 
-#include "lib/base/isa.h"
-
-void ISA(metric_blur)(double *out, const double *in, size_t H, size_t W,
-                      double *tmp);
-void ISA(metric_blur_transpose)(double *out, const double *in, size_t H,
-                                size_t W, double *tmp);
-
 /* y[0..n) += a * x[0..n) */
 static void filter_axpy(double *restrict y, const double *restrict x, double a,
                         size_t n)
