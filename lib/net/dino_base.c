@@ -230,7 +230,7 @@ void dino_base_release(struct dino_base *d)
 static void dino_unit_forward(float *y, const float *x, size_t n,
                               struct residual_unit *u)
 {
-    relu_copy(u->r, x, n);
+    act_forward(u->r, x, ACT_RELU, n);
     conv_forward(u->h, u->r, &u->conv1);
     conv_forward(y, u->h, &u->conv2);
 }
@@ -255,8 +255,8 @@ static void dino_level_forward(struct dino_level *l, struct dino_base *d,
         conv_forward(l->f, l->p, &l->shrink);
     }
     rescale_forward(l->image, d->picture, &l->picture);
-    concat_rows(l->cat, l->image, l->f, B * l->h * l->w, 3, l->channels,
-                l->join.in_data);
+    concat_forward(l->cat, l->image, l->f, B * l->h * l->w, 3, l->channels,
+                   l->join.in_data, 1);
     conv_forward(l->rn, l->cat, &l->join);
 }
 
@@ -336,7 +336,8 @@ static void dino_unit_backward(float *dx, float *dy, float *a, float *b,
 {
     conv_backward(a, dy, NULL, u->h, &u->conv2);
     conv_backward(b, a, u->h, u->r, &u->conv1);
-    relu_add_backward(dx, b, u->r, n);
+    act_backward_out(b, b, u->r, ACT_RELU, n);
+    image_add(dx, b, n);
 }
 
 /* g0: gradient of rn; g1, g2 scratch. */
@@ -346,10 +347,10 @@ static void dino_level_backward(struct dino_level *l, struct dino_base *d,
     size_t B = d->batch, gh = d->vit.grid_h, gw = d->vit.grid_w;
 
     conv_backward(g1, g0, l->rn, l->cat, &l->join);
-    concat_rows_backward(g2, g1, B * l->h * l->w, 3, l->channels,
-                         l->join.in_data);
+    concat_take(g2, g1, B * l->h * l->w, 3, l->channels, l->join.in_data);
     if (l->factor > 1) {
-        depth_to_space_backward(g1, g2, B, gh, gw, l->channels, l->factor);
+        space_to_depth(g1, g2, B, gh * l->factor, gw * l->factor,
+                       l->channels, l->factor);
         conv_backward(g2, g1, l->shuffled, l->p, &l->grow);
     } else if (k == 3) {
         conv_backward(g1, g2, l->f, l->p, &l->shrink);

@@ -45,8 +45,7 @@ void matte_net_forward(float *logit, const float *rgb, struct matte_net *m)
 /* In the forward pass: logit = depth_to_space(cell). */
 void matte_net_backward(const float *dlogit, struct matte_net *m)
 {
-    depth_to_space_backward(m->cell, dlogit, m->batch, m->side / 2,
-                            m->side / 2, 1, 2);
+    space_to_depth(m->cell, dlogit, m->batch, m->side, m->side, 1, 2);
     small_backbone_backward(m->cell, &m->net);
 }
 

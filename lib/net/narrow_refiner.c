@@ -418,7 +418,7 @@ static void narrow_refiner_decoder_backward(float *de0, float *de1, float *dm,
     size_t a0 = B * h * w / 16, a1 = a0 / 4;
     float *dz0 = r->g0[1], *dy0 = r->g0[2];
 
-    depth_to_space_backward(r->dd, drgb, B, h / 4, w / 4, 3, 4);
+    space_to_depth(r->dd, drgb, B, h, w, 3, 4);
     if (r->photos) {
         narrow_end_spread_backward(r->dtint, r->dd, r->tint,
                                    NARROW_REFINER_MAX, a0);

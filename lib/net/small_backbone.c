@@ -136,11 +136,12 @@ static size_t small_backbone_level_size(const struct small_backbone *s,
 void small_backbone_forward(float *features, const float *rgb,
                             struct small_backbone *s)
 {
-    static const float mean[3] = { 0.45f, 0.45f, 0.45f };
-    size_t n = 2 * s->size;
+    const size_t n = 2 * s->size;
 
     rescale_forward(s->large, rgb, &s->enlarge);
-    space_to_depth(s->x, s->large, mean, 4.0f, s->batch, n, n, 3, 2);
+    space_to_depth(s->x, s->large, s->batch, n, n, 3, 2);
+    for (size_t i = 0; i < 3 * s->batch * n * n; i++)
+        s->x[i] = (s->x[i] - 0.45f) * 4.0f;     /* photographs' mean to 0 */
     conv_forward(s->a[0], s->x, &s->down[0]);
     for (size_t i = 1; i < L; i++) {
         conv_forward(s->a[i], s->b[i - 1], &s->down[i]);

@@ -5,7 +5,6 @@
 #include <string.h>
 
 #include "lib/base/parallel.h"
-#include "lib/nn/act.h"
 #include "lib/nn/kernels.h"
 
 #define CHUNK 16384
@@ -103,10 +102,16 @@ void concat_forward(float *out, const float *a, const float *b, size_t rows,
 }
 
 /* One row. */
-PARALLEL(concat_backward_part, r, float *, da, const float *, dout, size_t, A,
-         size_t, C)
+PARALLEL(concat_take_part, r, float *, part, const float *, dout, size_t, at,
+         size_t, n, size_t, C)
 {
-    memcpy(da + r * A, dout + r * C, A * sizeof *da);
+    memcpy(part + r * n, dout + r * C + at, n * sizeof *part);
+}
+
+void concat_take(float *part, const float *dout, size_t rows, size_t at,
+                 size_t n, size_t C)
+{
+    parallel_each(concat_take_part, rows, 1, part, dout, at, n, C);
 }
 
 PARALLEL(concat_backward_channel, c, const float *, dout, float *, db,
@@ -124,10 +129,8 @@ PARALLEL(concat_backward_channel, c, const float *, dout, float *, db,
 void concat_backward(float *da, float *db, const float *dout, size_t rows,
                      size_t A, size_t Bc, size_t C, size_t group)
 {
-    if (da) {
-
-        parallel_each(concat_backward_part, rows, 1, da, dout, A, C);
-    }
+    if (da)
+        concat_take(da, dout, rows, 0, A, C);
     if (!db)
         return;
 
@@ -135,69 +138,21 @@ void concat_backward(float *da, float *db, const float *dout, size_t rows,
                   Bc);
 }
 
-void concat_rows(float *out, const float *a, const float *b, size_t rows,
-                 size_t A, size_t Bc, size_t C)
+PARALLEL(space_to_depth_part, k, float *, out, const float *, in, size_t, h,
+         size_t, f, size_t, w, size_t, C)
 {
-    concat_forward(out, a, b, rows, A, Bc, C, 1);
+    size_t n = k / h, y = k % h;
+    const float *p = in + (n * h + y) * w * C;
+    float *to = out + ((n * h + y) / f * (w / f) * f + y % f) * f * C;
+
+    for (size_t x = 0; x < w; x += f, p += f * C, to += f * f * C)
+        memcpy(to, p, f * C * sizeof *to);
 }
 
-/* One row. */
-PARALLEL(concat_rows_backward_part, r, float *, db, const float *, dout,
-         size_t, Bc, size_t, C, size_t, A)
+void space_to_depth(float *out, const float *in, size_t B, size_t h, size_t w,
+                    size_t C, size_t f)
 {
-    memcpy(db + r * Bc, dout + r * C + A, Bc * sizeof *db);
-}
-
-void concat_rows_backward(float *db, const float *dout, size_t rows, size_t A,
-                          size_t Bc, size_t C)
-{
-    parallel_each(concat_rows_backward_part, rows, 1, db, dout, Bc, C, A);
-}
-
-void relu_copy(float *y, const float *x, size_t n)
-{
-    act_forward(y, x, ACT_RELU, n);
-}
-
-PARALLEL(relu_add_backward_part, i, const float *, y, const float *, dy,
-         float *, dx)
-{
-    if (y[i] > 0.0f)
-        dx[i] += dy[i];
-}
-
-void relu_add_backward(float *dx, const float *dy, const float *y, size_t n)
-{
-    parallel_each(relu_add_backward_part, n, 1, y, dy, dx);
-}
-
-PARALLEL(space_to_depth_part, k, float *, out, const float *, in,
-         const float *, mean, size_t, ow, size_t, oh, size_t, row, size_t, f,
-         size_t, h, size_t, w, size_t, C, float, scale)
-{
-    size_t n = k / oh, y = k % oh;
-
-    for (size_t x = 0; x < ow; x++) {
-        float *to = out + ((n * oh + y) * ow + x) * row;
-
-        for (size_t dy = 0; dy < f; dy++) {
-            const float *p = in + ((n * h + y * f + dy) * w + x * f) * C;
-
-            for (size_t i = 0; i < f * C; i++)
-                to[dy * f * C + i] =
-                    (p[i] - (mean ? mean[i % C] : 0.0f)) * scale;
-        }
-    }
-}
-
-void space_to_depth(float *out, const float *in, const float *mean,
-                    float scale, size_t B, size_t h, size_t w, size_t C,
-                    size_t f)
-{
-    size_t oh = h / f, ow = w / f, row = f * f * C;
-
-    parallel_each(space_to_depth_part, B * oh, 1, out, in, mean, ow, oh, row, f,
-                  h, w, C, scale);
+    parallel_each(space_to_depth_part, B * h, 1, out, in, h, f, w, C);
 }
 
 PARALLEL(depth_to_space_part, k, const float *, in, float *, out, size_t, h,
@@ -238,22 +193,4 @@ void depth_to_space_add(float *out, const float *base, size_t base_C,
 {
     parallel_each(depth_to_space_add_part, B * (h * f), 1, in, base, out, h, f,
                   w, C, base_C);
-}
-
-PARALLEL(depth_to_space_backward_part, k, float *, din, const float *, dout,
-         size_t, h, size_t, f, size_t, w, size_t, C)
-{
-    size_t n = k / (h * f), y = k % (h * f);
-    float *p = din + ((n * h + y / f) * w * f + y % f) * f * C;
-    const float *g = dout + (n * h * f + y) * w * f * C;
-
-    for (size_t x = 0; x < w; x++, p += f * f * C, g += f * C)
-        memcpy(p, g, f * C * sizeof *p);
-}
-
-void depth_to_space_backward(float *din, const float *dout, size_t B,
-                             size_t h, size_t w, size_t C, size_t f)
-{
-    parallel_each(depth_to_space_backward_part, B * (h * f), 1, din, dout, h, f,
-                  w, C);
 }

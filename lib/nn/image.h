@@ -27,30 +27,20 @@ void concat_forward(float *out, const float *a, const float *b, size_t rows,
 void concat_backward(float *da, float *db, const float *dout, size_t rows,
                      size_t A, size_t Bc, size_t C, size_t group);
 
-/* out (rows,C) = [a (rows,A), b (rows,Bc), 0]. */
-void concat_rows(float *out, const float *a, const float *b, size_t rows,
-                 size_t A, size_t Bc, size_t C);
-/* db (rows,Bc) is written. */
-void concat_rows_backward(float *db, const float *dout, size_t rows, size_t A,
-                          size_t Bc, size_t C);
-/* y = x where x > 0, else 0. */
-void relu_copy(float *y, const float *x, size_t n);
-/* dx += dy where y > 0. */
-void relu_add_backward(float *dx, const float *dy, const float *y, size_t n);
+/* part (rows,n) = channels [at,at + n) of dout (rows,C). */
+void concat_take(float *part, const float *dout, size_t rows, size_t at,
+                 size_t n, size_t C);
 
-/* out (B,h/f,w/f,f*f*C): out[..][(dy f + dx) C + c] = (in - mean[c]) scale. */
-void space_to_depth(float *out, const float *in, const float *mean,
-                    float scale, size_t B, size_t h, size_t w, size_t C,
-                    size_t f);
-/* out (B,h f,w f,C) from in (B,h,w,f*f*C), and with something added: */
+/* out (B,h/f,w/f,f*f*C): out[..][(dy f + dx) C + c], from in (B,h,w,C). */
+void space_to_depth(float *out, const float *in, size_t B, size_t h, size_t w,
+                    size_t C, size_t f);
+/* The reverse, and the gradient of one is the other's forward: out (B,h f,w f,C)
+ * from in (B,h,w,f*f*C). */
 void depth_to_space(float *out, const float *in, size_t B, size_t h, size_t w,
                     size_t C, size_t f);
 /* out (B,h f,w f,C) = base (..., base_C's first C) + in (B,h,w,f*f*C). */
 void depth_to_space_add(float *out, const float *base, size_t base_C,
                         const float *in, size_t B, size_t h, size_t w,
                         size_t C, size_t f);
-/* din (B,h,w,f*f*C) from dout (B,h f,w f,C). */
-void depth_to_space_backward(float *din, const float *dout, size_t B,
-                             size_t h, size_t w, size_t C, size_t f);
 
 #endif

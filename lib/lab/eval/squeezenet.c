@@ -153,8 +153,8 @@ void squeezenet_forward(const float *rgb, struct squeezenet *s)
         conv_forward(f->s, squeezenet_input(s, i), &f->squeeze);
         conv_forward(f->e1, f->s, &f->expand1);
         conv_forward(f->e3, f->s, &f->expand3);
-        concat_rows(f->out, f->e1, f->e3, s->batch * f->h * f->w, half, half,
-                    2 * half);
+        concat_forward(f->out, f->e1, f->e3, s->batch * f->h * f->w, half,
+                       half, 2 * half, 1);
     }
 }
 
@@ -166,8 +166,8 @@ static void squeezenet_fire_backward(float *g[4], size_t i,
     struct squeezenet_fire *f = &s->fire[i];
     size_t rows = s->batch * f->h * f->w, half = f->expand1.out;
 
-    concat_backward(g[1], NULL, g[0], rows, half, half, 2 * half, 1);
-    concat_rows_backward(g[2], g[0], rows, half, half, 2 * half);
+    concat_take(g[1], g[0], rows, 0, half, 2 * half);
+    concat_take(g[2], g[0], rows, half, half, 2 * half);
     conv_backward(g[3], g[1], f->e1, f->s, &f->expand1);
     conv_backward(g[1], g[2], f->e3, f->s, &f->expand3);
     image_add(g[3], g[1], rows * f->squeeze.out);

@@ -274,8 +274,8 @@ static const float *fan_block_forward(const float *x, struct fan_block *b,
     fan_step_forward(x, &s[0]);
     fan_step_forward(s[0].y, &s[1]);
     fan_step_forward(s[1].y, &s[2]);
-    concat_rows(pair, s[1].y, s[2].y, rows, half / 2, half / 2, half);
-    concat_rows(b->y, s[0].y, pair, rows, half, half, b->out);
+    concat_forward(pair, s[1].y, s[2].y, rows, half / 2, half / 2, half, 1);
+    concat_forward(b->y, s[0].y, pair, rows, half, half, b->out, 1);
     image_add(b->y, b->widens ? fan_step_forward(x, &b->wide) : x,
               rows * b->out);
     return b->y;
@@ -352,12 +352,12 @@ static void fan_block_backward(float *dx, float *dy, struct fan_block *b,
     size_t C = b->out, rows = b->rows;
     float *part = f->g[0], *da = f->g[1], *more = f->g[2];
 
-    concat_rows_backward(part, dy, rows, C / 4 * 3, C / 4, C);
+    concat_take(part, dy, rows, C / 4 * 3, C / 4, C);
     fan_step_backward(more, part, s[1].y, &s[2], da);
-    concat_rows_backward(part, dy, rows, C / 2, C / 4, C);
+    concat_take(part, dy, rows, C / 2, C / 4, C);
     image_add(part, more, rows * C / 4);
     fan_step_backward(more, part, s[0].y, &s[1], da);
-    concat_rows_backward(part, dy, rows, 0, C / 2, C);
+    concat_take(part, dy, rows, 0, C / 2, C);
     image_add(part, more, rows * C / 2);
     fan_step_backward(dx, part, b->x, &s[0], da);
     if (b->widens)
