@@ -163,7 +163,7 @@ static void style_unet_level_backward(struct style_unet *s, size_t i,
     size_t half = s->batch * l->side * l->side / 4 * l->up.conv1.in;
 
     to_rgb_backward(g[0], s->dlatent, dprevious, drgb, l->same.y, latent,
-                    &l->rgb);
+                    g[3], &l->rgb);
     style_conv_backward(g[2], s->dlatent, g[0], l->sft, latent, g[3], g[4],
                         &l->same);
     /* g2: gradient of sft = y scale + shift */
@@ -270,7 +270,7 @@ void style_unet_backward(float *dfeat, const float *dimage,
         dprev = swap;
     }
     to_rgb_backward(g[0], s->dlatent, NULL, drgb, s->conv1.y, s->style[7],
-                    &s->rgb1);
+                    g[3], &s->rgb1);
     style_conv_backward(g[2], s->dlatent, g[0], s->constants, s->style[7],
                         g[3], g[4], &s->conv1);
     float *dc = param_g(s->ps, s->constant);

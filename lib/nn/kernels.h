@@ -108,11 +108,6 @@ struct winograd;
     X(void, style_backward, (float *du, float *sum, const float *dy,         \
                              const float *y, const float *u, const float *d, \
                              const float *noise, size_t rows, size_t C))     \
-    X(void, rgb_forward, (float *rgb, const float *x, const float *w,        \
-                          const float *b, size_t rows, size_t C))            \
-    X(void, rgb_backward, (float *dx, float *sum, const float *drgb,         \
-                           const float *x, const float *w, size_t rows,      \
-                           size_t C))                                        \
     X(void, gemm_pack, (float *packed, const float *B, size_t rs, size_t cs, \
                         size_t K, size_t N))                                 \
     X(void, gemm, (float *C, size_t ldc, const float *A, size_t rs,          \

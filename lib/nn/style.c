@@ -234,23 +234,38 @@ static void style_demodulate_backward(const float *dd, size_t n,
     }
 }
 
-PARALLEL(style_conv_backward_part, i, struct style_conv *, s,
-         const struct nn_kernels *, k, const float *, dxs, const float *, x,
-         size_t, low, size_t, P, size_t, n)
+PARALLEL(style_dot_part, i, float *, part, const struct nn_kernels *, k,
+         const float *, a, const float *, b, size_t, rows, size_t, P,
+         size_t, C)
 {
-    size_t r0 = i * low / P, r1 = (i + 1) * low / P;
-    size_t at = (n * low + r0) * s->in;
+    size_t r0 = i * rows / P, r1 = (i + 1) * rows / P;
 
-    k->channel_dot(s->part + i * s->in, dxs + at, x + at, r1 - r0, s->in);
+    k->channel_dot(part + i * C, a + r0 * C, b + r0 * C, r1 - r0, C);
+}
+
+/* In the forward pass: y = x st, a vector per image of `pixels` rows.  dst (B,C)
+ * += its gradient from dy; part: scratch of NN_SUMS C. */
+static void style_scale_backward(float *dst, float *part, const float *dy,
+                                 const float *x, size_t B, size_t pixels,
+                                 size_t C)
+{
+    const size_t P = style_part_count(pixels);
+
+    for (size_t n = 0; n < B; n++) {
+        parallel_each(style_dot_part, P, 1, part, nn_kernels(),
+                      dy + n * pixels * C, x + n * pixels * C, pixels, P, C);
+        for (size_t i = 0; i < P; i++)
+            for (size_t c = 0; c < C; c++)
+                dst[n * C + c] += part[i * C + c];
+    }
 }
 
 void style_conv_backward(float *dx, float *dlatent, const float *dy,
                          const float *x, const float *latent, float *g0,
                          float *g1, struct style_conv *s)
 {
-    const struct nn_kernels *k = nn_kernels();
     size_t pixels = s->h * s->w, low = s->up ? pixels / 4 : pixels;
-    size_t B = s->batch, P = style_part_count(low);
+    size_t B = s->batch;
 
     memset(s->dst, 0, B * s->in * sizeof *s->dst);
     for (size_t n = 0; n < B; n++) {
@@ -261,14 +276,7 @@ void style_conv_backward(float *dx, float *dlatent, const float *dy,
     if (s->up)
         rescale_backward(g0, g1, &s->grow);
     const float *dxs = s->up ? g0 : g1;
-    /* xs = x st */
-    for (size_t n = 0; n < B; n++) {
-
-        parallel_each(style_conv_backward_part, P, 1, s, k, dxs, x, low, P, n);
-        for (size_t i = 0; i < P; i++)
-            for (size_t c = 0; c < s->in; c++)
-                s->dst[n * s->in + c] += s->part[i * s->in + c];
-    }
+    style_scale_backward(s->dst, s->part, dxs, x, B, low, s->in);
     style_scale_images(dx, dxs, s->st, B, low, s->in);
     conv_backward(s->dlatent, s->dst, s->st, latent, &s->modulation);
     image_add(dlatent, s->dlatent, B * s->modulation.in);
@@ -281,23 +289,20 @@ void to_rgb_init(struct to_rgb *t, struct params *ps, const char *name,
                  size_t in, size_t latent, bool first)
 {
     char buf[120];
-    struct conv shape;
     size_t bias[4] = { 1, 3, 1, 1 };
 
     memset(t, 0, sizeof *t);
-    t->ps = ps;
     t->in = in;
     t->first = first;
-    style_declare(&shape, &t->modulation, ps, name, in, 3, 1, latent);
-    t->weight = shape.weight;
-    t->bias = params_add(ps, nn_name(buf, "%s.bias", name), 4, bias,
-                         PARAM_ZERO, 0);
+    style_declare(&t->conv, &t->modulation, ps, name, in, 3, 1, latent);
+    t->conv.bias = params_add(ps, nn_name(buf, "%s.bias", name), 4, bias,
+                              PARAM_ZERO, 0);
+    t->conv.add = true;
 }
 
 void to_rgb_plan(struct to_rgb *t, struct nn_plan *p, size_t batch, size_t h,
                  size_t w)
 {
-    t->plan = p;
     t->batch = batch;
     t->h = h;
     t->w = w;
@@ -306,91 +311,45 @@ void to_rgb_plan(struct to_rgb *t, struct nn_plan *p, size_t batch, size_t h,
         rescale_plan(&t->grow, p, RESCALE_BILINEAR, batch, h / 2, w / 2, h, w,
                      3);
     t->st = nn_plan_floats(p, batch * t->in);
-    t->scaled = nn_plan_floats(p, batch * 3 * t->in);
     t->rgb = nn_plan_floats(p, batch * h * w * 3);
+    t->xs = nn_plan_map(p, batch * h * w * t->in);
+    conv_plan(&t->conv, p, batch, h, w);
+    nn_plan_recycle(p, t->xs);
     if (!nn_plan_backward(p))
         return;
-    t->part = nn_plan_floats(p, NN_SUMS * 3 * t->in);
+    t->part = nn_plan_floats(p, NN_SUMS * t->in);
     t->dst = nn_plan_floats(p, batch * t->in);
     t->dlatent = nn_plan_floats(p, batch * t->modulation.in);
-}
-
-PARALLEL(to_rgb_forward_part, at, const struct nn_kernels *, k,
-         struct to_rgb *, t, const float *, x, const float *, b, size_t, pixels,
-         size_t, P, size_t, C)
-{
-    size_t n = at / P, i = at % P;
-    size_t r0 = n * pixels + i * pixels / P;
-    size_t r1 = n * pixels + (i + 1) * pixels / P;
-
-    k->rgb_forward(t->rgb + 3 * r0, x + r0 * C, t->scaled + n * 3 * C, b,
-                   r1 - r0, C);
 }
 
 void to_rgb_forward(const float *x, const float *latent,
                     const float *previous, struct to_rgb *t)
 {
-    const struct nn_kernels *k = nn_kernels();
-    size_t pixels = t->h * t->w, P = style_part_count(pixels), C = t->in;
-    const float *w = param_w(t->ps, t->weight), *b = param_w(t->ps, t->bias);
+    const size_t pixels = t->h * t->w;
 
     conv_forward(t->st, latent, &t->modulation);
-    for (size_t n = 0; n < t->batch; n++)
-        for (size_t i = 0; i < 3 * C; i++)
-            t->scaled[n * 3 * C + i] = w[i] * t->st[n * C + i % C];
     if (t->first)
         memset(t->rgb, 0, t->batch * pixels * 3 * sizeof *t->rgb);
     else
         rescale_forward(t->rgb, previous, &t->grow);
-
-    parallel_each(to_rgb_forward_part, t->batch * P, 1, k, t, x, b, pixels, P,
-                  C);
+    style_scale_images(t->xs, x, t->st, t->batch, pixels, t->in);
+    conv_forward(t->rgb, t->xs, &t->conv);
 }
 
-PARALLEL(to_rgb_backward_part, i, const struct nn_kernels *, k, float *, dx,
-         struct to_rgb *, t, const float *, drgb, const float *, x, size_t, n,
-         size_t, pixels, size_t, P, size_t, C)
-{
-    size_t r0 = n * pixels + i * pixels / P;
-    size_t r1 = n * pixels + (i + 1) * pixels / P;
-
-    k->rgb_backward(dx + r0 * C, t->part + i * 3 * C, drgb + 3 * r0, x + r0 * C,
-                    t->scaled + n * 3 * C, r1 - r0, C);
-}
-
-/* In the forward pass: rgb = (W st) x + b + grow(previous). */
-void to_rgb_backward(float *dx, float *dlatent, float *dprevious,
-                     const float *drgb, const float *x, const float *latent,
+/* In the forward pass: rgb = W (x st) + b + grow(previous). */
+void to_rgb_backward(float *dx, float *dlatent, float *dprevious, float *drgb,
+                     const float *x, const float *latent, float *g,
                      struct to_rgb *t)
 {
-    const struct nn_kernels *k = nn_kernels();
-    size_t pixels = t->h * t->w, P = style_part_count(pixels), C = t->in;
-    const float *w = param_w(t->ps, t->weight);
-    float *dw = param_g(t->ps, t->weight), *db = param_g(t->ps, t->bias);
+    const size_t B = t->batch, pixels = t->h * t->w, C = t->in;
 
-    memset(t->dst, 0, t->batch * C * sizeof *t->dst);
-    for (size_t n = 0; n < t->batch; n++) {
-
-        parallel_each(to_rgb_backward_part, P, 1, k, dx, t, drgb, x, n, pixels,
-                      P, C);
-        for (size_t j = 0; j < 3 * C; j++) {
-            double sum = 0;
-
-            for (size_t i = 0; i < P; i++)
-                sum += (double)t->part[i * 3 * C + j];
-            dw[j] += (float)sum * t->st[n * C + j % C];
-            t->dst[n * C + j % C] += (float)sum * w[j];
-        }
-        for (size_t c = 0; c < 3; c++) {
-            double sum = 0;
-
-            for (size_t i = n * pixels; i < (n + 1) * pixels; i++)
-                sum += (double)drgb[3 * i + c];
-            db[c] += (float)sum;
-        }
-    }
     if (dprevious)
         rescale_backward(dprevious, drgb, &t->grow);
+    conv_backward(g, drgb, t->rgb, t->xs, &t->conv);
+    memset(t->dst, 0, B * C * sizeof *t->dst);
+    style_scale_backward(t->dst, t->part, g, x, B, pixels, C);
+    style_scale_images(g, g, t->st, B, pixels, C);
+    image_add(dx, g, B * pixels * C);
     conv_backward(t->dlatent, t->dst, t->st, latent, &t->modulation);
-    image_add(dlatent, t->dlatent, t->batch * t->modulation.in);
+    image_add(dlatent, t->dlatent, B * t->modulation.in);
 }

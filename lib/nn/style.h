@@ -42,15 +42,12 @@ void style_conv_backward(float *dx, float *dlatent, const float *dy,
                          float *g1, struct style_conv *s);
 
 struct to_rgb {
-    struct params *ps;
-    struct conv modulation;
-    size_t weight, bias;          /* (1,3,in,1,1), (1,3,1,1) */
+    struct conv conv, modulation;  /* weights (1,3,in,1,1), bias (1,3,1,1) */
     size_t in;
-    struct nn_plan *plan;
     size_t batch, h, w;
     bool first;                   /* nothing to enlarge and add to */
     struct rescale grow;
-    float *st, *scaled;           /* (B,in), (B,3,in) */
+    float *st, *xs;               /* (B,in); x scaled (B,h,w,in) */
     float *rgb;                   /* (B,h,w,3) */
     float *part, *dst, *dlatent;
 };
@@ -64,9 +61,10 @@ void to_rgb_plan(struct to_rgb *t, struct nn_plan *p, size_t batch, size_t h,
 /* t->rgb = W (x st) + b + grow(previous); previous (B,h/2,w/2,3) or NULL. */
 void to_rgb_forward(const float *x, const float *latent,
                     const float *previous, struct to_rgb *t);
-/* dx and dlatent are added to; dprevious is written (NULL for the first). */
-void to_rgb_backward(float *dx, float *dlatent, float *dprevious,
-                     const float *drgb, const float *x, const float *latent,
+/* dx and dlatent are added to; dprevious is written (NULL for the first); g
+ * scratch of x's size. */
+void to_rgb_backward(float *dx, float *dlatent, float *dprevious, float *drgb,
+                     const float *x, const float *latent, float *g,
                      struct to_rgb *t);
 
 #endif
