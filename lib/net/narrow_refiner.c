@@ -7,7 +7,6 @@
 
 #include "lib/nn/image.h"
 #include "lib/nn/kernels.h"
-#include "lib/nn/squeeze_excite.h"
 
 #define LRELU_GAIN 1.3867505f     /* sqrt(2 / (1 + 0.2^2)) */
 
@@ -44,8 +43,8 @@ static void narrow_refiner_declare_all(struct narrow_refiner *r,
         { &r->down1, "down.1", w0, w1, 3, 2, ACT_LRELU },
         { &r->down2, "down.2", w1, w2, 3, 2, ACT_LRELU },
         { &r->mid, "mid", w2, w2, 3, 1, ACT_LRELU },
-        { &r->style1, "style.0", w2, w2, 1, 1, ACT_LRELU },
-        { &r->style2, "style.1", w2, w2, 1, 1, ACT_NONE },
+        { &r->style.reduce, "style.0", w2, w2, 1, 1, ACT_LRELU },
+        { &r->style.expand, "style.1", w2, w2, 1, 1, ACT_NONE },
         { &r->up2, "up.2", w2, w1, 3, 1, ACT_LRELU },
         { &r->cond1, "condition.1", w1, 2 * w1, 1, 1, ACT_NONE },
         { &r->body1, "body.1", w1, w1, 3, 1, ACT_LRELU },
@@ -79,6 +78,7 @@ void narrow_refiner_init(struct narrow_refiner *r, struct params *ps,
     r->photos = photos;
     narrow_refiner_declare_all(r, ps, prefix);
     r->mid.add = true;
+    r->style.additive = true;
     if (turns) {
         conditional_conv_init(&r->conditional1, &r->cond1,
                               nn_name(name, "%scondition.1", prefix),
@@ -136,12 +136,7 @@ static void narrow_refiner_plan_middle(struct narrow_refiner *r)
 
     r->m = nn_plan_map(p, a2 * w2);
     conv_plan(&r->mid, p, B, h / 16, w / 16);
-    r->pool = nn_plan_floats(p, B * w2);
-    r->part = nn_plan_floats(p, B * NN_PARTS * w2);
-    r->s1 = nn_plan_floats(p, B * w2);
-    r->s2 = nn_plan_floats(p, B * w2);
-    linear_plan(&r->style1, p, B);
-    linear_plan(&r->style2, p, B);
+    squeeze_excite_plan(&r->style, p, B, h * w / 256);
     r->ms = nn_plan_map(p, a2 * w2);
 }
 
@@ -220,7 +215,6 @@ static void narrow_refiner_plan_backward(struct narrow_refiner *r)
     for (int i = 0; i < 3; i++) {
         r->g0[i] = nn_plan_floats(p, a0 * w0);
         r->g2[i] = nn_plan_floats(p, a2 * w2);
-        r->dsv[i] = nn_plan_floats(p, r->batch * w2);
     }
     for (int i = 0; i < 4; i++)
         r->g1[i] = nn_plan_floats(p, a1 * w1);
@@ -274,42 +268,6 @@ void narrow_refiner_release(struct narrow_refiner *r)
     memset(r, 0, sizeof *r);
 }
 
-/* ms = m (1 + s), s a vector per image: the style. */
-static void narrow_refiner_style_forward(struct narrow_refiner *r)
-{
-    size_t w2 = 2 * r->width, pixels = r->h * r->w / 256;
-
-    spatial_mean_forward(r->pool, r->part, r->m, r->batch, pixels, w2);
-    conv_forward(r->s1, r->pool, &r->style1);
-    conv_forward(r->s2, r->s1, &r->style2);
-    for (size_t i = 0; i < r->batch * w2; i++)
-        r->s2[i] += 1.0f;
-    for (size_t n = 0; n < r->batch; n++)
-        nn_kernels()->channel_scale(r->ms + n * pixels * w2,
-                                    r->m + n * pixels * w2, r->s2 + n * w2,
-                                    NULL, pixels, w2);
-}
-
-/* dm (written, may be dms) from dms. */
-static void narrow_refiner_style_backward(float *dm, const float *dms,
-                                          struct narrow_refiner *r)
-{
-    const struct nn_kernels *k = nn_kernels();
-    size_t w2 = 2 * r->width, pixels = r->h * r->w / 256;
-    float *ds2 = r->dsv[0], *ds1 = r->dsv[1], *dpool = r->dsv[2];
-
-    for (size_t n = 0; n < r->batch; n++)
-        k->channel_dot(ds2 + n * w2, dms + n * pixels * w2,
-                       r->m + n * pixels * w2, pixels, w2);
-    conv_backward(ds1, ds2, r->s2, r->s1, &r->style2);
-    conv_backward(dpool, ds1, r->s1, r->pool, &r->style1);
-    for (size_t i = 0; i < r->batch * w2; i++)
-        dpool[i] /= (float)pixels;
-    for (size_t n = 0; n < r->batch; n++)
-        k->channel_scale(dm + n * pixels * w2, dms + n * pixels * w2,
-                         r->s2 + n * w2, dpool + n * w2, pixels, w2);
-}
-
 /* From e0, a quarter of the size, to sixteen pixels' corrections per place. */
 static void narrow_refiner_forward_quarter(struct narrow_refiner *r)
 {
@@ -321,7 +279,7 @@ static void narrow_refiner_forward_quarter(struct narrow_refiner *r)
     conv_forward(r->e2, r->e1, &r->down2);
     memcpy(r->m, r->e2, a2 * 2 * w0 * sizeof(float));
     conv_forward(r->m, r->e2, &r->mid);             /* lrelu(e2 + conv e2) */
-    narrow_refiner_style_forward(r);
+    squeeze_excite_forward(r->ms, r->m, &r->style);
     /* up, conditioned on the encoder's maps */
     conv_forward(r->c1, r->ms, &r->up2);
     rescale_forward(r->r1, r->c1, &r->grow1);
@@ -462,7 +420,7 @@ void narrow_refiner_backward(float *dfeat, float *dphoto, const float *drgb,
 
     memset(r->dturn, 0, sizeof r->dturn);
     narrow_refiner_decoder_backward(de0, de1, dm, drgb, dfield, r);
-    narrow_refiner_style_backward(dm, dm, r);
+    squeeze_excite_backward(dm, dm, r->m, &r->style);
     conv_backward(de2, dm, r->m, r->e2, &r->mid);
     image_add(de2, dm, a2 * w2);
     conv_backward(r->g1[1], de2, r->e2, r->e1, &r->down2);
@@ -524,9 +482,7 @@ void narrow_refiner_graph(struct graph *g, size_t h, size_t w,
     int e1 = graph_conv(g, e0, &r->down1);
     int e2 = graph_conv(g, e1, &r->down2);
     int m = graph_conv_add(g, e2, e2, &r->mid);
-    int s = graph_conv(g, GRAPH_NODE(g, "GlobalAveragePool", m), &r->style1);
-    s = GRAPH_NODE(g, "Add", graph_conv(g, s, &r->style2), graph_real(g, 1));
-    int x = graph_conv(g, GRAPH_NODE(g, "Mul", m, s), &r->up2);
+    int x = graph_conv(g, graph_squeeze_excite(g, m, &r->style), &r->up2);
 
     x = graph_resize(g, x, w1, h / 8, w / 8);
     x = narrow_refiner_condition_graph(g, x, e1, turn, w1, &r->cond1,

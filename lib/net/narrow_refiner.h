@@ -19,6 +19,7 @@
 #include "lib/nn/fused_stem.h"
 #include "lib/nn/graph.h"
 #include "lib/nn/rescale.h"
+#include "lib/nn/squeeze_excite.h"
 #include "lib/nn/conditional_conv.h"
 
 struct narrow_refiner {
@@ -27,7 +28,8 @@ struct narrow_refiner {
     size_t channels, width, batch, h, w;
     struct conv stem0, stem1;     /* 2x2 stride 2, twice: S -> S/4 */
     struct conv down1, down2;     /* 3x3 stride 2: S/8, S/16 */
-    struct conv mid, style1, style2, up2;
+    struct conv mid, up2;
+    struct squeeze_excite style;
     struct conv cond1, body1, up1, cond0, body0, rgb;
     struct conv photo0, photo1, field;      /* when photos */
     struct conditional_conv conditional1, conditional0; /* of cond1, cond0;
@@ -41,12 +43,11 @@ struct narrow_refiner {
     struct rescale grow1, grow0;
     const float *feat;
     /* activations, in the order of the forward pass */
-    float *f0, *p0, *e0, *e1, *e2, *m, *pool, *part, *s1, *s2, *ms;
+    float *f0, *p0, *e0, *e1, *e2, *m, *ms;
     float *c1, *r1, *t1, *y1, *z1, *c0, *r0, *t0, *y0, *z0, *d, *tint, *k;
     /* gradients */
     float *g0[3], *g1[4], *g2[3], *dst0, *dst1, *df, *dd;
     float *dp, *dtint, *dk;
-    float *dsv[3];                /* (B,2w) of the style */
 };
 
 #define NARROW_REFINER_PHOTO 5  /* numbers of a pixel of the photograph */

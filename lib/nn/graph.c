@@ -359,7 +359,9 @@ int graph_squeeze_excite(struct graph *g, int x,
     int gate = GRAPH_NODE(g, "GlobalAveragePool", x);
 
     gate = graph_conv(g, graph_conv(g, gate, &s->reduce), &s->expand);
-    return GRAPH_NODE(g, "Mul", x, graph_act(g, gate, ACT_HARDSIGMOID));
+    gate = s->additive ? GRAPH_NODE(g, "Add", gate, graph_real(g, 1))
+                       : graph_act(g, gate, ACT_HARDSIGMOID);
+    return GRAPH_NODE(g, "Mul", x, gate);
 }
 
 int graph_mean(struct graph *g, int x)

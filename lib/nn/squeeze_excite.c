@@ -11,7 +11,7 @@ void squeeze_excite_init(struct squeeze_excite *s, struct params *ps,
 {
     char buf[120];
 
-    *s = (struct squeeze_excite){ .channels = channels, .hidden = hidden };
+    *s = (struct squeeze_excite){ 0 };
     nn_name(buf, "%s.conv_reduce", name);
     conv_init(&s->reduce, ps, buf, channels, hidden, 1, 1, true);
     nn_name(buf, "%s.conv_expand", name);
@@ -22,19 +22,21 @@ void squeeze_excite_init(struct squeeze_excite *s, struct params *ps,
 void squeeze_excite_plan(struct squeeze_excite *s, struct nn_plan *p,
                          size_t batch, size_t pixels)
 {
+    const size_t C = s->reduce.in, hidden = s->reduce.out;
+
     s->batch = batch;
     s->pixels = pixels;
-    s->mean = nn_plan_floats(p, batch * s->channels);
-    s->inner = nn_plan_floats(p, batch * s->hidden);
-    s->gate = nn_plan_floats(p, batch * s->channels);
-    s->part = nn_plan_floats(p, batch * NN_PARTS * s->channels);
+    s->mean = nn_plan_floats(p, batch * C);
+    s->inner = nn_plan_floats(p, batch * hidden);
+    s->gate = nn_plan_floats(p, batch * C);
+    s->part = nn_plan_floats(p, batch * NN_PARTS * C);
     linear_plan(&s->reduce, p, batch);
     linear_plan(&s->expand, p, batch);
     if (!nn_plan_backward(p))
         return;
-    s->dgate = nn_plan_floats(p, batch * s->channels);
-    s->dinner = nn_plan_floats(p, batch * s->hidden);
-    s->dmean = nn_plan_floats(p, batch * s->channels);
+    s->dgate = nn_plan_floats(p, batch * C);
+    s->dinner = nn_plan_floats(p, batch * hidden);
+    s->dmean = nn_plan_floats(p, batch * C);
 }
 
 /* Pieces an image is summed in: by its size alone. */
@@ -112,23 +114,26 @@ PARALLEL(squeeze_excite_scale_part, i, struct squeeze_excite *, s,
 void squeeze_excite_forward(float *y, const float *x, struct squeeze_excite *s)
 {
     const struct nn_kernels *k = nn_kernels();
-    size_t C = s->channels, P = squeeze_excite_pieces(s->pixels), B = s->batch;
+    size_t C = s->reduce.in, P = squeeze_excite_pieces(s->pixels), B = s->batch;
 
     spatial_mean_forward(s->mean, s->part, x, B, s->pixels, C);
 
     conv_forward(s->inner, s->mean, &s->reduce);
     conv_forward(s->gate, s->inner, &s->expand);
-    act_forward(s->gate, s->gate, ACT_HARDSIGMOID, B * C);
+    if (!s->additive)
+        act_forward(s->gate, s->gate, ACT_HARDSIGMOID, B * C);
+    for (size_t i = 0; s->additive && i < B * C; i++)
+        s->gate[i] += 1;
     parallel_each(squeeze_excite_scale_part, B * P, 1, s, k, y, x, P, C);
 }
 
 /* The gate's gradient through its two small layers: dgate -> dmean. */
 static void squeeze_excite_gate_backward(struct squeeze_excite *s)
 {
-    const size_t n = s->batch * s->channels;
+    const size_t n = s->batch * s->reduce.in;
 
     /* gate = hsig(u): slope 1/6 where it is not saturated */
-    for (size_t i = 0; i < n; i++)
+    for (size_t i = 0; !s->additive && i < n; i++)
         s->dgate[i] *= s->gate[i] > 0 && s->gate[i] < 1 ? 1.0f / 6 : 0;
     conv_backward(s->dinner, s->dgate, s->gate, s->inner, &s->expand);
     conv_backward(s->dmean, s->dinner, s->inner, s->mean, &s->reduce);
@@ -164,7 +169,7 @@ void squeeze_excite_backward(float *dx, const float *dy, const float *x,
                              struct squeeze_excite *s)
 {
     const struct nn_kernels *k = nn_kernels();
-    size_t C = s->channels, B = s->batch, P = squeeze_excite_pieces(s->pixels);
+    size_t C = s->reduce.in, B = s->batch, P = squeeze_excite_pieces(s->pixels);
 
     parallel_each(squeeze_excite_backward_part, B * P, 1, s, k, dy, x, P, C);
     for (size_t n = 0; n < B; n++)
