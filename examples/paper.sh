@@ -4,7 +4,7 @@
 #   OUT/table1.tsv    cross-reenactment of the clips, SpiD* and SpiD (reenact.sh)
 #   OUT/table2.tsv    self-reenactment
 #   OUT/table3.tsv    SpiD* without each of its parts (left out, not trained anew),
-#                     on people of spid-synth (eval-model.sh)
+#                     by the clips, and on people of spid-synth (eval-model.sh)
 #   OUT/latency.txt   where the time of a frame goes, beside the paper's
 #   OUT/tradeoff.svg  error over time of every knob; its rows are in OUT/bench.txt
 #   OUT/paper.txt     all of it to read, and what was not run, and what it needs
@@ -23,6 +23,7 @@ export SHARED=${SHARED:-$here/../../shared} JUDGE=none BACKGROUND=source
 out=$1 bad=0 tables=()
 shift
 mkdir -p "$out/run" || exit 73
+rm -f "$out/table3.tsv"
 : >"$out/missing"
 export EVAL="-f tsv ${LPIPS:+--lpips $LPIPS} ${ARCFACE:+--arcface $ARCFACE} ${MUSIQ:+--musiq $MUSIQ}"
 
@@ -74,7 +75,7 @@ rows() {
           print line }' "${tables[@]}"
 }
 
-# ---- tables 1 and 2 ---------------------------------------------------------
+# ---- tables 1 and 2, and 3 by clips ------------------------------------------
 
 data=clips clips=("$@")
 for clip; do
@@ -101,6 +102,10 @@ else
     data="$data, ${CLIP_FRAMES:-all} frames"
     rows cross akd aed apd lpips psnr ssim msssim l1 musiq topiq | stamped "$data" >"$out/table1.tsv"
     rows self psnr ssim msssim lpips l1 musiq arcface akd aed apd | stamped "$data" >"$out/table2.tsv"
+    tables=()
+    WITHOUT='dynamic static interp deform mouth neck' reenacted full -s -c
+    rows self psnr ssim lpips arcface aed akd | sed 's,^full\*,full,' | grep -v '^frame 0' |
+        stamped "$data" >"$out/table3.tsv"
 fi
 [[ " ${METHODS:-}" == *' GAGAvatar='* ]] ||
     missing GAGAvatar "its checkpoint as a model (METHODS, spid-import --as gagavatar)"
@@ -115,9 +120,9 @@ if FORMAT=tsv "$here/eval-model.sh" "$out/run" 77 "$people" "$frames" >"$out/run
     sed 's,^w/o nothing,full,' "$out/run/metrics.tsv" | awk -F '\t' '
         NR == 1 || /^full|^w\/o/ { print $1 ", parts" substr($0, length($1) + 1) }' >"$out/run/parts.tsv"
     tables=("$out/run/parts.tsv")
-    rows parts psnr ssim lpips aed akd |
-        stamped "$people people, ${ASSETS:+of scans }$frames frames, seed 77" >"$out/table3.tsv"
-    missing "csim of table 3" "clips (spid-eval --people has none)"
+    rows parts psnr ssim lpips arcface aed akd |
+        stamped "$people people, ${ASSETS:+of scans }$frames frames, seed 77" |
+        if [ -e "$out/table3.tsv" ]; then sed 1d; else cat; fi >>"$out/table3.tsv"
 else
     failed "table 3" "$out/run/people.log"
 fi

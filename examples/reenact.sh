@@ -5,15 +5,17 @@
 #   cross   its driver is the next clip (the first after the last); -c: not run
 # -s makes SpiD* (no refiner, over black or BACKGROUND); $SPID_MODEL may be of
 # another METHOD (the row's name); EVAL: options of spid-eval.
+# WITHOUT names parts of spid-branches, blanks between: self once more for each, as
+# method "w/o PART", whose avatars lack it (the paper's ablations; not trained anew).
 # -n takes only the first frames of each clip, all of a shorter one; -e every
 # N-th.  -t (--turned) starts each clip at its most turned frame, as spid-motion
 # finds it, and goes on to the farther end, be it backwards.  --split NAME takes
 # the clips of that split (model/splits.tsv, below $SHARED, by default the folder
 # shared beside the checkout).
 #   DIR/truth/NAME    frames of the clip's portrait window, and NAME.spid
-#   DIR/self, DIR/cross   results, and the motion found in them
+#   DIR/self, DIR/cross, DIR/without-PART   results, and the motion found in them
 #   DIR/pairs.tsv     what spid-eval --pairs reads; its table is printed
-#   DIR/judge.tsv     what $JUDGE (shared's tools/judge/judge.mjs by default) reads
+#   DIR/judge.tsv     without the ablations, what $JUDGE (shared's tools/judge/judge.mjs by default) reads
 #   DIR/judge.json, judge.txt   and says, where that is installed
 # The row "frame 0 unchanged" is the source itself in place of every later frame.
 # A portrait window may reach past the edges of its clip, where the truth is
@@ -124,14 +126,20 @@ truth() {
             { refused=$((refused + 1)); false; }; }
 }
 
-# drive PERSON DRIVER DIR: that person moved by that clip.
+# drive PERSON DRIVER DIR [PART]: that person, without that part, moved by that clip.
+# A face need not be found in what lacks one.
 drive() {
-    local made=$3/$1
+    local made=$3/$1 who=$out/person/$1.me.spid
 
     mkdir -p "$made"
-    spid-animate -q --absolute ${star:+--star} -b "$background" "$out/person/$1.me.spid" \
+    rm -f "$made.spid"
+    if [ -n "${4:-}" ]; then
+        spid-branches -q --bake "$who" --without "$4" -o "$3/$1.avatar.spid" || return
+        who=$3/$1.avatar.spid
+    fi
+    spid-animate -q --absolute ${star:+--star} -b "$background" "$who" \
         "$out/truth/$2.spid" -o "$made/%05d.png" &&
-        spid-motion -q --window "$window" "$made" -o "$made.spid"
+        { spid-motion -q --window "$window" "$made" -o "$made.spid" || [ -n "${4:-}" ]; }
 }
 
 # inside FRAMES DRIVER: the name of these frames' part inside the driver's clip.
@@ -147,15 +155,16 @@ inside() {
         echo "$1.inside"
 }
 
-# judged PROTOCOL PERSON DRIVER: two lines of the pairs file.
+# judged PROTOCOL PERSON DRIVER DIR: two lines of the pairs file.
 judged() {
     local truth made
-    truth=$(inside "$out/truth/$3" "$3") && made=$(inside "$out/$1/$2" "$3") || return
+    truth=$(inside "$out/truth/$3" "$3") && made=$(inside "$4/$2" "$3") || return
     printf '%s\t%s\t%s\t%s\t%s\t%s\n' \
-        "$method" frames "$truth" "$made" "$1" "$out/truth/$2/00001.png" \
-        "$method" motion "$out/truth/$3.spid" "$out/$1/$2.spid" "$1" "$out/truth/$2/00001.png" \
-        >>"$out/pairs.tsv"
-    printf '%s\t%s\t%s\n' "$out/truth/$2/00001.png" "$out/truth/$3" "$out/$1/$2" \
+        "$method" frames "$truth" "$made" "$1" "$out/truth/$2/00001.png" >>"$out/pairs.tsv"
+    [ ! -e "$4/$2.spid" ] || printf '%s\t%s\t%s\t%s\t%s\t%s\n' \
+        "$method" motion "$out/truth/$3.spid" "$4/$2.spid" "$1" "$out/truth/$2/00001.png" >>"$out/pairs.tsv"
+    [ "$4" = "$out/$1" ] || return 0
+    printf '%s\t%s\t%s\n' "$out/truth/$2/00001.png" "$out/truth/$3" "$4/$2" \
         >>"$out/judge.tsv"
 }
 
@@ -181,11 +190,21 @@ for i in "${!names[@]}"; do
         [ $protocol = self ] || driver=$next
         [ $protocol = self ] || [ "$next" != "$name" ] || continue
         if ! drive "$name" "$driver" "$out/$protocol" ||
-            ! judged $protocol "$name" "$driver"; then
+            ! judged $protocol "$name" "$driver" "$out/$protocol"; then
             echo "reenact.sh: $name driven by $driver: left out" >&2
             bad=1
         fi
     done
+    whole=$method
+    for part in ${WITHOUT:-}; do
+        method="w/o $part"
+        if ! drive "$name" "$name" "$out/without-$part" "$part" ||
+            ! judged self "$name" "$name" "$out/without-$part"; then
+            echo "reenact.sh: $name without $part: left out" >&2
+            bad=1
+        fi
+    done
+    method=$whole
 done
 echo "reenact.sh: $refused of $# sources refused" >&2
 # shellcheck disable=SC2086
