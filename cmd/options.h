@@ -45,8 +45,8 @@ struct track_faces;
 /* light: a struct target_light. */
 #define OPTION_LIGHT(light)                                                   \
     OPTION_CALL("light", 0, light, "LIGHT", target_light_parse,               \
-                "AZIMUTH,ELEVATION[,STRENGTH], a panorama, driver or source "  \
-                "(default)")
+                "AZIMUTH,ELEVATION[,STRENGTH][,#RRGGBB], a panorama, driver "  \
+                "or source (default)")
 /* Rows of what spid animate and spid live both do; o: a struct
  * animation_options. */
 #define OPTIONS_ANIMATION(o)                                                  \

@@ -87,7 +87,9 @@ struct framesink_frame {
     const float *place;     /* [height, width, 3] or NULL, FEAT only: blended
                              * places, and their view: A and b */
     float map[FEAT_MAP];
-    const float *gain;      /* FEAT only: how the light changed, or NULL */
+    const float *gain;      /* FEAT only: how the light changed, or NULL, */
+    float tint[3];          /* and by its colour, if it has one */
+    bool tinted;
     bool rotated;           /* FEAT only: it says how the head has turned */
     float turn[RELATIVE_POSE_SIZE];
     uint64_t frame;

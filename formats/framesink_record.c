@@ -101,7 +101,8 @@ int framesink_write_feat(struct framesink *s, const struct framesink_frame *f,
         .place = f->place, .map = f->place ? f->map : NULL,
         .turn = f->rotated ? f->turn : NULL, .gain = f->gain,
         .gain_height = relight_side(f->height),
-        .gain_width = relight_side(f->width)
+        .gain_width = relight_side(f->width),
+        .tint = f->tinted ? f->tint : NULL
     };
     if (!record.photo != !f->photo)
         return error_set(err, EX_OSERR, "out of memory");

@@ -80,9 +80,9 @@ int canvas_draw(struct canvas *c, struct splat *s,
     if (splat_draw(s, &to, cam, &c->view, NULL, err))
         return -1;
     if (t && c->lit)
-        splat_relight(c->gain, s, c->light);
+        splat_relight(c->gain, c->tint, s, c->light);
     if (t && c->lit && !beside)
-        relight_apply(c->image, c->channels, c->alpha, c->gain, c->size,
-                      c->size, c->size);
+        relight_apply(c->image, c->channels, c->alpha, c->gain, c->tint,
+                      c->size, c->size, c->size);
     return 0;
 }

@@ -8,6 +8,7 @@
 #include <stdint.h>
 
 #include "lib/base/error.h"
+#include "lib/base/relative_pose.h"
 #include "lib/photo/texture.h"
 #include "lib/splat/types.h"
 
@@ -25,9 +26,10 @@ struct canvas {
     struct texture_shader shader;
     bool lit;                   /* the head's light is known: set before a
                                  * frame is drawn, with */
-    float light[4];             /* the lamp in it, head frame */
+    float light[LAMP_SIZE];     /* the lamp in it, head frame */
     float *gain;                /* how it changed (lib/splat/relight.h), once
-                                 * lit */
+                                 * lit, */
+    float tint[3];              /* and by the lamp's colour */
 };
 
 /* EX_OSERR without memory; c is then to be released all the same. */

@@ -76,7 +76,8 @@ static struct refine_input pipeline_features(const struct pipeline *p)
         .height = c->size, .width = c->size, .channels = c->channels,
         .f32 = c->image, .f16 = c->half, .alpha = c->alpha,
         .turn = p->move.relative_pose, .photo = c->photo, .place = c->place,
-        .view = c->view, .gain = c->lit ? c->gain : NULL
+        .view = c->view, .gain = c->lit ? c->gain : NULL,
+        .tint = c->tint
     };
 }
 

@@ -65,7 +65,8 @@ struct refine_input {
     const float *place;         /* (height,width,4) where it does, or NULL, */
     struct splat_place_view view;       /* and the view to there */
     const float *gain;          /* of a square: how the light changed
-                                 * (lib/splat/relight.h), or NULL */
+                                 * (lib/splat/relight.h), or NULL, */
+    const float *tint;          /* (3) and by its colour; NULL: by none */
 };
 
 /* Prepare the refiner of a model, which must stay open until refine_release.

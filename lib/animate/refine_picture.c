@@ -63,8 +63,8 @@ static int refine_picture_enlarge(struct refine_picture *p,
     zoom_picture(z, p->rgb, in->alpha, photo ? in->place : NULL, &in->view,
                  p->texture, &p->field);
     if (in->gain)
-        relight_apply(z->color, 3, z->alpha, in->gain, in->width, z->to,
-                      z->to);
+        relight_apply(z->color, 3, z->alpha, in->gain, in->tint, in->width,
+                      z->to, z->to);
     p->height = p->width = z->to;
     p->color = z->color;
     p->coverage = z->alpha;
@@ -87,7 +87,7 @@ int refine_picture_finish(struct refine_picture *p,
         texture_clamp_to_alpha(p->rgb, 3, p->alpha, n);
     if (in->gain)
         relight_apply(p->rgb, 3, in->alpha ? p->alpha : NULL, in->gain,
-                      in->width, in->height, in->width);
+                      in->tint, in->width, in->height, in->width);
     p->height = in->height;
     p->width = in->width;
     p->color = p->rgb;

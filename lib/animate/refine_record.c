@@ -27,7 +27,7 @@ int refine_read_record(struct refine_input *in, const struct record *rec,
         .height = f.height, .width = f.width, .channels = f.channels,
         .f32 = f.f32, .f16 = f.f16, .alpha = f.alpha, .turn = f.turn,
         .packed = f.packed, .pixels = f.pixels, .photo = f.photo,
-        .place = f.place, .gain = f.gain
+        .place = f.place, .gain = f.gain, .tint = f.tint
     };
     if (f.place)
         memcpy(&in->view, f.map, FEAT_MAP * sizeof *f.map);

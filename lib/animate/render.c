@@ -8,6 +8,7 @@
 #include "lib/base/drive.h"
 #include "lib/base/relative_pose.h"
 #include "lib/splat/reference.h"
+#include "lib/splat/relight.h"
 #include "lib/splat/splat.h"
 #include "lib/photo/place.h"
 
@@ -134,6 +135,8 @@ static struct framesink_frame render_frame(const struct render *r,
         memcpy(f.map, &c->view, sizeof f.map);
     }
     f.gain = f.photo && c->lit ? c->gain : NULL;
+    f.tinted = f.gain && relight_tinted(c->tint);
+    memcpy(f.tint, c->tint, sizeof f.tint);
     /* of the stream's camera: another one goes round head and light */
     f.rotated = r->scene.has_source && render_camera(r);
     if (f.rotated)

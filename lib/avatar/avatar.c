@@ -207,7 +207,7 @@ static void avatar_look(struct avatar *a, const struct avatar_source *src)
  * camera's, or NULL: 0. */
 static void avatar_light(float l[3], const float *from, const float *cam)
 {
-    float lamp[4] = {0}, now[4];
+    float lamp[LAMP_SIZE] = {0}, now[LAMP_SIZE];
 
     if (from)
         memcpy(lamp, from, 3 * sizeof *from);

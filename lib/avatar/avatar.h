@@ -89,7 +89,7 @@ struct avatar {
     struct drive drive;                 /* how they move */
     float light[3];                     /* l of the source, head frame; 0
                                          * without rgb_skip */
-    float lamp[4];                      /* the same as a lamp */
+    float lamp[LAMP_SIZE];              /* the same as a lamp */
     float *features, *dfeatures;        /* (n,n,Cf) F */
     struct branch_set all, dall;        /* the set's arrays; gradients */
     uint8_t *branch;                    /* (N) */

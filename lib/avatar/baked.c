@@ -340,7 +340,7 @@ int baked_write(struct stream_writer *w, uint64_t frame, double time,
         .uv = b->uv, .seen = b->seen, .view = b->view, .reach = b->reach,
         .tilt = b->tilt, .normal = b->normal
     };
-    float *left = NULL, own[4];
+    float *left = NULL, own[LAMP_SIZE];
 
     relative_lamp(own, b->source, b->light);
     if (memcmp(own, b->lamp, sizeof own))

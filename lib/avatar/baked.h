@@ -35,7 +35,7 @@ struct baked {
     float pivot[3];         /* of the neck blend */
     float source[9];        /* R_s, where the static branch's shoulders were */
     float light[3];         /* l, on the source, head frame */
-    float lamp[4];          /* that it is shown in (lib/base/relative_pose.h) */
+    float lamp[LAMP_SIZE];  /* that it is shown in (lib/base/relative_pose.h) */
     float *uv, *seen;       /* (N,2), (N) places in the source picture
                              * (lib/photo/place.h), seen by the */
     float view[12];         /* source's camera; all zero: no places */

@@ -11,18 +11,43 @@
 
 #define RADIANS 0.0174532925f   /* in a degree */
 
-/* Azimuth 0 is at the camera, 90 to the picture's right; elevation 90 above. */
-static int target_light_set_angles(struct target_light *t, const float v[3],
-                                   int n, struct error *err)
+/* ",#RRGGBB", or nothing: white.  Light is the square of sRGB (lib/splat/relight.h).
+ * false: something else, or black. */
+static bool target_light_set_color(struct target_light *t, const char *text)
 {
+    unsigned rgb[3] = {1, 1, 1};
+    float luminance;
+    char rest;
+
+    if (*text && (strlen(text) != 8 ||
+                  sscanf(text, ",#%2x%2x%2x%c", rgb, rgb + 1, rgb + 2,
+                         &rest) != 3))
+        return false;
+    for (int c = 0; c < 3; c++)
+        t->color[c] = (float)(rgb[c] * rgb[c]);
+    luminance = light_luminance(t->color);
+    for (int c = 0; c < 3; c++)
+        t->color[c] /= luminance;
+    return luminance > 0;
+}
+
+/* AZIMUTH,ELEVATION[,STRENGTH][,#RRGGBB].  Azimuth 0 is at the camera, 90 to the
+ * picture's right; elevation 90 above. */
+static int target_light_set_angles(struct target_light *t, const char *value,
+                                   struct error *err)
+{
+    float v[3] = {0};
+    int read = 0;
+    const int n = sscanf(value, "%f,%f%n,%f%n", v, v + 1, &read, v + 2, &read);
     const float azimuth = v[0] * RADIANS, elevation = v[1] * RADIANS;
     const float strength = n == 3 ? v[2] : 1;
 
-    if (n < 2 || !(fabsf(v[0]) <= 180) || !(fabsf(v[1]) <= 90) ||
+    if (n < 2 || !target_light_set_color(t, value + read) ||
+        !(fabsf(v[0]) <= 180) || !(fabsf(v[1]) <= 90) ||
         !(strength >= 0 && strength <= 1))
         return error_set(err, EX_USAGE, "not a light (expected AZIMUTH,"
-                         "ELEVATION[,STRENGTH]: -180 to 180, -90 to 90, 0 to "
-                         "1)");
+                         "ELEVATION[,STRENGTH][,#RRGGBB]: -180 to 180, -90 to "
+                         "90, 0 to 1, not black)");
     t->from = LIGHT_GIVEN;
     t->source_strength = n == 2;
     t->l[0] = strength * cosf(elevation) * sinf(azimuth);
@@ -35,21 +60,17 @@ int target_light_parse(const char *value, void *dest, struct error *err)
 {
     struct target_light *t = dest;
     struct panorama p;
-    float v[3];
-    char rest;
 
-    *t = (struct target_light){0};
+    *t = (struct target_light){.color = {1, 1, 1}};
     if (strcmp(value, "source") == 0 || strcmp(value, "driver") == 0) {
         t->from = *value == 's' ? LIGHT_SOURCE : LIGHT_DRIVER;
         return 0;
     }
-    const int n = sscanf(value, "%f,%f,%f%c", v, v + 1, v + 2, &rest);
-
-    if (strspn(value, "+-.,0123456789") == strlen(value))
-        return target_light_set_angles(t, v, n > 3 ? 0 : n, err);
+    if (strspn(value, "+-.,0123456789") == strcspn(value, "#"))
+        return target_light_set_angles(t, value, err);
     if (panorama_read(&p, value, err))
         return error_prefix(err, "not source, driver or AZIMUTH,ELEVATION"
-                            "[,STRENGTH], and not a panorama");
+                            "[,STRENGTH][,#RRGGBB], and not a panorama");
     t->from = LIGHT_GIVEN;
     light_of_panorama(t->l, p.rgb, (int)p.width, (int)p.height);
     panorama_release(&p);
@@ -81,6 +102,7 @@ int target_light_apply(struct baked *b, const struct target_light *t,
     for (int k = 0; k < 3; k++)
         b->lamp[k] = t->from == LIGHT_DRIVER ? driver->light[k]
                                              : strength * t->l[k];
-    b->lamp[3] = facing / (1 - b->lamp[2] / 2);
+    for (int c = 0; c < 3; c++)
+        b->lamp[3 + c] = t->color[c] * facing / (1 - b->lamp[2] / 2);
     return 0;
 }

@@ -21,9 +21,10 @@ struct target_light {
     } from;
     float l[3];                 /* given: camera frame, */
     bool source_strength;       /* or its direction; |l| is the source's */
+    float color[3];             /* linear, of luminance 1 */
 };
 
-/* source, driver, AZIMUTH,ELEVATION[,STRENGTH] or a panorama's path into dest, a
+/* source, driver, AZIMUTH,ELEVATION[,STRENGTH][,#RRGGBB] or a panorama's path into dest, a
  * struct target_light.  EX_USAGE: numbers out of range, or not as many; else as
  * panorama_read has it. */
 int target_light_parse(const char *value, void *dest, struct error *err);

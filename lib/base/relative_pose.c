@@ -12,17 +12,19 @@ static float relative_pose_entry(const float R[9], const float cam[12],
            cam[4 * i + 2] * R[3 * k + 2];
 }
 
-void relative_lamp(float lamp[4], const float R[9], const float l[3])
+void relative_lamp(float lamp[LAMP_SIZE], const float R[9], const float l[3])
 {
-    for (int i = 0; i < 3; i++)
+    for (int i = 0; i < 3; i++) {
         lamp[i] = R[3 * i] * l[0] + R[3 * i + 1] * l[1] + R[3 * i + 2] * l[2];
-    lamp[3] = 1;
+        lamp[3 + i] = 1;
+    }
 }
 
-void relative_light(float now[4], const float lamp[4], const float cam[12])
+void relative_light(float now[LAMP_SIZE], const float lamp[LAMP_SIZE],
+                    const float cam[12])
 {
-    now[3] = lamp[3];
     for (int a = 0; a < 3; a++) {
+        now[3 + a] = lamp[3 + a];
         now[a] = 0;
         for (int i = 0; i < 3; i++)
             now[a] += cam[4 * i + a] * lamp[i];
@@ -33,7 +35,7 @@ void relative_light(float now[4], const float lamp[4], const float cam[12])
 void relative_pose(float pose[RELATIVE_POSE_SIZE], const float R[9],
                    const float l[3], const float cam[12])
 {
-    float lamp[4], now[4];
+    float lamp[LAMP_SIZE], now[LAMP_SIZE];
 
     relative_lamp(lamp, R, l);
     relative_light(now, lamp, cam);
@@ -51,7 +53,7 @@ void relative_pose_backward(float dcam[12],
                             const float dpose[RELATIVE_POSE_SIZE],
                             const float R[9], const float l[3])
 {
-    float lamp[4];
+    float lamp[LAMP_SIZE];
 
     relative_lamp(lamp, R, l);
     for (int a = 0; a < 3; a++) {

@@ -6,12 +6,15 @@
 
 #define RELATIVE_POSE_SIZE 6
 
-/* A lamp: l in the camera's frame, and how bright it is, 1 as on the source.  That of
- * light l (3, head frame) on a head that R (3,3) saw. */
-void relative_lamp(float lamp[4], const float R[9], const float l[3]);
-/* It stays where it is before the camera; now (4): as it falls on a head that cam
- * (3,4) sees, head frame. */
-void relative_light(float now[4], const float lamp[4], const float cam[12]);
+/* A lamp: l in the camera's frame, and how many times the source's light it is in
+ * red, green and blue. */
+#define LAMP_SIZE 6
+/* That of light l (3, head frame) on a head that R (3,3) saw. */
+void relative_lamp(float lamp[LAMP_SIZE], const float R[9], const float l[3]);
+/* It stays where it is before the camera; now: as it falls on a head that cam (3,4)
+ * sees, head frame. */
+void relative_light(float now[LAMP_SIZE], const float lamp[LAMP_SIZE],
+                    const float cam[12]);
 
 /* Of a head that was seen by R (3,3) under light l (3, head frame;
  * GAUS of spid-stream(5)), when cam (3,4) sees it; R and cam lead from the head to

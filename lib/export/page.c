@@ -236,7 +236,7 @@ static int page_pack_photograph(struct pack *k, const struct baked *b,
                                 struct error *err)
 {
     const size_t S = person->size;
-    float lamp[4];
+    float lamp[LAMP_SIZE];
 
     if (!person->rgb)
         return 0;
@@ -258,7 +258,7 @@ static int page_pack_photograph(struct pack *k, const struct baked *b,
         page_pack_columns(k, "normal", b->normal, b->N, 3, 3);
         page_pack_add(k, "light", ST_F32, 3, 0, b->light);
         relative_light(lamp, b->lamp, b->view);
-        page_pack_add(k, "lamp", ST_F32, 4, 0, lamp);
+        page_pack_add(k, "lamp", ST_F32, LAMP_SIZE, 0, lamp);
     }
     page_pack_reach(k, b);
     return 0;

@@ -30,11 +30,11 @@ static bool relight_place(size_t *at, float *z, const struct splat_state *st,
 }
 
 /* The gain of Gaussian i's colours. */
-static float relight_gain(const struct cloud *c, size_t i, const float light[4])
+static float relight_gain(const struct cloud *c, size_t i, const float light[3])
 {
     const float n[3] = {c->normal[0][i], c->normal[1][i], c->normal[2][i]};
 
-    return sqrtf(light[3] * gaussian_light(n, light) * c->lit[i]);
+    return sqrtf(gaussian_light(n, light) * c->lit[i]);
 }
 
 /* to (n) of the n numbers at x and at four more places after it, each `step` on
@@ -80,7 +80,8 @@ static void relight_filter(float *x, relight_five_fn *five, float beyond,
         five(x + y * w, room + y * w, w, w);
 }
 
-void splat_relight(float *gain, struct splat *s, const float light[4])
+void splat_relight(float *gain, float tint[3], struct splat *s,
+                   const float light[LAMP_SIZE])
 {
     struct splat_state *st = s->state;
     const size_t h = relight_side((size_t)s->opt.height);
@@ -90,6 +91,8 @@ void splat_relight(float *gain, struct splat *s, const float light[4])
     size_t at;
     float z;
 
+    for (int c = 0; c < 3; c++)
+        tint[c] = sqrtf(light[3 + c]);
     for (size_t k = 0; k < places; k++) {
         near[k] = INFINITY;
         gain[k] = weight[k] = 0;
@@ -109,23 +112,23 @@ void splat_relight(float *gain, struct splat *s, const float light[4])
         gain[k] = weight[k] > 0 ? gain[k] / weight[k] : 1;
 }
 
-/* n pixels times gain, which rises by `rise` from each to the next, at most alpha
- * (NULL: anything): fminf is a call. */
+/* n pixels times tint and gain, which rises by `rise` from each to the next, at most
+ * alpha (NULL: anything): fminf is a call. */
 static void relight_run(float *color, size_t channels, const float *alpha,
-                        float gain, float rise, size_t n)
+                        const float tint[3], float gain, float rise, size_t n)
 {
     for (size_t x = 0; x < n; x++, color += channels, gain += rise) {
         const float max = alpha ? alpha[x] : INFINITY;
 
         for (int c = 0; max > 0 && c < 3; c++)
-            color[c] = relight_less(color[c] * gain, max);
+            color[c] = relight_less(color[c] * gain * tint[c], max);
     }
 }
 
 /* A row, from the middle of one number to that of the next at a time. */
 PARALLEL(relight_apply_part, y, float *, color, size_t, channels,
-         const float *, alpha, const float *, gain, size_t, from, size_t,
-         height, size_t, width)
+         const float *, alpha, const float *, gain, const float *, tint, size_t,
+         from, size_t, height, size_t, width)
 {
     const size_t n = relight_side(from);
     const float step = (float)(RELIGHT_STEP * width) / (float)from;
@@ -145,17 +148,19 @@ PARALLEL(relight_apply_part, y, float *, color, size_t, channels,
         const size_t i = y * width + x;
 
         relight_run(color + channels * i, channels, alpha ? alpha + i : NULL,
-                    p + first * (q - p), (q - p) / step, next - x);
+                    tint, p + first * (q - p), (q - p) / step, next - x);
         x = next;
     }
 }
 
 void relight_apply(float *color, size_t channels, const float *alpha,
-                   const float *gain, size_t from, size_t height,
-                   size_t width)
+                   const float *gain, const float *tint, size_t from,
+                   size_t height, size_t width)
 {
+    static const float none[3] = {1, 1, 1};
+
     parallel_each(relight_apply_part, height, 1, color, channels, alpha, gain,
-                  from, height, width);
+                  tint ? tint : none, from, height, width);
 }
 
 void relight_apply_backward(float *dcolor, float *dalpha, const float *color,
@@ -168,5 +173,5 @@ void relight_apply_backward(float *dcolor, float *dalpha, const float *color,
                 dalpha[i] += dcolor[c];
                 dcolor[c] = 0;
             }
-    relight_apply(dcolor, channels, NULL, gain, from, from, from);
+    relight_apply(dcolor, channels, NULL, gain, NULL, from, from, from);
 }

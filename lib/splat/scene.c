@@ -9,7 +9,6 @@
 #include "lib/base/half.h"
 #include "lib/base/drive.h"
 #include "lib/base/neck_blend.h"
-#include "lib/base/relative_pose.h"
 #include "lib/stream/gaus.h"
 #include "lib/stream/gmov.h"
 #include "lib/splat/splat.h"

@@ -7,6 +7,7 @@
 #include <stdint.h>
 
 #include "lib/base/error.h"
+#include "lib/base/relative_pose.h"
 #include "lib/splat/types.h"
 #include "lib/stream/stream.h"
 
@@ -25,7 +26,7 @@ struct scene {
     int mouth_moved;    /* the last GMOV carried a shift or the chin's */
     float source[9];    /* R of the camera that the head was baked from */
     float light[3];     /* on it */
-    float lamp[4];      /* that it is shown in (lib/base/relative_pose.h) */
+    float lamp[LAMP_SIZE];  /* that it is shown in */
     int has_source;
     size_t blended, blended_count;  /* static Gaussians that the neck blend
                                      * moves lie in this range, by GAUS */

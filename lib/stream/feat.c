@@ -11,13 +11,13 @@ static const struct schema_field fields[] = {
     {"feat", offsetof(struct feat, f32), DTYPE_F32},
     {"feat", offsetof(struct feat, f16), DTYPE_F16},
     {F(alpha)}, {F(depth)}, {F(photo)}, {F(place)}, {F(map)}, {F(gain)},
-    {F(turn)}
+    {F(tint)}, {F(turn)}
 };
 enum { FIELDS = sizeof fields / sizeof *fields };
 
 /* What goes with what: names of arrays, the second of which the first needs. */
 static const char *const needs[][2] = {
-    {"photo", "alpha"}, {"place", "map"}, {"map", "place"}, {"place", "alpha"}
+    {"photo", "alpha"}, {"tint", "gain"}, {"place", "map"}, {"map", "place"}, {"place", "alpha"}
 };
 
 /* Packed features are taken as the whole picture they stand for, which must

@@ -36,6 +36,7 @@ struct feat {
                              * colours, a quarter of the picture's size
                              * (lib/splat/relight.h) */
     size_t gain_height, gain_width;
+    const float *tint;      /* (3) and of red, green and blue everywhere */
     const float *turn;      /* (6) the head's since the source
                              * (lib/base/relative_pose.h) */
 };

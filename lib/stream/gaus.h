@@ -28,7 +28,7 @@ struct gaus {
     const float *pivot;                 /* (3) in the neck */
     const float *source;                /* (3,3) R of the source's camera */
     const float *light;                 /* (3) on the source, head frame */
-    const float *lamp;                  /* (4) it is shown in, camera frame */
+    const float *lamp;                  /* (6) it is shown in, camera frame */
     const float *uv;                    /* (n,2) places in SRCI, 0..1, */
     const float *seen;                  /* (n) how far it shows them, and */
     const float *view;                  /* (3,4) its camera: all or none */

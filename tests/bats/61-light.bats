@@ -24,7 +24,8 @@ shown() {
 }
 
 # measure A.png B.png: the largest difference in levels; then of A over B the mean
-# brightness of the cheek on the picture's left and on its right.
+# brightness of the cheek on the picture's left and on its right, and both cheeks' red
+# over blue.
 measure() {
     "$PYTHON" - "$@" <<'PY'
 import subprocess
@@ -36,7 +37,9 @@ a, b = (np.frombuffer(subprocess.run(
         for p in sys.argv[1:])
 left, right = (a[270:310, x].mean() / b[270:310, x].mean()
                for x in (slice(195, 225), slice(285, 315)))
-print(abs(a - b).max(), '%.3f %.3f' % (left, right))
+cheeks = [p[270:310, [*range(195, 225), *range(285, 315)]].mean((0, 1)) for p in (a, b)]
+warm = cheeks[0][0] / cheeks[0][2] / (cheeks[1][0] / cheeks[1][2])
+print(abs(a - b).max(), '%.3f %.3f %.3f' % (left, right, warm))
 PY
 }
 
@@ -69,10 +72,10 @@ print("%.6f,%.6f,%.6f" % (*np.degrees([np.arctan2(x, -z), np.arcsin(-y / s)]), s
     shown none.png
     shown left.png --light -90,0,1
     shown right.png --light 90,0,1
-    read -r _ left right < <(measure left.png none.png)
+    read -r _ left right _ < <(measure left.png none.png)
     echo "lamp on the left: $left, $right"
     awk "BEGIN { exit !($left > 1.05 && $right < 0.95) }"
-    read -r _ left right < <(measure right.png none.png)
+    read -r _ left right _ < <(measure right.png none.png)
     echo "lamp on the right: $left, $right"
     awk "BEGIN { exit !($right > 1.05 && $left < 0.95) }"
 }
@@ -87,18 +90,32 @@ with open('right.hdr', 'wb') as f:
 PY
     shown none.png
     shown right.png --light right.hdr
-    read -r _ left right < <(measure right.png none.png)
+    read -r _ left right _ < <(measure right.png none.png)
     echo "left $left, right $right"
     awk "BEGIN { exit !($right > 1.05 && $left < 0.95) }"
 }
 
+@test "a lamp has a colour, at the brightness of a white one" {
+    shown white.png --light 60,30,0.8
+    shown same.png --light 60,30,0.8,#808080
+    cmp white.png same.png
+    shown warm.png --light 60,30,0.8,#ffc080
+    read -r _ _ _ warm < <(measure warm.png white.png)
+    echo "red over blue: $warm"
+    awk "BEGIN { exit !($warm > 1.8 && $warm < 2.05) }"
+}
+
 @test "baked in, through the pipe and in one process: the same picture" {
-    shown one.png --light 60,30,0.8
-    spid-branches -q --bake me.spid --light 60,30,0.8 -o lit.spid
+    shown one.png --light 60,30,0.8,#ffc080
+    spid-branches -q --bake me.spid --light 60,30,0.8,#ffc080 -o lit.spid
     spid-animate -q -s --absolute -b black lit.spid own.spid -o baked.png
     cmp one.png baked.png
-    spid-flame -q -i avatar.spid own.spid | spid-branches -i avatar.spid --light 60,30,0.8 |
-        spid-splat -q -o pipe.png
+    spid-flame -q -i avatar.spid own.spid | spid-branches -i avatar.spid --light 60,30,0.8,#ffc080 >gaus.spid
+    spid-splat -q -o pipe.png gaus.spid
+    cmp one.png pipe.png
+    # the refiner's way, with the colour in FEAT
+    spid-animate -q --absolute -b black lit.spid own.spid -o one.png
+    spid-splat -q --channels 32 --covered gaus.spid | spid-refine -q -o pipe.png
     cmp one.png pipe.png
 }
 
@@ -116,10 +133,10 @@ PY
 }
 
 @test "what is no light is refused in a line" {
-    for bad in 90 90,0,2 200,0 0,91 1,2,3,4 , 90,; do
+    for bad in 90 90,0,2 200,0 0,91 1,2,3,4 , 90, 90,0,#000000 90,0,#12345 '90,0,#ffffff,1'; do
         status 64 spid-animate -q --light "$bad" avatar.spid own.spid -o no.png
         one_line
-        has "--light=$bad: not a light (expected AZIMUTH,ELEVATION[,STRENGTH]"
+        has "--light=$bad: not a light (expected AZIMUTH,ELEVATION[,STRENGTH][,#RRGGBB]"
     done
     status 66 spid-animate -q --light nowhere.hdr avatar.spid own.spid -o no.png
     one_line

@@ -14,7 +14,8 @@ setup_file() {
         s/"arrays":\[/&{"name":"light","dtype":"f32","shape":[3],"data":[-0.3,-0.2,-0.2]},/
     }' >me.json
     spid-pack me.json -o me.spid
-    spid-branches -q --bake me.spid -o avatar.spid
+    # shown in another
+    spid-branches -q --bake me.spid --light 50,30,0.5,#ffe8d0 -o avatar.spid
     # at rest; a smile with the jaw open, turned by 17 degrees; a wink, nodding
     # by 11 degrees, eyes aside
     awk 'BEGIN {

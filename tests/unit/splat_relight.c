@@ -9,8 +9,8 @@ enum { SIZE = 96, PLACES = (SIZE / RELIGHT_STEP) * (SIZE / RELIGHT_STEP),
        N = 6000 };
 #define RADIUS 0.35
 
-static const float was[4] = {0.5f, -0.2f, 0.3f, 1};
-static const float now[4] = {-0.6f, 0.1f, 0.5f, 0.8f};
+static const float was[LAMP_SIZE] = {0.5f, -0.2f, 0.3f, 1, 1, 1};
+static const float now[LAMP_SIZE] = {-0.6f, 0.1f, 0.5f, 0.81f, 1, 1.44f};
 
 /* Turn testscene's Gaussians into a ball of radius RADIUS about the origin. */
 static void relight_ball(struct testscene *t, float *normal)
@@ -37,10 +37,10 @@ static void relight_ball(struct testscene *t, float *normal)
     memcpy(t->g.light, was, sizeof t->g.light);
 }
 
-static double relight_light(const double n[3], const float l[4])
+static double relight_light(const double n[3], const float l[3])
 {
-    return (double)l[3] * fmax(1 + n[0] * l[0] + n[1] * l[1] + n[2] * l[2],
-                               (double)GAUSSIAN_SHADOW);
+    return fmax(1 + n[0] * l[0] + n[1] * l[1] + n[2] * l[2],
+                (double)GAUSSIAN_SHADOW);
 }
 
 /* What the middle of place (x,y) should say: the ball's front surface there.
@@ -71,8 +71,8 @@ static bool relight_want(double *want, const float cam[12], size_t x, size_t y)
     return true;
 }
 
-static void relight_draw(float *gain, const struct testscene *t,
-                         const float light[4], int threads)
+static void relight_draw(float *gain, float tint[3], const struct testscene *t,
+                         const float light[LAMP_SIZE], int threads)
 {
     static float image[3 * SIZE * SIZE], alpha[SIZE * SIZE];
     struct splat_options o = splat_defaults(SIZE, SIZE, 3);
@@ -88,12 +88,12 @@ static void relight_draw(float *gain, const struct testscene *t,
     CHECK(splat_draw(&s, &(struct splat_pictures){
         .image = image, .alpha = alpha}, &cam, &view, NULL, &err) == 0, "%s",
           err.text);
-    splat_relight(gain, &s, light);
+    splat_relight(gain, tint, &s, light);
     splat_release(&s);
 }
 
 /* Applying it, enlarged to twice the size, against bilinear in double. */
-static void relight_check_apply(const float *gain)
+static void relight_check_apply(const float *gain, const float tint[3])
 {
     enum { BIG = 2 * SIZE, SIDE = SIZE / RELIGHT_STEP };
     float *rgb = scene_grab(3 * BIG * BIG, sizeof *rgb);
@@ -105,7 +105,7 @@ static void relight_check_apply(const float *gain)
         for (size_t c = 0; c < 3; c++)
             rgb[3 * i + c] = 0.4f * alpha[i];
     }
-    relight_apply(rgb, 3, alpha, gain, SIZE, BIG, BIG);
+    relight_apply(rgb, 3, alpha, gain, tint, SIZE, BIG, BIG);
     for (size_t i = 0; i < BIG * BIG; i++) {
         double at[2] = {(double)(i / BIG), (double)(i % BIG)}, w[2], sum = 0;
         size_t lo[2];
@@ -122,8 +122,9 @@ static void relight_check_apply(const float *gain)
                        (double)gain[(lo[0] + y) * SIDE + lo[1] + x];
         const double a = (double)alpha[i];
 
-        worst = fmax(worst, fabs(fmin(0.4 * a * sum, a) -
-                                 (double)rgb[3 * i + 1]));
+        for (size_t c = 0; c < 3; c++)
+            worst = fmax(worst, fabs(fmin(0.4 * a * sum * (double)tint[c], a) -
+                                     (double)rgb[3 * i + c]));
     }
     check("applied gain", worst, 1e-6);
     free(alpha);
@@ -148,8 +149,8 @@ static void relight_check_backward(const float *gain)
         drgb[i] = probe[i] = (float)random_range(&r, -1, 1);
         slope[i] = 1;
     }
-    relight_apply(slope, 3, NULL, gain, SIZE, SIZE, SIZE);
-    relight_apply(rgb, 3, alpha, gain, SIZE, SIZE, SIZE);
+    relight_apply(slope, 3, NULL, gain, NULL, SIZE, SIZE, SIZE);
+    relight_apply(rgb, 3, alpha, gain, NULL, SIZE, SIZE, SIZE);
     relight_apply_backward(drgb, dalpha, rgb, 3, alpha, gain, SIZE);
     for (size_t i = 0; i < PIXELS; i++) {
         double sum = 0;
@@ -171,14 +172,14 @@ static void relight_check_backward(const float *gain)
 int main(void)
 {
     float *normal = scene_grab(3 * N, sizeof *normal);
-    float gain[PLACES], other[PLACES];
+    float gain[PLACES], other[PLACES], tint[3];
     struct testscene t;
     double worst = 0, sum = 0;
     size_t n = 0;
 
     small_scene(&t, N, 7);
     relight_ball(&t, normal);
-    relight_draw(gain, &t, now, 2);
+    relight_draw(gain, tint, &t, now, 2);
     for (size_t k = 0; k < PLACES; k++) {
         const size_t side = SIZE / RELIGHT_STEP;
         double want;
@@ -192,12 +193,15 @@ int main(void)
     CHECK(n > 20 && sum / (double)n > 0.1, "%zu places of the ball say %g", n,
           sum / (double)n);
     check("gain of a place", worst, 0.12);
-    relight_draw(other, &t, now, 1);
+    check("tint", fmax(fabs((double)tint[0] - 0.9), fabs((double)tint[2] - 1.2)),
+          1e-6);
+    relight_draw(other, tint, &t, now, 1);
     CHECK(!memcmp(gain, other, sizeof gain), "another number of threads");
-    relight_check_apply(gain);
+    relight_check_apply(gain, tint);
     relight_check_backward(gain);
 
-    relight_draw(gain, &t, was, 1);
+    relight_draw(gain, tint, &t, was, 1);
+    CHECK(!relight_tinted(tint), "its own light has a colour");
     worst = 0;
     for (size_t k = 0; k < PLACES; k++)
         worst = fmax(worst, fabs((double)gain[k] - 1));

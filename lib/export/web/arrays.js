@@ -37,7 +37,7 @@ export function drawnArrays(a, count) {
                                       view: a.array("view"),
                                       pivot: a.array("pivot"),
                                       shoulders: a.array("shoulders"),
-                                      light: [0, 0, 0], lamp: [0, 0, 0, 1] });
+                                      light: [0, 0, 0], lamp: [0, 0, 0, 1, 1, 1] });
   if (a.has("normal")) Object.assign(g, { normal: a.planes("normal"),
                                           light: a.array("light"),
                                           lamp: a.array("lamp") });

@@ -31,8 +31,7 @@ uniform vec4 cam[3];
 uniform vec2 size;
 uniform float focal;
 uniform ivec3 branches;
-uniform vec3 photoLight;
-uniform vec4 light;
+uniform vec3 light, photoLight;
 ${viewed}
 out vec2 spread;
 flat out vec4 paint;
@@ -100,7 +99,7 @@ void main() {
   place = sure * vec4(2.0 * t3.xy - 1.0 - view +
                       shorter * dot(e.xy, view) * e.xy, 1.0, shorter);
   vec3 normal = texelFetch(normals, ivec2(i % WIDTH, i / WIDTH), 0).xyz;
-  gain = sqrt(light.w * lit(normal, light.xyz) / lit(normal, photoLight));
+  gain = sqrt(lit(normal, light) / lit(normal, photoLight));
 #endif
 }`;
 
@@ -139,7 +138,7 @@ precision highp float;
 uniform highp sampler2D colors, wheres, gains, person, backdrop;
 uniform vec2 size;
 uniform float span;
-uniform vec3 background, beyond;
+uniform vec3 background, beyond, tint;
 uniform bool photo, scenery, original;
 ${viewed}
 out vec4 color;
@@ -198,7 +197,7 @@ void main() {
       vec4 seen = bicubic(person, 0.5 * uv * vec2(textureSize(person, 0)));
       own = mix(own, seen, sure);
     }
-    own.rgb = min(gain.x / gain.y * own.rgb, own.a);
+    own.rgb = min(gain.x / gain.y * tint * own.rgb, own.a);
   }
   vec3 back = scenery ? behind(n) : background;
   color = vec4(clamp(own.rgb, 0.0, 1.0) + (1.0 - own.a) * back, 1.0);

@@ -183,7 +183,7 @@ export class View {
       means: uniform(this.means), order: uniform(this.order),
       table: uniform(tableTexture(g)),
       normals: uniform(g.normal ? normalTexture(g) : this.empty),
-      light: uniform(new THREE.Vector4()),
+      light: uniform(new THREE.Vector3()),
       photoLight: uniform(new THREE.Vector3(...g.light ?? [])),
       cam: uniform([0, 1, 2].map(() => new THREE.Vector4())),
       size: uniform(new THREE.Vector2()), focal: uniform(1),
@@ -218,7 +218,7 @@ export class View {
       gains: uniform(gains ?? this.empty),
       person: uniform(this.empty), backdrop: uniform(this.empty),
       size: u.size, span: uniform(1), background: uniform(this.show.background),
-      beyond: uniform(this.beyond),
+      beyond: uniform(this.beyond), tint: uniform(new THREE.Vector3(1, 1, 1)),
       photo: uniform(false), scenery: uniform(false), original: uniform(false),
       placeA: u.placeA, placeB: u.placeB, shouldersA: u.shouldersA,
       shouldersB: u.shouldersB, neck: u.neck, toward: u.toward };
@@ -313,9 +313,10 @@ export class View {
     const { A, b, ...rest } = placeView(this.source, cam, shoulders, this.pivot);
     u.placeA.value.fromArray(A);
     u.placeB.value.fromArray(b);
-    const [x, y, z, bright] = this.lamp;
-    u.light.value.fromArray([...[0, 4, 8].map((r) => shoulders[r] * x +
-      shoulders[r + 1] * y + shoulders[r + 2] * z), bright]);
+    const [x, y, z] = this.lamp;
+    u.light.value.fromArray([0, 4, 8].map((r) => shoulders[r] * x +
+      shoulders[r + 1] * y + shoulders[r + 2] * z));
+    p.tint.value.fromArray(this.lamp.slice(3).map(Math.sqrt));
     for (const name in rest) u[name].value.fromArray(rest[name]);
     p.person.value = pickLevel(this.levels, A, this.span);
   }

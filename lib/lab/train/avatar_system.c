@@ -199,13 +199,13 @@ static void avatar_system_find_gain(struct avatar_system *s,
                                     const float cam[12])
 {
     const float *l = s->avatar.light;
-    float now[4];
+    float now[LAMP_SIZE], tint[3];
 
     s->lit = l[0] != 0 || l[1] != 0 || l[2] != 0;
     if (!s->lit)
         return;
     relative_light(now, s->avatar.lamp, cam);
-    splat_relight(s->gain, &s->splat, now);
+    splat_relight(s->gain, tint, &s->splat, now);
 }
 
 /* A picture (image,image,3) whose coverage is alpha in it, in place. */
@@ -213,7 +213,8 @@ static void avatar_system_relight(const struct avatar_system *s, float *rgb,
                                   const float *alpha)
 {
     if (s->lit)
-        relight_apply(rgb, 3, alpha, s->gain, s->image, s->image, s->image);
+        relight_apply(rgb, 3, alpha, s->gain, NULL, s->image, s->image,
+                      s->image);
 }
 
 /* Eq. C, and the photograph in what was drawn: SpiD*. */
