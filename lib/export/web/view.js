@@ -207,7 +207,7 @@ export class View {
       type: this.deep ? THREE.HalfFloatType : THREE.UnsignedByteType,
       minFilter: THREE.NearestFilter, magFilter: THREE.NearestFilter });
     if (this.levels) Object.assign(this.target.textures[2], {
-      format: THREE.RGFormat, generateMipmaps: true,
+      generateMipmaps: true,
       minFilter: THREE.LinearMipmapNearestFilter });
   }
 
