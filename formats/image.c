@@ -1,5 +1,5 @@
-/* Pictures by what reads each kind, under the names that formats/image.h, exr.h
- * and panorama.h promise. */
+/* Pictures by what reads each kind, under the names that formats/image.h and exr.h
+ * promise. */
 #include "formats/image.h"
 
 #include <errno.h>
@@ -12,7 +12,6 @@
 #include "formats/jpeg.h"
 #include "formats/mark.h"
 #include "formats/module.h"
-#include "formats/panorama.h"
 #include "formats/png.h"
 #include "lib/base/kept.h"
 
@@ -74,18 +73,4 @@ int exr_write(const char *path, const float *pixel, size_t width,
     return m ? m->exr_write(path, pixel, width, height, channels, names,
                             mark_text(), err)
              : error_prefix(err, "%s", path);
-}
-
-int panorama_read(struct panorama *p, const char *path, struct error *err)
-{
-    const struct media_module *m = module_media(err);
-
-    memset(p, 0, sizeof *p);
-    return m ? m->panorama_read(p, path, err) : error_prefix(err, "%s", path);
-}
-
-void panorama_release(struct panorama *p)
-{
-    free(p->rgb);
-    memset(p, 0, sizeof *p);
 }
