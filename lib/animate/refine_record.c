@@ -9,7 +9,8 @@
 #include "lib/photo/place.h"
 #include "lib/photo/texture.h"
 
-_Static_assert(FEAT_PHOTO == TEXTURE_PHOTO && FEAT_PLACE == SPLAT_PLACE_CHANNELS &&
+_Static_assert(FEAT_PHOTO == TEXTURE_PHOTO &&
+               FEAT_PLACE == SPLAT_PLACE_CHANNELS &&
                FEAT_TURN == RELATIVE_POSE_SIZE,
                "FEAT holds what the texture and the refiner take");
 

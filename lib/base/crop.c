@@ -333,7 +333,7 @@ PARALLEL(crop_halve_part, y, uint8_t *, out, const uint8_t *, rgb, size_t, w,
          size_t, stride, size_t, stride_in)
 {
     CPU_PICK(crop_kernels)->halve(out + y * stride, rgb + 2 * y * stride_in,
-                          rgb + (2 * y + 1) * stride_in, w);
+                                  rgb + (2 * y + 1) * stride_in, w);
 }
 
 void crop_halve(uint8_t *out, const uint8_t *rgb, size_t w, size_t h,
@@ -440,7 +440,7 @@ static void crop_filter_rows(uint8_t *out, float *room, const uint8_t *rgb,
         memset(room, 0, (wide + 3) * sizeof *room);
         for (size_t k = 0; k < f->count; k++)
             CPU_PICK(crop_kernels)->add(room, rgb + (f->lo + k) * stride +
-                                r->from * r->C, f->w[k], wide);
+                                        r->from * r->C, f->w[k], wide);
         crop_filter_row(row, room, r);
         CPU_PICK(crop_kernels)->round(out + i * line, row, line);
     }

@@ -9,7 +9,7 @@ void grid_sample(float *out, const float *x, const float *grid, size_t B,
                  enum resample_padding pad)
 {
     CPU_PICK(grid_kernels)->sample(out, x, grid, B, H, W, C, N, align,
-                               pad == RESAMPLE_BORDER);
+                                   pad == RESAMPLE_BORDER);
 }
 
 void grid_sample_backward(float *gx, float *ggrid, const float *gout,
@@ -17,12 +17,13 @@ void grid_sample_backward(float *gx, float *ggrid, const float *gout,
                           size_t H, size_t W, size_t C, size_t N, bool align,
                           enum resample_padding pad)
 {
+    const struct grid_kernels *k = CPU_PICK(grid_kernels);
+
     if (ggrid)
-        CPU_PICK(grid_kernels)->dgrid(ggrid, gout, x, grid, B, H, W, C, N, align,
-                                  pad == RESAMPLE_BORDER);
+        k->dgrid(ggrid, gout, x, grid, B, H, W, C, N, align,
+                 pad == RESAMPLE_BORDER);
     if (gx)
-        CPU_PICK(grid_kernels)->dx(gx, gout, grid, B, H, W, C, N, align,
-                               pad == RESAMPLE_BORDER);
+        k->dx(gx, gout, grid, B, H, W, C, N, align, pad == RESAMPLE_BORDER);
 }
 
 /* ---- affine grids ----------------------------------------------------- */

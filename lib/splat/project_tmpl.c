@@ -194,7 +194,7 @@ VEC_INLINE void project_channels(struct splat_state *s, size_t i,
     vf x = l->x * vf_set(2 / (float)v->width) - vf_set(1);
     vf y = l->y * vf_set(2 / (float)v->height) - vf_set(1);
     vf confidence = project_confidence(s, i, surface), row[4], at[2];
-    vf rise = surface - vf_set(1);      /* gaussian_shorter */
+    vf rise = surface - vf_set(1);      /* splat_place_shorter */
     vf shorter = rise / vf_max(vf_set(side->facing) + rise,
                                vf_set(SPLAT_PLACE_STEEPEST));
     vm seen = vf_gt(confidence, vf_set(0));

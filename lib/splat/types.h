@@ -90,7 +90,7 @@ struct splat {
 /* How places in the driven picture become places in the source picture, but for
  * each Gaussian's own surface: M(x), which is A x + b on a plane that faces the
  * source's camera, positions from -1 to 1 across a picture.  On a surface whose
- * depth rises otherwise a step is shorter by the share s (gaussian_shorter) along
+ * depth rises otherwise a step is shorter by the share s (splat_place_shorter) along
  * e (2), a unit vector, so that the Gaussian centred at x has what the frame shows
  * at y at
  *   2 uv - 1 + (1 - s e e^T) (M(y) - M(x)).
@@ -132,7 +132,7 @@ splat_place_side(const struct splat_place_view *v)
 }
 
 /* s, from how far the depth rises toward the frame's camera: tilt . toward. */
-static inline float gaussian_shorter(float rise, float facing)
+static inline float splat_place_shorter(float rise, float facing)
 {
     return rise / fmaxf(facing + rise, SPLAT_PLACE_STEEPEST);
 }

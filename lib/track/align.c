@@ -246,8 +246,8 @@ static void align_sum(struct align_sums *s, const struct align *a,
         (float)p->gain, (float)p->bias,
         {(float)c[0], (float)c[1], (float)c[2]}, (float)sigma};
 
-    CPU_PICK(align_kernels)->sum(s, k->visibility, k->room, a->picture, &camera, &r,
-                         step);
+    CPU_PICK(align_kernels)->sum(s, k->visibility, k->room, a->picture, &camera,
+                                 &r, step);
 }
 
 /* Weighted correlation of the frame's levels with the keyframe's. */
@@ -386,7 +386,7 @@ static void align_add_keyframe(struct align *a, const struct motion *m,
     size_t n = 0, room;
 
     CPU_PICK(align_kernels)->show(level, weight, a->point, a->normal, a->room,
-                          a->picture, &camera);
+                                  a->picture, &camera);
     for (size_t i = 0; i < a->count; i++) {
         const bool well = weight[i] >= FACING && a->steady[i] >= STEADY;
 

@@ -265,7 +265,7 @@ void align_face_show(float *shown, struct align_face *f,
     align_face_pose(f, m);
     align_face_normals(f, m);
     CPU_PICK(align_kernels)->show(shown, weight, f->point, f->facing, f->room,
-                          picture, camera);
+                                  picture, camera);
     for (size_t i = 0; i < f->room; i++)
         if (i >= f->count || weight[i] < FACING)
             weight[i] = 0;
@@ -349,8 +349,8 @@ void align_face_fit(struct align_face *f, struct motion *m,
         return;
     align_face_pose(f, m);
     for (int step = 0; step < STEPS; step++) {
-        CPU_PICK(align_kernels)->face(&s, &points, x, f->unknowns, picture, camera,
-                              (float)sigma);
+        CPU_PICK(align_kernels)->face(&s, &points, x, f->unknowns, picture,
+                                      camera, (float)sigma);
         if (!(s.weight > 0))
             return;
         sigma = align_sigma(s.off, s.weight);

@@ -75,7 +75,7 @@ static int places_reference(struct reference *r, const struct testscene *t,
         memcpy(color + i * (C + PLACES), r->color + i * C, C * sizeof *color);
         r->opacity[i] *= places_left(g, i);
         r->confidence[i] = gaussians_seen(g, i) * gaussian_visible(more);
-        r->shorter[i] = gaussian_shorter(more - 1, side.facing);
+        r->shorter[i] = splat_place_shorter(more - 1, side.facing);
         for (size_t k = 0; k < 2; k++)
             r->uv[2 * i + k] = 2 * (double)g->uv[2 * i + k] - 1;
     }

@@ -147,7 +147,7 @@ static double slope_error(const float source[12], const float cam[12],
     camera_project(n, NULL, cam, 2, mean, N);
     const struct splat_place_side side = splat_place_side(&v);
     const float s = flat ? 0
-        : gaussian_shorter(gaussian_more(tilt, v.toward) - 1, side.facing);
+        : splat_place_shorter(gaussian_more(tilt, v.toward) - 1, side.facing);
     float p[SPLAT_PLACE_CHANNELS] = {0, 0, 0.7f, 0.7f * s};
 
     splat_place_at(at, &v, n[0] - 1, n[1] - 1);
