@@ -235,7 +235,8 @@ void y4m_from_rgb(uint8_t *planes, const uint8_t *rgb, const struct y4m *y)
 
     y4m_weights(m, y);
     if (y->chroma == Y4M_444) {
-        CPU_PICK(compose_kernels)->planes((uint8_t *[3]){planes, cb, cr}, rgb, N, m);
+        CPU_PICK(compose_kernels)->planes((uint8_t *[3]){planes, cb, cr}, rgb,
+                                          N, m);
         return;
     }
     for (size_t i = 0; i < N; i++, rgb += 3)
@@ -334,6 +335,7 @@ void y4m_rows_to_rgb(uint8_t *rgb, size_t stride,
                      const uint8_t *const plane[3], const int step[3],
                      const struct y4m *y)
 {
+    const struct compose_kernels *kernels = CPU_PICK(compose_kernels);
     int16_t u[CHROMA_RUN] = {0}, v[CHROMA_RUN] = {0};
     int32_t m[3][4];
 
@@ -346,9 +348,8 @@ void y4m_rows_to_rgb(uint8_t *rgb, size_t stride,
                 y4m_chroma_run(u, plane[1], step[1], y, i, x);
                 y4m_chroma_run(v, plane[2], step[2], y, i, x);
             }
-            CPU_PICK(compose_kernels)->rgb(rgb + 3 * x,
-                                 plane[0] + (ptrdiff_t)i * step[0] + x, u, v,
-                                 left < CHROMA_RUN ? left : CHROMA_RUN, m);
+            kernels->rgb(rgb + 3 * x, plane[0] + (ptrdiff_t)i * step[0] + x, u,
+                         v, left < CHROMA_RUN ? left : CHROMA_RUN, m);
         }
 }
 

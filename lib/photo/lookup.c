@@ -39,8 +39,8 @@ void texture_shader_init(struct texture_shader *s, const struct texture *t,
                          const struct splat_place_view *v, size_t size,
                          float *photo, size_t channels)
 {
-    *s = (struct texture_shader){t, texture_level(t, v, size), size, *v, photo,
-                                 channels};
+    *s = (struct texture_shader){t, texture_level(t, v, size), size, *v,
+                                 splat_place_side(v), photo, channels};
 }
 
 /* photo (n,5) of row y's pixels from x on; whether the photograph shows any of
@@ -68,7 +68,8 @@ static bool lookup_run(float *photo, const struct texture_shader *s,
         place = rest;
         alpha = cover;
     }
-    if (!kernels->places(&r, &s->view, place, alpha, (n + 15) / 16 * 16))
+    if (!kernels->places(&r, &s->view, &s->side, place, alpha,
+                         (n + 15) / 16 * 16))
         return false;
     memset(photo, 0, TEXTURE_PHOTO * n * sizeof *photo);
     kernels->bicubic(photo, r.u, r.v, r.confidence, n, s->t->level[s->level],

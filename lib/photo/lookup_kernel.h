@@ -25,6 +25,7 @@ struct lookup_run {
  * place (n,4) and alpha (n); whether any has a place. */
 typedef bool lookup_places_fn(struct lookup_run *r,
                               const struct splat_place_view *v,
+                              const struct splat_place_side *side,
                               const float *place, const float *alpha,
                               size_t n);
 

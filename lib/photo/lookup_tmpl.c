@@ -11,13 +11,13 @@
 
 static bool ISA(lookup_places)(struct lookup_run *r,
                                const struct splat_place_view *v,
+                               const struct splat_place_side *side,
                                const float *place, const float *alpha,
                                size_t n)
 {
     const float *A = v->A, *b = v->b, *S = v->shoulders, *neck = v->neck;
-    const struct splat_place_side side = splat_place_side(v);
     const vf zero = vf_set(0), one = vf_set(1), cover = vf_set(texture_cover(v));
-    const vf e[2] = {vf_set(side.e[0]), vf_set(side.e[1])};
+    const vf e[2] = {vf_set(side->e[0]), vf_set(side->e[1])};
     vf max = zero;
 
     for (size_t i = 0; i < n; i += VEC, place += SPLAT_PLACE_CHANNELS * VEC) {

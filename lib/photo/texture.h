@@ -57,6 +57,7 @@ struct texture_shader {
     const struct texture *t;
     size_t level, size;         /* of the picture: size by size pixels */
     struct splat_place_view view;
+    struct splat_place_side side;       /* of the view */
     float *photo;               /* (size,size,5) what is looked up; NULL: it is
                                  * mixed into colours and alpha (texture_mix) */
     size_t channels;            /* of these colours */

@@ -71,6 +71,16 @@ static double outline_apart(const float *a, const float *b, size_t first,
     return sum / (double)(last - first);
 }
 
+static struct outline_report outline_fitted(struct person *p,
+                                            const struct head *h)
+{
+    struct outline_report r;
+    struct error err = {0};
+
+    CHECK(outline_fit(&r, p, h, &err) == 0, "%s", err.text);
+    return r;
+}
+
 /* Shapes drawn at random, found again by their outlines. */
 static void test_shapes(const struct head *h)
 {
@@ -84,15 +94,12 @@ static void test_shapes(const struct head *h)
     random_init(&rand, 5, "outline");
     outline_person(&p, h);
     for (int person = 0; person < 4; person++) {
-        struct outline_report r;
-        struct error err = {0};
-
         for (size_t k = 0; k < SHAPES; k++)
             shape[k] = (float)random_normal(&rand);
         outline_draw(found, p.matte, &p, h, shape);
         memset(p.shape, 0, p.nshape * sizeof *p.shape);
         outline_draw(mean, NULL, &p, h, p.shape);
-        CHECK(outline_fit(&r, &p, h, &err) == 0, "%s", err.text);
+        const struct outline_report r = outline_fitted(&p, h);
         CHECK(r.points >= 40, "%zu points of the rim", r.points);
         outline_draw(found, NULL, &p, h, p.shape);
         before += r.before / 4;
@@ -127,8 +134,6 @@ static void test_cap(const struct head *h)
 {
     float *shape = calloc(h->nshape, sizeof *shape);
     float small[2 * HEAD_LANDMARKS];
-    struct outline_report r;
-    struct error err = {0};
     struct person p;
 
     REQUIRE(shape, "no memory");
@@ -137,7 +142,7 @@ static void test_cap(const struct head *h)
     outline_draw(small, p.matte, &p, h, shape);
     memset(p.rgb, 0, 3 * SIZE * SIZE * 2 / 5);
     const size_t before = outline_beyond(&p, h);
-    CHECK(outline_fit(&r, &p, h, &err) == 0, "%s", err.text);
+    outline_fitted(&p, h);
     const size_t after = outline_beyond(&p, h);
     check_that("the mean head reaches beyond a small one", before > 500);
     check("of which once fitted is left, share",
@@ -151,22 +156,20 @@ static void test_hair(const struct head *h)
 {
     float *bare = calloc(h->nshape, sizeof *bare);
     float mean[2 * HEAD_LANDMARKS];
-    struct outline_report r;
-    struct error err = {0};
     struct person p;
     double moved = 0;
 
     REQUIRE(bare, "no memory");
     outline_person(&p, h);
     outline_draw(mean, p.matte, &p, h, p.shape);
-    CHECK(outline_fit(&r, &p, h, &err) == 0, "%s", err.text);
+    outline_fitted(&p, h);
     memcpy(bare, p.shape, h->nshape * sizeof *bare);
     memset(p.shape, 0, h->nshape * sizeof *p.shape);
     for (size_t i = 0; i < SIZE * SIZE / 3; i++)
         if (hypot((double)(i % SIZE) - SIZE / 2,
                   (double)(i / SIZE) - SIZE / 2) < 0.42 * SIZE)
             p.matte[i] = 255;
-    CHECK(outline_fit(&r, &p, h, &err) == 0, "%s", err.text);
+    outline_fitted(&p, h);
     for (size_t k = 0; k < p.nshape; k++)
         moved = fmax(moved, fabs((double)p.shape[k] - bare[k]));
     check("hair changes the shape by deviations", moved, 0.2);
@@ -178,20 +181,19 @@ static void test_hair(const struct head *h)
 static void test_nothing(const struct head *h)
 {
     struct outline_report r;
-    struct error err = {0};
     struct person p;
     float sum = 0;
 
     outline_person(&p, h);
     memset(p.matte, 255, SIZE * SIZE);
-    CHECK(outline_fit(&r, &p, h, &err) == 0, "%s", err.text);
+    r = outline_fitted(&p, h);
     for (size_t k = 0; k < p.nshape; k++)
         sum += fabsf(p.shape[k]);
     check_that("a matte without an edge leaves the shape",
                r.points == 0 && sum == 0);
     for (size_t i = 0; i < SIZE * SIZE; i++)    /* hair, far outside */
         p.matte[i] = i % SIZE < 20 || i % SIZE >= SIZE - 20 ? 0 : 255;
-    CHECK(outline_fit(&r, &p, h, &err) == 0, "%s", err.text);
+    r = outline_fitted(&p, h);
     for (size_t k = 0; k < p.nshape; k++)
         sum += fabsf(p.shape[k]);
     check_that("and so does an edge that is far", r.points == 0 && sum == 0);

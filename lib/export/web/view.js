@@ -101,7 +101,8 @@ function dispose(scene) {
 
 export class View {
   // g: count, counts, scale, quat, opacity, color, uv, seen, normal; view,
-  // rgb, matte, back of the photograph, light on it and, in its pose, now (lamp); faces and vertices of the mesh.
+  // rgb, matte, back of the photograph, light on it and, in its pose, now (lamp);
+  // faces and vertices of the mesh.
   constructor(canvas, g, distance) {
     this.canvas = canvas;
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: false,

@@ -56,7 +56,8 @@ struct scan_assets {
  * *err naming the file that is missing, cut, of another shape or holds numbers
  * that are none. */
 struct scan_assets *scan_open(const char *dir, const char *light,
-                              const char *traits, const struct head *head, struct error *err);
+                              const char *traits, const struct head *head,
+                              struct error *err);
 /* The same from the head (borrowed) alone: one plain figure, of all identities
  * and skins, in made rooms.  NULL and *err when the head is not the built-in
  * one's kind. */
