@@ -12,7 +12,6 @@
 #include "lib/stream/imag.h"
 #include "lib/lab/people/scan.h"
 #include "lib/lab/people/synth.h"
-#include "lib/lab/people/turn.h"
 #include "lib/track/conf.h"
 
 static long people = 1, frames = 1, seed = 1, first, size = 512;
@@ -21,6 +20,7 @@ static const char *head_path, *assets_path, *traits_path, *light_path;
 static bool without_mesh;
 
 #define SYNTH_TURNS 1000        /* that --turn takes */
+#define TURN_MAX 90.0           /* degrees */
 
 static struct {
     struct synth_turn each[SYNTH_TURNS];
@@ -38,11 +38,46 @@ static int synth_parse_without(const char *value, void *dest, struct error *err)
     return 0;
 }
 
-/* --turn LIST */
-static int synth_parse_turn(const char *value, void *dest, struct error *err)
+/* One angle into radians; *at moves past it. */
+static int synth_parse_angle(float *angle, const char **at, struct error *err)
 {
+    char *end;
+    const double degrees = strtod(*at, &end);
+
+    if (end == *at || !(fabs(degrees) <= TURN_MAX))
+        return error_set(err, EX_USAGE, "'%s' is no angle (expected -%g to %g "
+                         "degrees)", *at, TURN_MAX, TURN_MAX);
+    *angle = (float)(degrees * acos(-1) / 180);
+    *at = end;
+    return 0;
+}
+
+/* --turn LIST */
+static int synth_parse_turn(const char *text, void *dest, struct error *err)
+{
+    const char *at = text;
+
     (void)dest;
-    return synth_turns_parse(turns.each, &turns.n, SYNTH_TURNS, value, err);
+    for (turns.n = 0; turns.n < SYNTH_TURNS; at++) {
+        struct synth_turn *t = &turns.each[turns.n++];
+        float *const next[] = {&t->pitch, &t->roll};
+
+        *t = (struct synth_turn){0};
+        if (synth_parse_angle(&t->yaw, &at, err))
+            return -1;
+        for (int i = 0; i < 2 && *at == ':'; i++) {
+            at++;
+            if (synth_parse_angle(next[i], &at, err))
+                return -1;
+        }
+        if (!*at)
+            return 0;
+        if (*at != ',')
+            break;
+    }
+    return error_set(err, EX_USAGE, "'%s' is no list of turns (expected up to "
+                     "%d of YAW[:PITCH[:ROLL]], commas between)", text,
+                     SYNTH_TURNS);
 }
 
 static const struct cli_option options[] = {

@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "lib/lab/people/label.h"
+#include "lib/lab/people/scan.h"
 #include "lib/lab/people/noise.h"
 #include "lib/lab/people/scan_film.h"
 #include "tests/check.h"

@@ -9,7 +9,7 @@
 
 #include "lib/base/camera.h"
 #include "lib/base/parallel.h"
-#include "lib/lab/people/label.h"
+#include "lib/lab/people/scan.h"
 #include "lib/lab/people/scan_scene.h"
 #include "lib/lab/people/synth.h"
 #include "tests/check.h"

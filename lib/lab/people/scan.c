@@ -10,7 +10,6 @@
 #include "lib/base/file.h"
 #include "lib/base/names.h"
 #include "lib/base/parallel.h"
-#include "lib/lab/people/label.h"
 #include "lib/lab/people/vec.h"
 
 #define PATH 4096

@@ -17,6 +17,13 @@
 #include "lib/lab/people/scan_skin.h"
 #include "lib/lab/people/traits.h"
 
+/* What a pixel of a synthetic picture shows: values of the stream's `label`. */
+enum synth_label {
+    LABEL_NONE, LABEL_SKIN, LABEL_LIP, LABEL_EYE, LABEL_BROW, LABEL_HAIR,
+    LABEL_MOUTH, LABEL_TEETH, LABEL_CLOTH, LABEL_GLASSES, LABEL_NECK,
+    LABEL_EAR, LABEL_NOSE, LABEL_BEARD, LABEL_LASH, LABEL_OCCLUDER
+};
+
 #define SCAN_PIECES 24          /* of one kind at most */
 
 struct scan_rack {              /* pieces of one kind */
@@ -73,6 +80,11 @@ uint8_t scan_label_of(int32_t region);
  * (FACE_VERTICES,3): the person's at rest. */
 void scan_plain_pose(float *x, const struct scan_plain *p, const float *rest,
                      const float *verts);
+/* Where a place p of its neutral face lies on the texture square: eyes, at
+ * height `eye`, and lips are where photographs have them. */
+void plain_uv(float uv[2], const float *p, float eye);
+/* Skin, irises, a shirt and rooms of a, whose face and labels are there. */
+int plain_make_looks(struct scan_assets *a, struct error *err);
 
 /* ---- directions of the sky, for visibility ------------------------------ */
 

@@ -7,7 +7,6 @@
 #include <string.h>
 
 #include "lib/base/random.h"
-#include "lib/lab/people/motion.h"
 #include "lib/lab/people/noise.h"
 #include "lib/lab/people/vec.h"
 

@@ -40,7 +40,10 @@ struct act {
     float pupil;                /* -1 small .. 1 wide */
 };
 
-struct synth_turn;
+/* Where a head shall turn to instead of where it would, radians. */
+struct synth_turn {
+    float yaw, pitch, roll;
+};
 
 /* The person at `time` seconds; turn (NULL: as they move) the head's pose
  * instead of theirs. */

@@ -3,7 +3,6 @@
 #include <string.h>
 
 #include "lib/base/sort.h"
-#include "lib/lab/people/label.h"
 #include "lib/lab/people/scan_stage.h"
 #include "lib/lab/people/tri.h"
 #include "lib/lab/people/vec.h"
@@ -52,7 +51,6 @@ static void scan_draw_gather(struct scan_point *o, const struct scan_stage *s,
         mad3(o->p, o->p, s->place + 3 * i, w[c]);
         mad3(o->n, o->n, s->normal + 3 * i, w[c]);
         mad3(o->bright, o->bright, s->bright + 3 * i, w[c]);
-        o->fold += w[c] * s->fold[i];
         o->extra += w[c] * f->extra[i];
         o->u += w[c] * f->uv[2 * i];
         o->v += w[c] * f->uv[2 * i + 1];

@@ -216,20 +216,3 @@ void scan_face_express(float *x, const struct scan_face *f, const float *rest,
     scan_lids_add(x, &f->lids, rest, w[ARKIT_EYE_BLINK_L],
                   w[ARKIT_EYE_BLINK_R]);
 }
-
-void scan_face_normals(float *n, const float *x, const struct scan_face *f)
-{
-    memset(n, 0, 3 * FACE_VERTICES * sizeof *n);
-    for (size_t i = 0; i < f->nf; i++) {
-        const int32_t *v = f->raw + 3 * i;
-        const float *a = x + 3 * v[0];
-        float e[3], g[3], c[3];
-        sub3(e, x + 3 * v[1], a);
-        sub3(g, x + 3 * v[2], a);
-        cross3(c, e, g);
-        for (int k = 0; k < 3; k++)
-            mad3(n + 3 * v[k], n + 3 * v[k], c, 1);
-    }
-    for (size_t i = 0; i < FACE_VERTICES; i++)
-        unit3(n + 3 * i);
-}

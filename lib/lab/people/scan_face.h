@@ -64,7 +64,4 @@ void scan_face_fold(float *out, const struct scan_face *f, const float *beta,
 void scan_face_express(float *x, const struct scan_face *f, const float *rest,
                        const float *w);
 
-/* Unit normals n (FACE_VERTICES,3) of the vertices x. */
-void scan_face_normals(float *n, const float *x, const struct scan_face *f);
-
 #endif

@@ -7,7 +7,6 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "lib/lab/people/label.h"
 #include "lib/lab/people/vec.h"
 
 /* What grows with corners, or faces. */
@@ -325,7 +324,7 @@ static int figure_find_normals(struct figure *f, struct error *err)
 
     if (arena_check(&f->memory, "a person", err))
         return -1;
-    scan_face_normals(n, f->rest, s);
+    piece_normals(n, f->rest, FACE_VERTICES, s->raw, s->nf);
     piece_normals(all, f->place, f->nc, f->faces, f->nf);
     for (int i = 0; i < f->nparts; i++) {
         const struct figure_part *p = &f->parts[i];
@@ -424,7 +423,7 @@ static void figure_measure(struct figure *f)
 {
     const struct scan_face *s = &f->assets->face;
 
-    scan_face_normals(f->normal, f->rest, s);
+    piece_normals(f->normal, f->rest, FACE_VERTICES, s->raw, s->nf);
     for (int e = 0; e < 2; e++) {
         double shift[3], grow;
         scan_eye_motion(shift, &grow, s->neutral, f->rest, 5, e);

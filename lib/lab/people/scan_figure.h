@@ -76,7 +76,7 @@ void figure_release(struct figure *f);
 struct figure_part *figure_grow(struct figure *f, size_t nc, size_t nf,
                                 enum stuff stuff, enum ride ride,
                                 uint8_t label, struct error *err);
-/* What is modelled and not read (figure_made.c): frames of glasses, rings;
+/* What is modelled and not read (scan_made.c): frames of glasses, rings;
  * beards and lenses. */
 int figure_add_solids(struct figure *f, struct error *err);
 /* Beards, stubble on the scalp and lenses: what is seen through. */

@@ -6,7 +6,6 @@
 
 #include "lib/base/random.h"
 #include "lib/lab/people/codec.h"
-#include "lib/lab/people/label.h"
 #include "lib/lab/people/lens.h"
 #include "lib/lab/people/noise.h"
 #include "lib/lab/people/vec.h"

@@ -5,7 +5,6 @@
 #include <string.h>
 
 #include "lib/base/random.h"
-#include "lib/lab/people/label.h"
 #include "lib/lab/people/scan_figure.h"
 #include "lib/lab/people/vec.h"
 
@@ -143,9 +142,9 @@ static int front_add_hand(struct figure *f, struct random *r, struct error *err)
     /* fingers up and to the middle, palm to the face, tilted a little */
     axis33(a, 2, side * trait_range(r, h[0]));
     axis33(b, 1, trait_range(r, h[1]));
-    mul33(t, a, b);
+    mat3_mul(t, a, b);
     axis33(b, 0, trait_range(r, h[2]));
-    mul33(m, t, b);
+    mat3_mul(m, t, b);
     float at[3] = {side * trait_range(r, h[3]), trait_range(r, h[4]),
                    -0.75f - trait_range(r, h[5])};
     for (size_t i = 0; i < q->nc; i++) {
@@ -212,7 +211,7 @@ static int front_add_thing(struct figure *f, struct random *r,
 
     axis33(a, 2, -side * trait_range(r, h[mic ? 0 : 1]));
     axis33(b, 0, trait_range(r, h[2]));
-    mul33(turn, a, b);
+    mat3_mul(turn, a, b);
     float at[3] = {side * trait_range(r, h[3]), trait_range(r, h[4]),
                    -0.75f - trait_range(r, h[5])};
     for (int k = 0; k < 3; k++)

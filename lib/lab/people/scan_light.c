@@ -200,8 +200,8 @@ void harmonic2_turn(struct harmonic2 *o, const struct harmonic2 *h,
     for (int i = 0; i < 9; i++)
         rt[i] = r[3 * (i % 3) + i / 3];
     rot3(b, r, h->b);
-    mul33(t, r, m);
-    mul33(m, t, rt);
+    mat3_mul(t, r, m);
+    mat3_mul(m, t, rt);
     o->a = h->a;
     copy3(o->b, b);
     o->c[0] = m[0];

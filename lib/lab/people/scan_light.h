@@ -19,8 +19,8 @@ struct lamp {
     float size;                 /* radians, half its width */
 };
 
-/* A panorama made ready: level 0 sharp, then blurred as a rough surface of
- * `rough[k]` mirrors it. */
+/* A panorama made ready: level 0 sharp, then blurred as ever rougher
+ * surfaces mirror it. */
 struct light_map {
     int w[LIGHT_LEVELS], h[LIGHT_LEVELS];
     float *level[LIGHT_LEVELS]; /* (h,w,3), mean luminance 1 */

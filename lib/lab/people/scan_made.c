@@ -3,7 +3,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "lib/lab/people/label.h"
 #include "lib/lab/people/scan_figure.h"
 #include "lib/lab/people/vec.h"
 

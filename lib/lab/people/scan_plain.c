@@ -1,7 +1,7 @@
 /* A plain figure in the scans' place: the head's own mesh, teeth and a hollow
  * behind its lips, and what scan_plain_looks.c makes by formulas.  It lies in
  * arrays of the scans' layout, so that all that draws them draws it. */
-#include "lib/lab/people/scan_plain.h"
+#include "lib/lab/people/scan.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -9,7 +9,6 @@
 #include <sysexits.h>
 
 #include "lib/head/lbs.h"
-#include "lib/lab/people/label.h"
 #include "lib/lab/people/noise.h"
 #include "lib/lab/people/vec.h"
 

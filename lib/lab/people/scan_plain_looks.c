@@ -1,12 +1,11 @@
 /* What a plain figure looks like, by formulas: skin, brows, irises, a shirt,
  * and the rooms that light it. */
-#include "lib/lab/people/scan_plain.h"
+#include "lib/lab/people/scan.h"
 
 #include <math.h>
 #include <string.h>
 
 #include "lib/base/random.h"
-#include "lib/lab/people/label.h"
 #include "lib/lab/people/noise.h"
 #include "lib/lab/people/tri.h"
 #include "lib/lab/people/vec.h"

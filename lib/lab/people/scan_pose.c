@@ -32,39 +32,6 @@ static void pose_turn_eyes(struct scan_stage *s)
     }
 }
 
-/* How much shorter the edges at a vertex have become. */
-static void pose_find_folds(struct scan_stage *s)
-{
-    const struct scan_face *f = &s->figure->assets->face;
-    const float *rest = s->figure->rest;
-    float *sum = s->bright;     /* (nc) not in use yet */
-
-    memset(sum, 0, 2 * (size_t)FACE_VERTICES * sizeof *sum);
-    for (size_t i = 0; i < f->nf; i++) {
-        const int32_t *v = f->raw + 3 * i;
-        if (f->part[i] != PART_SKIN)
-            continue;
-        for (int k = 0; k < 3; k++) {
-            int32_t a = v[k], b = v[(k + 1) % 3];
-            float d[3], e[3];
-            sub3(d, rest + 3 * b, rest + 3 * a);
-            sub3(e, s->face + 3 * b, s->face + 3 * a);
-            float l = dot3(d, d), m = dot3(e, e);
-            float c = maxf(1 - m / (l + 1e-9f), 0);
-            sum[2 * a] += c;
-            sum[2 * a + 1] += 1;
-            sum[2 * b] += c;
-            sum[2 * b + 1] += 1;
-        }
-    }
-    for (size_t i = 0; i < f->nc; i++) {
-        const float *c = sum + 2 * f->source[i];
-        s->fold[i] = c[1] > 0 ? clampf(c[0] / c[1] * 3, 0, 1) : 0;
-    }
-    for (size_t i = f->nc; i < s->figure->nc; i++)
-        s->fold[i] = 0;
-}
-
 /* Corners where their part rides: on the face, the skull, the body or
  * nothing. */
 static void pose_place_corners(struct scan_stage *s)
@@ -105,7 +72,7 @@ static void pose_make_twist(struct twist *o, const struct scan_view *v,
 
     for (int i = 0; i < 9; i++)
         bt[i] = v->body[3 * (i % 3) + i / 3];
-    mul33(rel, v->rot, bt);     /* shoulders -> head */
+    mat3_mul(rel, v->rot, bt);     /* shoulders -> head */
     float c = clampf(0.5f * (rel[0] + rel[4] + rel[8] - 1), -1, 1);
     float angle = acosf(c), s = sinf(angle);
     float g = s > 1e-4f ? angle / (2 * s) : 0.5f;
@@ -118,7 +85,7 @@ static void pose_make_twist(struct twist *o, const struct scan_view *v,
         float part[3] = {0, 0, 0}, q[9], p[3];
         mad3(part, part, w, 1 - (float)i / TWIST);
         rodrigues33(q, part);
-        mul33(o->r[i], q, v->body);
+        mat3_mul(o->r[i], q, v->body);
         rot3(p, o->r[i], pivot);
         sub3(o->t[i], at, p);
     }
@@ -257,8 +224,8 @@ void scan_pose(struct scan_stage *s)
                     s->verts, s->act->weight);
         pose_turn_eyes(s);
     }
-    scan_face_normals(s->face_normal, s->face, &f->assets->face);
-    pose_find_folds(s);
+    piece_normals(s->face_normal, s->face, FACE_VERTICES, f->assets->face.raw,
+                  f->assets->face.nf);
     pose_place_corners(s);
     pose_find_light(s);
     /* normals in the head's frame, turned in place */

@@ -95,7 +95,7 @@ static void register_step_pose(struct registration *r,
     cholesky_solve(b, a, 6);
     float w[3] = {(float)b[0], (float)b[1], (float)b[2]}, d[9], o[9];
     rodrigues33(d, w);
-    mul33(o, d, r->rot);
+    mat3_mul(o, d, r->rot);
     memcpy(r->rot, o, sizeof o);
     r->at[0] += (float)b[3];
     r->at[1] += (float)b[4];
@@ -155,7 +155,7 @@ static int register_step_terms(struct registration *r,
 int register_fit(struct registration *r, const struct register_map *m,
                  const struct scan_face *f, const float *point, bool calm)
 {
-    float p[3 * LANDMARK_FACE], sum = 0;
+    float p[3 * LANDMARK_FACE];
     float x = 0, y = 0, sx = 0;
 
     *r = (struct registration){.rot = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
@@ -175,14 +175,6 @@ int register_fit(struct registration *r, const struct register_map *m,
         if (register_step_terms(r, m, f, point, calm))
             return -1;
     }
-    register_place(p, r, m, f);
-    for (int i = 0; i < LANDMARK_FACE; i++) {
-        float o[3];
-        register_project(o, r, p + 3 * i);
-        sum += (o[0] - point[3 * i]) * (o[0] - point[3 * i])
-               + (o[1] - point[3 * i + 1]) * (o[1] - point[3 * i + 1]);
-    }
-    r->rms = sqrtf(sum / LANDMARK_FACE);
     return 0;
 }
 

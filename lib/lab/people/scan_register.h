@@ -24,7 +24,6 @@ struct register_map {
 struct registration {
     float rot[9], at[2], scale;
     float term[REGISTER_TERMS]; /* identity, then expression */
-    float rms;                  /* pixels */
 };
 
 /* From DIR/labels/mediapipe_to_ict.json, into memory. */

@@ -7,7 +7,7 @@
 #include <sysexits.h>
 
 #include "lib/base/camera.h"
-#include "lib/lab/people/motion.h"
+#include "lib/base/cholesky.h"
 #include "lib/lab/people/vec.h"
 
 int scan_worker_init(struct scan_worker *c, const struct head *h, int size,
@@ -82,9 +82,9 @@ static void scene_face_rotation(float rot[9], float yaw, float pitch,
     axis33(a, 1, yaw);
     axis33(b, 0, pitch);
     axis33(c, 2, roll);
-    mul33(t, a, b);
-    mul33(b, c, t);
-    mul33(rot, front, b);
+    mat3_mul(t, a, b);
+    mat3_mul(b, c, t);
+    mat3_mul(rot, front, b);
 }
 
 /* Camera of head and shoulders: the head turns about the top of the neck. */
@@ -92,7 +92,7 @@ static void scene_place_body(struct scan_view *v, const struct figure *f,
                              const struct act *act)
 {
     const struct scan_person *p = &f->look;
-    float at[3], pivot[3];
+    float at[3], pivot[3], head[3];
 
     scene_face_rotation(v->rot, act->yaw, act->pitch, act->roll);
     scene_face_rotation(v->body, 0.35f * p->act.yaw + 0.2f * act->yaw,
@@ -105,41 +105,19 @@ static void scene_place_body(struct scan_view *v, const struct figure *f,
     at[2] *= nearer;
     v->focal = 0.5f * CAMERA_FOCAL * nearer;
     rot3(pivot, v->body, f->pivot);
+    rot3(head, v->rot, f->pivot);
     for (int k = 0; k < 3; k++)
-        v->body_trans[k] = at[k];
-    rot3(at, v->rot, f->pivot);
-    for (int k = 0; k < 3; k++)
-        v->trans[k] = v->body_trans[k] + pivot[k] - at[k];
+        v->trans[k] = at[k] + pivot[k] - head[k];
 }
 
 /* ---- the toolkit's camera ----------------------------------------------- */
-
-/* Solve the normal equations a (6,6) x = b by elimination; a is positive
- * definite. */
-static void scene_solve6(double x[6], double a[6][6], const double b[6])
-{
-    memcpy(x, b, 6 * sizeof *x);
-    for (int i = 0; i < 6; i++) {
-        for (int j = i + 1; j < 6; j++) {
-            double g = a[j][i] / a[i][i];
-            for (int k = i; k < 6; k++)
-                a[j][k] -= g * a[i][k];
-            x[j] -= g * x[i];
-        }
-    }
-    for (int i = 5; i >= 0; i--) {
-        for (int k = i + 1; k < 6; k++)
-            x[i] -= a[i][k] * x[k];
-        x[i] /= a[i][i];
-    }
-}
 
 /* One step of Gauss and Newton: rot, trans under focal CAMERA_FOCAL / 2 that
  * put verts where the view does.  Rotation by a small vector on the left. */
 static void scene_camera_step(float rot[9], float trans[3], const float *verts,
                               const struct head *h, const struct scan_view *v)
 {
-    double a[6][6] = {{0}}, b[6] = {0}, x[6];
+    double a[36] = {0}, x[6] = {0};
     double f = 0.5 * (double)CAMERA_FOCAL;
 
     for (size_t i = 0; i < h->V; i += 5) {
@@ -161,17 +139,17 @@ static void scene_camera_step(float rot[9], float trans[3], const float *verts,
                            dy * r[0] - dx * r[1], dx, dy, dz};
             for (int m = 0; m < 6; m++) {
                 for (int n = 0; n < 6; n++)
-                    a[m][n] += j[m] * j[n];
-                b[m] += j[m] * e;
+                    a[6 * m + n] += j[m] * j[n];
+                x[m] += j[m] * e;
             }
         }
     }
     for (int m = 0; m < 6; m++)
-        a[m][m] *= 1 + 1e-9;
-    scene_solve6(x, a, b);
+        a[7 * m] *= 1 + 1e-9;
+    cholesky_solve(x, a, 6);
     float w[3] = {(float)x[0], (float)x[1], (float)x[2]}, d[9], o[9];
     rodrigues33(d, w);
-    mul33(o, d, rot);
+    mat3_mul(o, d, rot);
     memcpy(rot, o, sizeof o);
     for (int k = 0; k < 3; k++)
         trans[k] += (float)x[3 + k];

@@ -3,10 +3,18 @@
 #define SPID_LAB_PEOPLE_SCAN_SCENE_H
 
 #include "lib/head/lbs.h"
-#include "lib/lab/people/motion.h"
 #include "lib/lab/people/scan_film.h"
 
 #define SCENE_SHAPES 512        /* of any head; those past the scans are 0 */
+
+#define MOTION_EXP_MAX 512
+
+/* How a synthetic person's head and face stand in one frame. */
+struct synth_motion {
+    float rot[9], trans[3];      /* camera: x_cam = rot x + trans */
+    float exp[MOTION_EXP_MAX];
+    float jaw[3], lid[2], eye[6];
+};
 
 /* A person ready to be rendered, with the background behind them. */
 struct scan_scene {

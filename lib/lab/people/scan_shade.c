@@ -173,7 +173,7 @@ static void shade_eye_frame(float m[9], float centre[3],
     unit3(up);
     cross3(right, up, a);
     columns33(t, right, up, a);
-    mul33(m, s->view.rot, t);
+    mat3_mul(m, s->view.rot, t);
     rot3(centre, s->view.rot, f->eye[e]);
     mad3(centre, centre, s->view.trans, 1);
 }

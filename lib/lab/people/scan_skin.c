@@ -13,6 +13,7 @@
 #include "formats/image.h"
 #include "lib/base/parallel.h"
 #include "lib/base/sort.h"
+#include "lib/lab/people/scan_piece.h"
 #include "lib/lab/people/scan_register.h"
 #include "lib/lab/people/scan_skin_fit.h"
 #include "lib/lab/people/tri.h"
@@ -285,10 +286,9 @@ int skin_sample_take(struct skin_sample *o, const struct skin_model *s,
         float *normal = shape + one;
 
         register_shape(shape, f, &r);
-        scan_face_normals(normal, shape, f);
+        piece_normals(normal, shape, FACE_VERTICES, f->raw, f->nf);
         skin_unwrap(o, &im, f, c, &r, shape, normal, table);
         skin_drop_hair(o, s, normal + one, o->mean);
-        o->rms = r.rms;
         rc = 0;
     }
     image_release(&im);

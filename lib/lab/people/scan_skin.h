@@ -26,7 +26,6 @@ struct skin_model {
     uint8_t *mouth;             /* what lies between the lips, likewise */
     uint8_t *eye;               /* lids and what lies between them */
     struct brow_model brows;
-    float tone[3];              /* mean albedo of the face, linear */
 };
 
 /* What one person's skin is made of. */

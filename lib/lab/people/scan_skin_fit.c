@@ -121,7 +121,7 @@ int skin_fit_add(struct skin_fit *t, size_t i, const struct skin_model *s,
     if (!room)
         return error_set(err, EX_OSERR, "out of memory for skin");
     struct skin_sample o = {room, room + 3 * N * N, room + 6 * N * N,
-                            {0, 0, 0}, 0};
+                            {0, 0, 0}};
     int rc = skin_sample_take(&o, s, &t->chart, f, m, path, point, err);
     if (!rc) {
         skin_take_slow(t, i, &o);

@@ -20,7 +20,7 @@ struct skin_sample {            /* a photograph on the texture square */
     float *log;                 /* (.., 3) log linear colour */
     float *normal;              /* (.., 3) x right, y up, z to the camera */
     float *weight;              /* 0 hidden .. 1 */
-    float mean[3], rms;
+    float mean[3];
 };
 
 struct skin_fit {

@@ -3,7 +3,6 @@
 
 #include <string.h>
 
-#include "lib/lab/people/label.h"
 #include "lib/lab/people/vec.h"
 
 int scan_stage_init(struct scan_stage *s, int size, struct error *err)
@@ -56,7 +55,6 @@ static int stage_fit_figure(struct scan_stage *s, const struct figure *f,
     s->place = arena_take(a, 3 * n, sizeof *s->place);
     s->normal = arena_take(a, 3 * n, sizeof *s->normal);
     s->bright = arena_take(a, 3 * n, sizeof *s->bright);
-    s->fold = arena_take(a, n, sizeof *s->fold);
     s->spot = arena_take(a, n, sizeof *s->spot);
     s->sun = arena_take(a, n, sizeof *s->sun);
     s->order = arena_take(a, veils, sizeof *s->order);

@@ -13,7 +13,7 @@
  * = size / 2 + focal x / z with focal in pixels of a picture of side 1. */
 struct scan_view {
     float rot[9], trans[3];
-    float body[9], body_trans[3];
+    float body[9];
     float focal;                /* over the picture's side */
 };
 
@@ -39,7 +39,6 @@ struct scan_stage {
     float *head;                /* (nc,3) posed, head frame */
     float *place, *normal;      /* (nc,3) camera frame */
     float *bright;              /* (nc,3) share of the free sky's light */
-    float *fold;                /* (nc) compression of the skin, 0..1 */
     struct raster_vertex *spot; /* (nc) */
     /* by veil face */
     size_t veil_room;           /* of so many */
@@ -91,7 +90,7 @@ void scan_veils(struct scan_stage *s);
 /* What the surface is like at a sample, camera frame. */
 struct scan_point {
     float p[3], n[3], view[3];  /* unit normal; unit, to the camera */
-    float bright[3], fold;
+    float bright[3];
     float u, v, extra;
     uint32_t face;
     float w[3];                 /* weights of the corners */

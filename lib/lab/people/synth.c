@@ -5,11 +5,9 @@
 #include <string.h>
 #include <sysexits.h>
 
-
 #include "lib/base/crop.h"
 #include "lib/base/parallel.h"
 #include "lib/lab/people/noise.h"
-#include "lib/lab/people/scan_scene.h"
 
 /* A batch of frames is made in parallel, one frame a worker, and handed out
  * in order.  `slots` people are ready at a time. */

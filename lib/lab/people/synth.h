@@ -8,10 +8,7 @@
 
 #include "lib/base/error.h"
 #include "lib/head/head.h"
-#include "lib/lab/people/landmark_map.h"
-#include "lib/lab/people/motion.h"
-
-struct scan_assets;
+#include "lib/lab/people/scan_scene.h"
 
 #define SYNTH_SIZE_MIN 32
 #define SYNTH_SIZE_MAX 2048

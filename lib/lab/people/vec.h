@@ -1,8 +1,11 @@
-/* Small vector helpers of the renderer: three floats, row-major matrices. */
+/* Small vector helpers of the renderer: three floats, row-major matrices beside
+ * those of lib/base/rotation.h. */
 #ifndef SPID_LAB_PEOPLE_VEC_H
 #define SPID_LAB_PEOPLE_VEC_H
 
 #include <math.h>
+
+#include "lib/base/rotation.h"
 
 /* As fmaxf and fminf, which are calls; b where a is not a number. */
 static inline float maxf(float a, float b)
@@ -97,14 +100,6 @@ static inline void rot3(float o[3], const float r[9], const float a[3])
 {
     for (int i = 0; i < 3; i++)
         o[i] = r[3 * i] * a[0] + r[3 * i + 1] * a[1] + r[3 * i + 2] * a[2];
-}
-/* o = A B, 3x3 */
-static inline void mul33(float o[9], const float a[9], const float b[9])
-{
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++)
-            o[3 * i + j] = a[3 * i] * b[j] + a[3 * i + 1] * b[3 + j]
-                           + a[3 * i + 2] * b[6 + j];
 }
 /* o with these columns */
 static inline void columns33(float o[9], const float a[3], const float b[3],
