@@ -8,10 +8,12 @@
 #include "lib/lab/head/avatar_make.h"
 #include "lib/lab/head/compare.h"
 #include "lib/lab/head/register.h"
+#include "lib/lab/head/subdivide.h"
 #include "lib/lab/head/template.h"
 #include "lib/lab/head/transfer.h"
 
 static const char *from, *check, *head_path, *avatar_path;
+static bool subdivide;
 static long people = 100;
 
 static const struct cli_option options[] = {
@@ -21,6 +23,8 @@ static const struct cli_option options[] = {
                   "print how far a head is from random faces of the scans"),
     OPTION_STRING("avatar", 0, &avatar_path, "FILE",
                   "compute the template avatar of this head anew, in place"),
+    OPTION_FLAG("subdivide", 0, &subdivide,
+                "write it with a vertex in the middle of every edge"),
     OPTION_INT("people", 0, &people, 1, 10000, "N",
                "how many faces --check draws"),
     OPTION_HEAD(&head_path),
@@ -102,6 +106,9 @@ int main(int argc, char **argv)
     int writes = strcmp(cli.output, "-") != 0;
     if (!avatar_path && !writes && (from || !check))
         die(EX_USAGE, "no output file (expected -o FILE)");
+    if (subdivide && from)
+        die(EX_USAGE, "--subdivide and --from together (expected one after "
+            "the other)");
     if (!head_path) {
         if (cli_find_model("head.safetensors", found, sizeof found, &err))
             die_error(&err);
@@ -113,7 +120,10 @@ int main(int argc, char **argv)
         return EX_OK;
     }
     if (writes) {
-        head_write_model(head_path);
+        if (!subdivide)
+            head_write_model(head_path);
+        else if (subdivide_head(cli.output, head_path, &err))
+            die_error(&err);
         head_path = cli.output;
     }
     if (check) {

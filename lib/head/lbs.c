@@ -178,6 +178,14 @@ int head_fold(struct identity *id, const struct head *h, const float *beta,
     return 0;
 }
 
+void identity_move(struct identity *id, const float *offset)
+{
+    for (size_t v = 0; v < id->head->V; v++)
+        for (size_t c = 0; c < 3; c++)
+            id->shaped[v / HEAD_BLOCK * ROW + c * HEAD_BLOCK +
+                       v % HEAD_BLOCK] += offset[3 * v + c];
+}
+
 void identity_release(struct identity *id)
 {
     free(id->shaped);

@@ -42,6 +42,8 @@ struct head_motion_grad {
  * too large or memory is short.  The identity borrows h. */
 int head_fold(struct identity *id, const struct head *h, const float *beta,
               size_t nbeta, struct error *err);
+/* Add offset (V,3), head units, to the vertices at rest; the joints stay. */
+void identity_move(struct identity *id, const float *offset);
 /* Free what it holds; zeroed then. */
 void identity_release(struct identity *id);
 

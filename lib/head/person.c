@@ -36,7 +36,20 @@ static int person_read_conf(struct person *p, const struct record *rec)
     return 1;
 }
 
-/* SHAP: a copy of beta. */
+/* *out (freed first) = a copy of n numbers, or NULL. */
+static int person_copy(float **out, const float *x, size_t n,
+                       struct error *err)
+{
+    free(*out);
+    *out = x ? malloc((n ? n : 1) * sizeof *x) : NULL;
+    if (x && !*out)
+        return error_set(err, EX_OSERR, "no memory for an identity");
+    if (x)
+        memcpy(*out, x, n * sizeof *x);
+    return 0;
+}
+
+/* SHAP: copies of beta and offset. */
 static int person_read_shape(struct person *p, const struct record *rec,
                              struct error *err)
 {
@@ -44,14 +57,11 @@ static int person_read_shape(struct person *p, const struct record *rec,
 
     if (shape_read(&s, rec, err))
         return -1;
-    float *copy = malloc((s.n ? s.n : 1) * sizeof *copy);
-    if (!copy)
-        return error_set(err, EX_OSERR, "no memory for an identity");
-    memcpy(copy, s.beta, s.n * sizeof *copy);
-    free(p->shape);
-    p->shape = copy;
     p->nshape = s.n;
-    return 1;
+    p->noffset = s.vertices;
+    return person_copy(&p->shape, s.beta, s.n, err) ||
+                   person_copy(&p->offset, s.offset, 3 * s.vertices, err)
+               ? -1 : 1;
 }
 
 /* The arrays of a SRCI record: a square picture, its matte and where it was cut
@@ -256,7 +266,8 @@ static int person_write_further(struct stream_writer *w, const struct person *p,
 int person_write(struct stream_writer *w, const struct person *p, size_t nexp,
                  struct error *err)
 {
-    const struct shape shape = {.beta = p->shape, .n = p->nshape};
+    const struct shape shape = {.beta = p->shape, .n = p->nshape,
+                                .offset = p->offset, .vertices = p->noffset};
     float face[HEAD_MAX_EXP + 5];
 
     motion_face(face, &p->calm, nexp);
@@ -275,6 +286,7 @@ void person_release(struct person *p)
         person_release(p->more + k);
     free(p->more);
     free(p->shape);
+    free(p->offset);
     free(p->rgb);
     free(p->matte);
     free(p->back);
@@ -288,5 +300,13 @@ int person_fold(struct identity *id, const struct head *h,
     if (p->head[0] && strcmp(p->head, h->hash))
         return error_set(err, EX_DATAERR, "identity belongs to head %s "
                          "(expected %s, the head in use)", p->head, h->hash);
-    return head_fold(id, h, p->shape, p->nshape, err);
+    if (p->offset && p->noffset != h->V)
+        return error_set(err, EX_DATAERR, "SHAP offset has %zu rows (expected "
+                         "%zu, one for each of the head's vertices)",
+                         p->noffset, h->V);
+    if (head_fold(id, h, p->shape, p->nshape, err))
+        return -1;
+    if (p->offset)
+        identity_move(id, p->offset);
+    return 0;
 }

@@ -22,6 +22,9 @@
 struct person {
     float *shape;               /* (nshape) beta */
     size_t nshape;
+    float *offset;              /* (noffset,3) of the head's vertices at rest,
+                                 * head units */
+    size_t noffset;
     uint8_t *rgb, *matte;       /* (size,size,3), (size,size) */
     uint8_t *back;              /* (size,size,3) what the person hides */
     uint8_t *confidence;              /* (size,size) certainty of the matte: 255 less
@@ -67,8 +70,8 @@ int person_write(struct stream_writer *w, const struct person *p, size_t nexp,
 /* Free what it holds; zeroed then. */
 void person_release(struct person *p);
 
-/* Fold the person's beta into h; fails when the identity was made for another
- * head (its CONF names it). */
+/* Fold the person's beta and offset into h; fails when the identity was made
+ * for another head (its CONF names it, or its offset is of another mesh). */
 int person_fold(struct identity *id, const struct head *h,
                 const struct person *p, struct error *err);
 

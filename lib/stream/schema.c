@@ -28,6 +28,8 @@ static const struct schema table[] = {
       "axis-angle, radians, left, right" },
     { RECORD_SRCI, "light", "f32", "3", false, "camera frame" },
     { RECORD_SHAP, "shape", "f32", "*", true, "beta, standard deviations" },
+    { RECORD_SHAP, "offset", "f32", "V,3", false,
+      "of vertices at rest, head units" },
     { RECORD_SHAP, "person", "i32", "1", false, "number of the person" },
     { RECORD_MOTN, "rot", "f32", "3,3", true, "R of x_cam = R x + t" },
     { RECORD_MOTN, "trans", "f32", "3", true, "t, head units" },

@@ -12,6 +12,9 @@
 struct shape {
     const float *beta;          /* (n) standard deviations */
     size_t n;
+    const float *offset;        /* (vertices,3) that the person's rest mesh is
+                                 * moved by, head units; NULL: none */
+    size_t vertices;
     const int32_t *person;      /* (1) number in a data set; NULL: not said */
 };
 

@@ -57,3 +57,36 @@ load helper
     paste shipped anew | grep -v head | awk -F '\t' '$3 != "part" { n++; if ($12 > 1.05 * $5) bad = 1 }
         END { exit bad || n != 9 }'
 }
+
+@test "a subdivided head: the same face on a finer mesh, moved by a person's offset" {
+    need_numpy
+    spid-head --subdivide -o fine.safetensors
+    motion 2
+    spid-flame motion.spid -o coarse.spid
+    spid-flame --head fine.safetensors motion.spid -o fine.spid
+    "$PYTHON" -c '
+import numpy as np
+np.save("beta.npy", np.zeros(300, "f4"))
+np.save("move.npy", np.tile(np.array([0, 0.25, 0], "f4"), (20366, 1)))
+np.save("short.npy", np.zeros((20365, 3), "f4"))'
+    spid-pack -t SHAP shape=beta.npy offset=move.npy -o me.spid
+    spid-flame --head fine.safetensors -i me.spid motion.spid -o moved.spid
+    for s in coarse fine moved; do spid-dump --npy $s $s.spid; done
+    "$PYTHON" - <<'PY'
+import numpy as np
+coarse, fine, moved = (np.load(f"{s}/MESH.verts.npy")
+                       for s in ("coarse", "fine", "moved"))
+assert fine.shape == (2, 20366, 3)
+assert np.abs(fine[:, :5140] - coarse).max() < 2e-6
+way = moved[0] - fine[0]        # the jaw is closed: nothing turns it
+assert np.abs(way - [0, 0.25, 0]).max() < 2e-6, way
+PY
+    spid-pack -t SHAP shape=beta.npy offset=short.npy -o short.spid
+    status 65 spid-flame --head fine.safetensors -i short.spid motion.spid -o x.spid
+    has "short.spid: SHAP offset has 20365 rows (expected 20366, one for each of the head's vertices)"
+    one_line
+    status 64 spid-head --subdivide --from fine.safetensors -o x.safetensors
+    status 66 spid-head --subdivide --head none.safetensors -o x.safetensors
+    one_line
+    [ ! -e x.spid ] && [ ! -e x.safetensors ]
+}

@@ -85,13 +85,11 @@ static int template_read(struct template *t, const struct safetensors *st,
     return 0;
 }
 
-/* Directions `name` (V,3,K), packed or plain; NULL and *err. */
-static float *template_directions(const struct safetensors *st,
-                                  const char *name, size_t K,
-                                  struct error *err)
+float *template_directions(const struct safetensors *st, const char *name,
+                           size_t V, size_t K, struct error *err)
 {
     char runs[64], values[64];
-    size_t dims[3] = { VERTICES, 3, K }, two[2] = { 0, 3 }, n, rows;
+    size_t dims[3] = { V, 3, K }, two[2] = { 0, 3 }, n, rows;
     float *out = NULL;
 
     snprintf(runs, sizeof runs, "%s_runs", name);
@@ -103,7 +101,7 @@ static float *template_directions(const struct safetensors *st,
                             : NULL;
     if (value)
         out = runs_unpack(&(struct runs_read){ run, n / 3, value, rows / 3,
-                                               VERTICES, K }, err);
+                                               V, K }, err);
     free(run);
     return out;
 }
@@ -116,9 +114,9 @@ int template_load(struct template *t, const char *path, struct error *err)
     *t = (struct template){ .nv = VERTICES };
     if (st && !template_read(t, st, mesh, COUNT(mesh), err) &&
         (t->shapedirs = arena_keep(&t->memory, template_directions(
-             st, "shapedirs", TEMPLATE_DIRECTIONS, err), err)) &&
+             st, "shapedirs", VERTICES, TEMPLATE_DIRECTIONS, err), err)) &&
         (t->posedirs = arena_keep(&t->memory, template_directions(
-             st, "posedirs", TEMPLATE_POSES, err), err)) &&
+             st, "posedirs", VERTICES, TEMPLATE_POSES, err), err)) &&
         !template_read(t, st, rig, COUNT(rig), err))
         rc = template_read(t, st, lids, COUNT(lids), err);
     st_close(st);

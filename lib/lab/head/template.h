@@ -10,6 +10,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "formats/safetensors.h"
 #include "lib/base/arena.h"
 #include "lib/head/head.h"
 
@@ -39,6 +40,11 @@ struct template {
 int template_load(struct template *t, const char *path, struct error *err);
 /* Free what it holds; zeroed then. */
 void template_release(struct template *t);
+
+/* Directions `name` (V,3,K) of a head's file, packed or plain; the caller
+ * frees.  NULL and *err. */
+float *template_directions(const struct safetensors *st, const char *name,
+                           size_t V, size_t K, struct error *err);
 
 /* Write it as a safetensors file under FLAME's names, with the scans' notice
  * and the ARKit names in the metadata; directions packed (lib/head/runs.h) as
