@@ -53,6 +53,7 @@ static const struct cli_usage usage = {
 /* ---- Phase A ----------------------------------------------------------- */
 
 struct bake {
+    struct stream_writer *out;
     struct head head;
     struct baker baker;
     struct person person;
@@ -77,33 +78,30 @@ static void branches_open_model(struct bake *k)
         die(EX_OSERR, "no memory for %zu vertices", k->head.V);
 }
 
-/* Everything of the identity but old Gaussians goes on to the avatar. */
-static void branches_copy_identity(struct stream_writer *out, struct bake *k)
+/* A record of the identity, which goes on to the avatar unless it is old
+ * Gaussians. */
+static int branches_copy_record(const struct record *rec, void *bake,
+                                struct error *err)
+{
+    struct bake *k = bake;
+
+    if (record_is(rec, RECORD_GAUS) || record_is(rec, RECORD_GMOV))
+        return 0;
+    return person_read_record(&k->person, rec, k->head.nexp, err) < 0 ||
+           stream_copy(k->out, rec, err) ? -1 : 0;
+}
+
+/* All of it. */
+static void branches_copy_identity(struct bake *k)
 {
     struct error err = {0};
-    struct record rec;
-    int rc;
+    int rc = stream_load(bake_path, branches_copy_record, k, &err);
 
-    struct stream_reader *in = stream_open(bake_path, NULL, &err);
-    if (!in)
-        die_error(&err);
-    while ((rc = stream_read(in, &rec, &err)) > 0) {
-        if (record_is(&rec, RECORD_GAUS) || record_is(&rec, RECORD_GMOV))
-            continue;
-        if (person_read_record(&k->person, &rec, k->head.nexp, &err) < 0 ||
-            stream_copy(out, &rec, &err)) {
-            error_prefix(&err, "%s", stream_name(in));
-            rc = -1;
-            break;
-        }
-    }
     if (rc == 0 && !k->person.shape)
         rc = error_set(&err, EX_DATAERR, "%s: no SHAP record (expected an "
-                       "identity, as spid-shape writes it)",
-                       stream_name(in));
-    stream_close(in);
-    if (rc < 0) {
-        stream_abandon(out);
+                       "identity, as spid-shape writes it)", bake_path);
+    if (rc) {
+        stream_abandon(k->out);
         die_error(&err);
     }
 }
@@ -141,8 +139,9 @@ static void branches_bake(struct stream_writer *out)
     static struct bake k;
     struct error err = {0};
 
+    k.out = out;
     branches_open_model(&k);
-    branches_copy_identity(out, &k);
+    branches_copy_identity(&k);
     double begun = stats_begin();
     if (baker_bake(&k.baker, k.verts, &k.person, &err) ||
         baker_copy(&k.baked, &k.baker, false, &err) ||
@@ -175,37 +174,41 @@ static void branches_bake(struct stream_writer *out)
 
 /* ---- Phase B ----------------------------------------------------------- */
 
+/* Where meshes become Gaussians. */
+struct move {
+    struct mover mover;
+    struct stream_writer *out;
+};
+
+static int branches_move_record(const struct record *rec, void *move,
+                                struct error *err)
+{
+    struct move *m = move;
+    double begun = stats_begin();
+
+    if (mover_apply(&m->mover, m->out, rec, err))
+        return -1;
+    if (record_is(rec, RECORD_MESH))
+        stats_end("branches", begun);
+    return 0;
+}
+
 /* -i: answer every mesh of the stream. */
 static void branches_move_avatar(struct stream_writer *out, const char *input)
 {
-    static struct mover m;
+    static struct move m;
     const struct mover_options opt = {.full = full, .without = without,
                                       .light = light};
     struct error err = {0};
-    struct record rec;
-    int rc;
 
-    if (mover_open(&m, avatar_path, &opt, &err))
+    m.out = out;
+    if (mover_open(&m.mover, avatar_path, &opt, &err))
         die_error(&err);
-    struct stream_reader *in = stream_open(input, NULL, &err);
-    if (!in)
-        die_error(&err);
-    while ((rc = stream_read(in, &rec, &err)) > 0) {
-        double begun = stats_begin();
-
-        if (mover_apply(&m, out, &rec, &err)) {
-            rc = stream_blame(in, &rec, &err);
-            break;
-        }
-        if (record_is(&rec, RECORD_MESH))
-            stats_end("branches", begun);
-    }
-    stream_close(in);
-    if (rc < 0) {
+    if (stream_load(input, branches_move_record, &m, &err)) {
         stream_abandon(out);
         die_error(&err);
     }
-    mover_release(&m);
+    mover_release(&m.mover);
 }
 
 /* What excludes each other. */

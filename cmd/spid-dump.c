@@ -1,5 +1,4 @@
 /* spid-dump: what a stream holds, as text, JSON or standard array files. */
-#include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -80,8 +79,7 @@ struct tally {
 };
 
 struct outputs {
-    FILE *text;                /* standard output, or file's */
-    struct outfile file;
+    struct outfile text;
     struct recordfile *st, *npy;
     struct scene scene;        /* for --ply */
 };
@@ -89,17 +87,11 @@ struct outputs {
 /* Everything that is asked for besides standard output. */
 static int dump_open_outputs(struct outputs *out, struct error *err)
 {
-    out->text = stdout;
     if (tensor_path && !(out->st = recordfile_create_st(tensor_path, err)))
         return -1;
     if (npy_dir && !(out->npy = recordfile_create_npy(npy_dir, err)))
         return -1;
-    if (strcmp(cli.output, "-")) {
-        if (outfile_open(&out->file, cli.output, err))
-            return -1;
-        out->text = out->file.file;
-    }
-    return 0;
+    return outfile_open_text(&out->text, cli.output, err);
 }
 
 /* Nothing is left of what was not completed. */
@@ -107,7 +99,7 @@ static void dump_abandon_outputs(struct outputs *out)
 {
     recordfile_abandon(out->st);
     recordfile_abandon(out->npy);
-    outfile_abandon(&out->file);
+    outfile_abandon(&out->text);
     scene_release(&out->scene);
 }
 
@@ -176,16 +168,16 @@ static int dump_record(struct outputs *out, const struct record *rec,
     if (check)
         return schema_check(rec, err) || record_check_finite(rec, err) ? -1
                                                                        : 0;
+    FILE *text = out->text.file;
+
     if (ply_path && scene_apply(&out->scene, rec, err) < 0)
         return -1;
     if (json)
-        recordjson_write(out->text, rec, values);
+        recordjson_write(text, rec, values);
     else if (!out->st && !out->npy && !ply_path)
-        dump_print_record(out->text, rec);
-    if (ferror(out->text) || fflush(out->text))
-        return error_set(err, EX_IOERR, "%s: cannot write: %s",
-                         out->text == stdout ? "<stdout>" : cli.output,
-                         strerror(errno));
+        dump_print_record(text, rec);
+    if (ferror(text) || fflush(text))
+        return outfile_error(&out->text, err);
     if (out->st && recordfile_add(out->st, rec, err))
         return -1;
     return out->npy ? recordfile_add(out->npy, rec, err) : 0;
@@ -250,10 +242,7 @@ static int dump_finish_outputs(struct outputs *out, struct error *err)
                          "a GAUS record)");
     if (ply_path && ply_write(ply_path, &out->scene.g, true, err))
         return -1;
-    if (out->text != stdout && outfile_close(&out->file, err))
-        return -1;
-    return fclose(stdout) ? error_set(err, EX_IOERR, "<stdout>: cannot write:"
-                                      " %s", strerror(errno)) : 0;
+    return outfile_close(&out->text, err);
 }
 
 int main(int argc, char **argv)
@@ -275,7 +264,7 @@ int main(int argc, char **argv)
     if (rc == 0)
         rc = dump_stream(in, &out, &tally, &err);
     if (check && rc == 0 && !cli.quiet)
-        fprintf(out.text, "%s: %llu records, frames %llu to %llu, %llu "
+        fprintf(out.text.file, "%s: %llu records, frames %llu to %llu, %llu "
                 "bytes: ok\n", stream_name(in),
                 (unsigned long long)tally.records,
                 (unsigned long long)tally.first,

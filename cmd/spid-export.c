@@ -207,27 +207,16 @@ static void export_open_all(struct export *x)
 }
 
 /* Every record to the files. */
-static void export_stream(struct export *x, const char *input)
+static int export_take(const struct record *rec, void *export,
+                       struct error *err)
 {
-    struct stream_options so = {0};
-    struct error err = {0};
-    struct record rec;
-    struct stream_reader *in = stream_open(input, &so, &err);
-    int rc = in ? 1 : -1;
-
-    while (rc > 0 && (rc = stream_read(in, &rec, &err)) > 0)
-        if (export_record(x, &rec, &err))
-            rc = stream_blame(in, &rec, &err);
-    if (rc < 0)
-        die_error(&err);
-    stream_close(in);
-    if (export_finish(x, &err))
-        die_error(&err);
+    return export_record(export, rec, err);
 }
 
 int main(int argc, char **argv)
 {
     static struct export x;
+    struct error err = {0};
     int at = cli_parse(&usage, argc, argv);
     const char *input = cli_stream_operand(at, argc, argv);
 
@@ -239,7 +228,8 @@ int main(int argc, char **argv)
         return EX_OK;
     }
     export_open_all(&x);
-    export_stream(&x, input);
+    if (stream_load(input, export_take, &x, &err) || export_finish(&x, &err))
+        die_error(&err);
     export_print_drawn(&x);
     export_print_page(&x);
     if (x.coarse)

@@ -27,6 +27,7 @@ static const struct cli_usage usage = {
 };
 
 struct flame {
+    struct stream_writer *out;
     struct head head;
     struct identity id;
     struct person person;
@@ -71,8 +72,8 @@ static void flame_open_identity(struct flame *f, const char *path)
 }
 
 /* The line that is this program: V_d and T_d of one frame. */
-static int flame_write_mesh(struct stream_writer *out, struct flame *f,
-                            const struct record *rec, struct error *err)
+static int flame_write_mesh(struct flame *f, const struct record *rec,
+                            struct error *err)
 {
     static const char *const known[] = {"rot", "trans", "exp", "jaw", "lid",
                                         "eye", "crop", NULL};
@@ -86,20 +87,22 @@ static int flame_write_mesh(struct stream_writer *out, struct flame *f,
     head_pose(f->verts, &f->id, &m.pose);
     motion_camera(cam, &m);
     stats_end("flame", begun);
-    if (keep_motion && stream_copy(out, rec, err))
+    if (keep_motion && stream_copy(f->out, rec, err))
         return -1;
     int n = record_others(others, 4, rec, known);
-    return mesh_write(out, rec->frame, rec->time, &f->head, f->verts, cam,
+    return mesh_write(f->out, rec->frame, rec->time, &f->head, f->verts, cam,
                       f->meshes++ == 0, others, n, err);
 }
 
 /* One record of the input; -1 and *err when it is damaged or cannot be
  * written. */
-static int flame_pass_record(struct stream_writer *out, struct flame *f,
-                             const struct record *rec, struct error *err)
+static int flame_pass_record(const struct record *rec, void *flame,
+                             struct error *err)
 {
+    struct flame *f = flame;
+
     if (record_is(rec, RECORD_MOTN))
-        return flame_write_mesh(out, f, rec, err);
+        return flame_write_mesh(f, rec, err);
     if (!identity_path &&
         (record_is(rec, RECORD_SHAP) || record_is(rec, RECORD_CONF))) {
         int taken = person_read_record(&f->person, rec, f->head.nexp, err);
@@ -109,15 +112,13 @@ static int flame_pass_record(struct stream_writer *out, struct flame *f,
         if (record_is(rec, RECORD_SHAP))
             flame_fold_identity(f);
     }
-    return stream_copy(out, rec, err);
+    return stream_copy(f->out, rec, err);
 }
 
 int main(int argc, char **argv)
 {
     struct flame f = {0};
     struct error err = {0};
-    struct record rec;
-    int rc;
 
     int first = cli_parse_stage(&usage, argc, argv, false);
     const char *input = cli_stream_operand(first, argc, argv);
@@ -126,19 +127,14 @@ int main(int argc, char **argv)
     struct stream_reader *in = stream_open(input, NULL, &err);
     if (!in)
         die_error(&err);
-    struct stream_writer *out = cli_create_stream(cli.output, &err);
-    if (!out)
+    f.out = cli_create_stream(cli.output, &err);
+    if (!f.out)
         die_error(&err);
-    while ((rc = stream_read(in, &rec, &err)) > 0)
-        if (flame_pass_record(out, &f, &rec, &err)) {
-            rc = stream_blame(in, &rec, &err);
-            break;
-        }
-    if (rc < 0) {               /* no END: the next program knows */
-        stream_abandon(out);
+    if (stream_each(in, flame_pass_record, &f, &err)) {
+        stream_abandon(f.out);      /* no END: the next program knows */
         die_error(&err);
     }
-    if (stream_finish(out, &err))
+    if (stream_finish(f.out, &err))
         die_error(&err);
     stats_write();
     stream_close(in);

@@ -15,7 +15,7 @@
 #include "lib/base/cpu.h"
 #include "lib/base/file.h"
 #include "formats/gaus_ply.h"
-#include "lib/stream/conf_text.h"
+#include "lib/stream/records.h"
 #include "lib/stream/stream.h"
 
 static const char *type, *ply_path, *take_path, *head_path, *relative_path;
@@ -221,22 +221,6 @@ static int pack_put_plain(struct pack *p, struct error *err)
 
 /* ---- sources ------------------------------------------------------------ */
 
-/* Its records as they are. */
-static int pack_add_stream(struct pack *p, const char *path, struct error *err)
-{
-    struct stream_reader *in = stream_open(path, NULL, err);
-    struct record rec;
-    int rc = -1;
-
-    while (in && (rc = stream_read(in, &rec, err)) > 0)
-        if (pack_put_record(&rec, p, err)) {
-            rc = -1;
-            break;
-        }
-    stream_close(in);
-    return rc;
-}
-
 /* By the name's ending. */
 static int pack_add_source(struct pack *p, const char *source,
                            struct error *err)
@@ -254,7 +238,7 @@ static int pack_add_source(struct pack *p, const char *source,
                                pack_put_record, p, err);
     if (stat(source, &st) == 0 && S_ISDIR(st.st_mode))
         return recordfile_read_npy(source, pack_put_record, p, err);
-    return pack_add_stream(p, source, err);
+    return stream_load(source, pack_put_record, p, err);
 }
 
 int main(int argc, char **argv)

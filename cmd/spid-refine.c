@@ -5,11 +5,13 @@
 
 #include "cmd/options.h"
 #include "formats/framesink.h"
+#include "lib/base/relative_pose.h"
 #include "lib/head/person.h"
 #include "lib/animate/refine_picture.h"
-#include "lib/animate/refine_record.h"
 #include "lib/photo/backdrop.h"
+#include "lib/photo/place.h"
 #include "lib/stream/ahead.h"
+#include "lib/stream/records.h"
 
 static enum nn_type precision = OPTION_PRECISION_DEFAULT;
 static struct framesink_options sink_options;
@@ -132,6 +134,33 @@ static void refine_report_precision(const struct program *p,
            nn_type_name(precision), roi ? ", --roi" : "",
            p->refine.plan.width, p->refine.plan.height, in->width, in->height,
            largest, db);
+}
+
+_Static_assert(FEAT_PHOTO == TEXTURE_PHOTO &&
+               FEAT_PLACE == SPLAT_PLACE_CHANNELS &&
+               FEAT_TURN == RELATIVE_POSE_SIZE,
+               "FEAT holds what the texture and the refiner take");
+
+/* A FEAT record as the refiner takes it; *in points into rec. */
+static int refine_read_record(struct refine_input *in, const struct record *rec,
+                              struct error *err)
+{
+    struct feat f;
+
+    if (feat_read(&f, rec, err))
+        return -1;
+    if (f.gain && f.height != f.width)
+        return error_set(err, EX_DATAERR, "FEAT of %zu x %zu pixels has gain "
+                         "(expected a square)", f.height, f.width);
+    *in = (struct refine_input){
+        .height = f.height, .width = f.width, .channels = f.channels,
+        .f32 = f.f32, .f16 = f.f16, .alpha = f.alpha, .turn = f.turn,
+        .packed = f.packed, .pixels = f.pixels, .photo = f.photo,
+        .place = f.place, .gain = f.gain, .tint = f.tint
+    };
+    if (f.place)
+        memcpy(&in->view, f.map, FEAT_MAP * sizeof *f.map);
+    return 0;
 }
 
 /* The lines that are this program: I' = SR(F). */

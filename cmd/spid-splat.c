@@ -154,11 +154,17 @@ static void splat_open_renderer(struct render *r, struct framesink *sink)
         die_error(&err);
 }
 
+/* One record of the input. */
+static int splat_take(const struct record *rec, void *render,
+                      struct error *err)
+{
+    return render_record(render, rec, err);
+}
+
 int main(int argc, char **argv)
 {
     struct render r;
     struct error err = {0};
-    struct record rec;
     int rc, first = cli_parse_stage(&usage, argc, argv, false);
 
     struct stream_reader *in =
@@ -169,11 +175,7 @@ int main(int argc, char **argv)
     struct framesink *sink = splat_open_sink();
 
     splat_open_renderer(&r, sink);
-    while ((rc = stream_read(in, &rec, &err)) > 0)
-        if (render_record(&r, &rec, &err)) {
-            rc = stream_blame(in, &rec, &err);
-            break;
-        }
+    rc = stream_each(in, splat_take, &r, &err);
     if (rc == 0)
         rc = render_finish(&r, &err);
     if (rc < 0) {               /* no END: the next program knows */

@@ -17,7 +17,7 @@
 #include "formats/pattern.h"
 #include "formats/terminal.h"
 #include "lib/base/file.h"
-#include "lib/stream/conf_text.h"
+#include "lib/stream/records.h"
 
 /* ---- choosing --------------------------------------------------------- */
 

@@ -10,7 +10,7 @@
 
 #include "lib/base/error.h"
 #include "lib/base/relative_pose.h"
-#include "lib/stream/feat.h"
+#include "lib/stream/records.h"
 #include "lib/stream/stream.h"
 
 enum framesink_format {

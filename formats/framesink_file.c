@@ -6,7 +6,7 @@
 #include <sysexits.h>
 #include <unistd.h>
 
-#include "formats/exr.h"
+#include "formats/image.h"
 #include "formats/framesink_impl.h"
 #include "formats/pattern.h"
 #include "formats/png.h"

@@ -7,9 +7,8 @@
 #include "formats/compose.h"
 #include "formats/framesink_impl.h"
 #include "lib/base/cpu.h"
-#include "lib/stream/feat.h"
+#include "lib/stream/records.h"
 #include "lib/splat/relight.h"
-#include "lib/stream/imag.h"
 
 _Static_assert(FEAT_TURN == RELATIVE_POSE_SIZE, "a turn is a relative pose");
 _Static_assert(FEAT_GAIN == RELIGHT_STEP, "a gain is as it is drawn");

@@ -7,7 +7,7 @@
 #include <sysexits.h>
 
 #include "formats/ply.h"
-#include "lib/stream/gaus.h"
+#include "lib/stream/records.h"
 
 int gaus_ply_parse_eye(const char *value, void *dest, struct error *err)
 {

@@ -1,5 +1,4 @@
-/* Pictures by what reads each kind, under the names that formats/image.h and exr.h
- * promise. */
+/* Pictures by what reads each kind. */
 #include "formats/image.h"
 
 #include <errno.h>
@@ -8,7 +7,6 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "formats/exr.h"
 #include "formats/jpeg.h"
 #include "formats/mark.h"
 #include "formats/module.h"

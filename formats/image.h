@@ -41,4 +41,11 @@ void image_release(struct image *im);
 int image_write_png(const char *path, const uint8_t *pixel, size_t width,
                     size_t height, int channels, struct error *err);
 
+/* Write pixel [height,width,channels] f32 with the given channel names as
+ * OpenEXR (ZIP compressed; attribute spid:encoding = sRGB; marked) to path as it
+ * is: the caller renames. */
+int exr_write(const char *path, const float *pixel, size_t width,
+              size_t height, int channels, const char *const *names,
+              struct error *err);
+
 #endif

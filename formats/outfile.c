@@ -2,6 +2,7 @@
 #include "formats/outfile.h"
 
 #include <errno.h>
+#include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
@@ -17,25 +18,19 @@ static void outfile_release(struct outfile *o)
     memset(o, 0, sizeof *o);
 }
 
-int outfile_open(struct outfile *o, const char *path, struct error *err)
+/* Standard output, or PATH.part. */
+static int outfile_begin(struct outfile *o, const char *path, bool standard,
+                         struct error *err)
 {
     size_t n = strlen(path) + 6;
 
     memset(o, 0, sizeof *o);
-    o->path = strdup(path);
+    o->path = strdup(standard ? "<stdout>" : path);
     if (!o->path)
         return error_set(err, EX_OSERR, "%s: out of memory", path);
-    if (!strcmp(path, "-")) {
-        if (isatty(STDOUT_FILENO)) {
-            outfile_release(o);
-            return error_set(err, EX_USAGE, "<stdout>: refusing to write "
-                             "binary data to a terminal (use -o FILE or a "
-                             "pipe)");
-        }
+    if (standard) {
         o->file = stdout;
-        return 0;
-    }
-    if (file_is_special(path)) { /* a device or a fifo: written in place */
+    } else if (file_is_special(path)) { /* device or fifo: written in place */
         o->file = fopen(path, "wb");
     } else if ((o->part = malloc(n))) {
         snprintf(o->part, n, "%s.part", path);
@@ -46,6 +41,22 @@ int outfile_open(struct outfile *o, const char *path, struct error *err)
     error_set(err, EX_CANTCREAT, "%s: %s", path, strerror(errno));
     outfile_release(o);
     return -1;
+}
+
+int outfile_open(struct outfile *o, const char *path, struct error *err)
+{
+    const bool standard = !strcmp(path, "-");
+
+    if (!standard || !isatty(STDOUT_FILENO))
+        return outfile_begin(o, path, standard, err);
+    memset(o, 0, sizeof *o);
+    return error_set(err, EX_USAGE, "<stdout>: refusing to write binary data to "
+                     "a terminal (use -o FILE or a pipe)");
+}
+
+int outfile_open_text(struct outfile *o, const char *path, struct error *err)
+{
+    return outfile_begin(o, path, !strcmp(path, "-"), err);
 }
 
 int outfile_close(struct outfile *o, struct error *err)

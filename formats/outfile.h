@@ -18,6 +18,8 @@ struct outfile {
 /* Open PATH.part for writing ("-": standard output, refused when it is a
  * terminal). */
 int outfile_open(struct outfile *o, const char *path, struct error *err);
+/* The same of what people read: a terminal may have it. */
+int outfile_open_text(struct outfile *o, const char *path, struct error *err);
 /* Flush, close and rename; every failed write is noticed here. */
 int outfile_close(struct outfile *o, struct error *err);
 /* Close and remove the unfinished file; a zeroed *o is allowed. */

@@ -6,11 +6,6 @@
 
 #include "lib/stream/stream.h"
 
-/* A callback that takes records one by one; data are valid during the call.
- * Returns 0, or -1 and *err to stop. */
-typedef int (*record_sink)(const struct record *rec, void *context,
-                           struct error *err);
-
 /* One line: {"type","frame","time","arrays":[{"name","dtype","shape","min",
  * "mean","max","nonfinite"}]}; a `json` array also gives "text".  With values,
  * "data" holds every element in row-major order, so that recordjson_read makes

@@ -1,13 +1,11 @@
 /* The table of spid-eval and what is said below it. */
 #include "cmd/lab/eval_output.h"
 
-#include <errno.h>
 #include <stdio.h>
-#include <string.h>
 
 #include "cmd/cli.h"
 #include "formats/outfile.h"
-#include "lib/lab/eval/summary.h"
+#include "lib/lab/eval/people.h"
 
 /* A line for each of the paper's columns that is not in the table. */
 static void eval_output_missing(FILE *f, const struct compare_nets *nets,
@@ -38,20 +36,16 @@ static void eval_output_remarks(FILE *f, const struct eval_output *o)
 
 void eval_output_write(const struct table *t, const struct eval_output *o)
 {
-    const bool named = strcmp(cli.output, "-") != 0;
-    struct outfile out = {.file = stdout};
+    struct outfile out;
     struct error err = {0};
 
-    if (named && outfile_open(&out, cli.output, &err))
+    if (outfile_open_text(&out, cli.output, &err))
         die_error(&err);
     if (o->summary && o->format == TABLE_JSON)
         summary_write(out.file, t);
     else
         table_write(out.file, t, o->format);
     eval_output_remarks(out.file, o);
-    if (named ? outfile_close(&out, &err) : fflush(stdout) || ferror(stdout)) {
-        if (!named)
-            error_set(&err, EX_IOERR, "<stdout>: %s", strerror(errno));
+    if (outfile_close(&out, &err))
         die_error(&err);
-    }
 }

@@ -7,6 +7,7 @@
 
 #include "cmd/cli.h"
 #include "formats/outfile.h"
+#include "lib/base/file.h"
 #include "lib/lab/bench/bench.h"
 
 static double seconds = 20;
@@ -88,12 +89,7 @@ static void bench_write_text(const char *text, const char *path)
     struct outfile o;
     struct error err = {0};
 
-    if (!strcmp(path, "-")) {
-        if (fputs(text, stdout) < 0 || fflush(stdout))
-            die(EX_IOERR, "<stdout>: cannot be written");
-        return;
-    }
-    if (outfile_open(&o, path, &err))
+    if (outfile_open_text(&o, path, &err))
         die_error(&err);
     fputs(text, o.file);
     if (outfile_close(&o, &err))
@@ -111,18 +107,10 @@ static void bench_write_report(const struct bench *b)
     free(text);
 }
 
-/* True when s is longer than end and ends in it. */
-static bool bench_ends_with(const char *s, const char *end)
-{
-    size_t n = strlen(s), m = strlen(end);
-
-    return n > m && !strcmp(s + n - m, end);
-}
-
 /* The picture, by gnuplot; under a .gp name only what would draw it. */
 static void bench_write_plot(const struct bench *b)
 {
-    bool script = bench_ends_with(plot, ".gp");
+    bool script = file_ends(plot, ".gp");
     char name[4096], part[4104];
     struct error err = {0};
     int rc = 0;

@@ -1,6 +1,5 @@
 /* Pictures by OpenImageIO: what no reader of its own takes. */
 extern "C" {
-#include "formats/media/exr.h"
 #include "formats/media/still.h"
 }
 

@@ -1,7 +1,6 @@
 /* The module's table: what formats/module.c finds in it. */
 extern "C" {
 #include "formats/media/camera.h"
-#include "formats/media/exr.h"
 #include "formats/media/still.h"
 
 __attribute__((visibility("default"))) extern const struct media_module

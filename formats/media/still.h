@@ -1,5 +1,6 @@
-/* Inside the module: pictures of HEIF, AVIF and WebP by their own libraries,
- * which tell of profiles and code points; animations of WebP. */
+/* Inside the module: what its table has of pictures; those of HEIF, AVIF and
+ * WebP by their own libraries, which tell of profiles and code points; animations
+ * of WebP. */
 #ifndef SPID_FORMATS_MEDIA_STILL_H
 #define SPID_FORMATS_MEDIA_STILL_H
 
@@ -12,6 +13,10 @@
 int media_image_read(struct image *im, const char *path, struct error *err);
 int media_panorama_read(struct panorama *p, const char *path,
                         struct error *err);
+/* exr_write with the sentence of formats/mark.h, or NULL. */
+int media_exr_write(const char *path, const float *pixel, size_t width,
+                    size_t height, int channels, const char *const *names,
+                    const char *mark, struct error *err);
 /* As image_read, for a file of these kinds; 1: it is another. */
 int still_read(struct image *im, const char *path, struct error *err);
 /* A whole file; the caller frees.  NULL and *err. */

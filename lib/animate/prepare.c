@@ -75,27 +75,30 @@ void prepare_release(struct prepare *p)
 
 /* ---- reading a source -------------------------------------------------- */
 
+/* The baked Gaussians of a stream's GAUS. */
+struct prepare_baked {
+    struct baked *to;
+    size_t vertices;            /* that they may ride */
+};
+
+static int prepare_take_baked(const struct record *rec, void *baked,
+                              struct error *err)
+{
+    const struct prepare_baked *b = baked;
+
+    if (!record_is(rec, RECORD_GAUS))
+        return 0;
+    return baked_read(b->to, rec, b->vertices, err) ? -1 : 1;
+}
+
 /* Identity and, when there is one, the baked GAUS of a stream. */
 static int prepare_read_stream(struct prepared *s, struct prepare *p,
                                const char *path, struct error *err)
 {
-    struct record rec;
-    int rc;
+    struct prepare_baked b = {&s->baked, p->dense.V + p->dense.E};
 
-    if (person_load(&s->person, path, p->head.nexp, err))
-        return -1;
-    struct stream_reader *in = stream_open(path, NULL, err);
-    if (!in)
-        return -1;
-    while ((rc = stream_read(in, &rec, err)) > 0)
-        if (record_is(&rec, RECORD_GAUS)) {
-            rc = baked_read(&s->baked, &rec, p->dense.V + p->dense.E, err);
-            if (rc)
-                error_prefix(err, "%s", path);
-            break;
-        }
-    stream_close(in);
-    return rc;
+    return person_load(&s->person, path, p->head.nexp, err) ||
+           stream_load(path, prepare_take_baked, &b, err) < 0 ? -1 : 0;
 }
 
 /* Whether a thread does it. */

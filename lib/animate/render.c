@@ -145,6 +145,38 @@ static struct framesink_frame render_frame(const struct render *r,
     return f;
 }
 
+/* ---- on its way out ------------------------------------------------------ */
+
+/* The thread: one frame. */
+static void *async_write_run(void *arg)
+{
+    struct async_write *w = arg;
+
+    w->rc = framesink_write(w->sink, &w->frame, &w->err);
+    return NULL;
+}
+
+/* Start writing f; w is idle.  True: its pixels and the sink are the thread's
+ * until async_write_wait.  False: no thread could be made, nothing was done. */
+static bool async_write_start(struct async_write *w, struct framesink *sink,
+                              const struct framesink_frame *f)
+{
+    *w = (struct async_write){.sink = sink, .frame = *f};
+    w->busy = pthread_create(&w->thread, NULL, async_write_run, w) == 0;
+    return w->busy;
+}
+
+int async_write_wait(struct async_write *w, struct error *err)
+{
+    if (!w->busy)
+        return 0;
+    pthread_join(w->thread, NULL);
+    w->busy = false;
+    if (w->rc)
+        *err = w->err;
+    return w->rc;
+}
+
 /* Send a picture on its way, and draw into the other canvas from now on. */
 static int render_write(struct render *r, const struct framesink_frame *f,
                         struct error *err)

@@ -4,11 +4,11 @@
 #ifndef SPID_ANIMATE_RENDER_H
 #define SPID_ANIMATE_RENDER_H
 
+#include <pthread.h>
 #include <stdbool.h>
 #include <stdint.h>
 
 #include "formats/framesink.h"
-#include "lib/animate/async_write.h"
 #include "lib/animate/canvas.h"
 #include "lib/splat/scene.h"
 #include "lib/splat/types.h"
@@ -28,6 +28,19 @@ struct render_options {
     double (*begin)(void);
     void (*end)(const char *stage, double begun);
 };
+
+/* A picture leaves by a thread, so that the next one is drawn while its
+ * receiver takes this one: a pipe holds a small part of it.  Zeroed: idle. */
+struct async_write {
+    pthread_t thread;
+    bool busy;
+    struct framesink *sink;
+    struct framesink_frame frame;
+    int rc;
+    struct error err;
+};
+/* Wait until the picture is out; 0, or -1 and why it is not.  0 if idle. */
+int async_write_wait(struct async_write *w, struct error *err);
 
 struct render {
     struct render_options opt;

@@ -8,7 +8,7 @@
 
 #include "lib/base/half.h"
 #include "lib/base/neck_blend.h"
-#include "lib/stream/gaus.h"
+#include "lib/stream/records.h"
 #include "lib/splat/splat.h"
 
 #define FLOATS 24       /* of a Gaussian beside its colours: mean to jaw */

@@ -7,7 +7,7 @@
 #include <sysexits.h>
 
 #include "lib/avatar/branch.h"
-#include "lib/stream/gmov.h"
+#include "lib/stream/records.h"
 #include "lib/head/mesh.h"
 #include "lib/head/person.h"
 
@@ -40,39 +40,29 @@ static int mover_drop_branches(struct baked *b, unsigned without, size_t V,
 }
 
 /* Up to the first GAUS record; the rest of the file is not read. */
+static int mover_take(const struct record *rec, void *mover, struct error *err)
+{
+    struct mover *m = mover;
+
+    if (record_is(rec, RECORD_CONF))
+        mover_read_hash(m->head, rec);
+    if (record_is(rec, RECORD_SRCI))
+        return person_read_record(&m->person, rec, 0, err) < 0 ? -1 : 0;
+    if (!record_is(rec, RECORD_GAUS))
+        return 0;
+    return baked_read(&m->baked, rec, 0, err) ? -1 : 1;
+}
+
 int mover_open(struct mover *m, const char *path,
                const struct mover_options *opt, struct error *err)
 {
-    struct record rec;
-    int rc = 0, found = 0;
-
     *m = (struct mover){.opt = *opt, .path = path};
-    struct stream_reader *in = stream_open(path, NULL, err);
-    if (!in)
-        return -1;
-    while (!found && (rc = stream_read(in, &rec, err)) > 0) {
-        if (record_is(&rec, RECORD_CONF))
-            mover_read_hash(m->head, &rec);
-        if (record_is(&rec, RECORD_SRCI) &&
-            person_read_record(&m->person, &rec, 0, err) < 0) {
-            error_prefix(err, "%s", path);
-            rc = -1;
-            break;
-        }
-        if (!record_is(&rec, RECORD_GAUS))
-            continue;
-        found = 1;
-        if (baked_read(&m->baked, &rec, 0, err)) {
-            error_prefix(err, "%s", path);
-            rc = -1;
-            break;
-        }
-    }
-    stream_close(in);
-    if (rc == 0 && !found)
-        rc = error_set(err, EX_DATAERR, "%s: no GAUS record (expected an "
-                       "avatar, as spid-branches --bake writes it)", path);
-    return rc < 0 ? -1 : 0;
+    const int rc = stream_load(path, mover_take, m, err);
+
+    if (rc == 0)
+        error_set(err, EX_DATAERR, "%s: no GAUS record (expected an avatar, as "
+                  "spid-branches --bake writes it)", path);
+    return rc > 0 ? 0 : -1;
 }
 
 void mover_release(struct mover *m)

@@ -7,12 +7,12 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 #include <sysexits.h>
 
-#include "formats/outfile.h"
 #include "formats/pagefile.h"
+#include "lib/base/file.h"
 #include "lib/base/relative_pose.h"
-#include "lib/export/page_live.h"
 #include "lib/export/page_pack.h"
 #include "lib/head/arkit.h"
 
@@ -114,17 +114,15 @@ int page_record(struct page *p, const struct record *rec, struct error *err)
     return 0;
 }
 
+static int page_take_gaussians(const struct record *rec, void *page,
+                               struct error *err)
+{
+    return record_is(rec, RECORD_GAUS) ? page_take_avatar(page, rec, err) : 0;
+}
+
 int page_load_avatar(struct page *p, const char *path, struct error *err)
 {
-    struct record rec;
-    struct stream_reader *in = stream_open(path, NULL, err);
-    int rc = in ? 1 : -1;
-
-    while (rc > 0 && (rc = stream_read(in, &rec, err)) > 0)
-        if (record_is(&rec, RECORD_GAUS) && page_take_avatar(p, &rec, err))
-            rc = error_prefix(err, "%s", path);
-    stream_close(in);
-    return rc;
+    return stream_load(path, page_take_gaussians, p, err);
 }
 
 /* ---- what is packed ----------------------------------------------------- */
@@ -284,19 +282,20 @@ static int page_check(const struct page *p, const struct person *person,
     return 0;
 }
 
-/* The arrays alone. */
-static int page_write_archive(const char *path, const struct pack *k,
-                              const char *const *meta, struct error *err)
+/* A file's bytes as an array. */
+static int page_add_file(struct pack *k, const char *name, const char *path,
+                         struct error *err)
 {
-    struct outfile out = {0};
+    size_t bytes;
+    void *file = file_map(&bytes, path, err), *to;
 
-    if (outfile_open(&out, path, err))
+    if (!file)
         return -1;
-    if (st_write(out.file, k->tensor, k->count, meta, err)) {
-        outfile_abandon(&out);
-        return -1;
-    }
-    return outfile_close(&out, err);
+    to = page_pack_add(k, name, ST_U8, bytes, 0, NULL);
+    if (to)
+        memcpy(to, file, bytes);
+    munmap(file, bytes);
+    return 0;
 }
 
 int page_write(const struct page *p, const char *path,
@@ -315,7 +314,8 @@ int page_write(const struct page *p, const char *path,
         page_pack_rides(k, &p->baked, id->head, err) ||
         page_pack_photograph(k, &p->baked, person, err) ||
         (p->live_model &&
-         page_pack_live(k, p->live_model, p->live_head, err)))
+         (page_add_file(k, "engine.model", p->live_model, err) ||
+          page_add_file(k, "engine.head", p->live_head, err))))
         goto out;
     page_pack_gaussians(k, &p->baked);
     page_pack_mesh(k, id);
@@ -327,7 +327,7 @@ int page_write(const struct page *p, const char *path,
         rc = pagefile_write(path, template_path, k->tensor, k->count, meta,
                             bytes, err);
     else
-        rc = page_write_archive(path, k, meta, err);
+        rc = st_save(path, k->tensor, k->count, meta, err);
 out:
     page_pack_release(k);
     free(k);

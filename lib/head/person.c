@@ -8,9 +8,8 @@
 #include <sysexits.h>
 
 #include "lib/base/crop.h"
-#include "lib/stream/conf_text.h"
+#include "lib/stream/records.h"
 #include "lib/stream/schema.h"
-#include "lib/stream/shape.h"
 
 /* out = the string under key, when there is one. */
 static void person_read_hash(char out[17], const cJSON *conf, const char *key)
@@ -148,53 +147,55 @@ int person_read_record(struct person *p, const struct record *rec, size_t nexp,
     return 0;
 }
 
+struct person_loading {
+    struct person *person;
+    size_t nexp;
+};
+
+static int person_take(const struct record *rec, void *loading,
+                       struct error *err)
+{
+    const struct person_loading *l = loading;
+
+    return person_read_record(l->person, rec, l->nexp, err) < 0 ? -1 : 0;
+}
+
 int person_load(struct person *p, const char *path, size_t nexp,
                 struct error *err)
 {
-    struct record rec;
-    int rc, taken = 0;
+    struct person_loading l = {p, nexp};
 
     memset(p, 0, sizeof *p);
-    struct stream_reader *r = stream_open(path, NULL, err);
-    if (!r)
-        return -1;
-    while ((rc = stream_read(r, &rec, err)) > 0) {
-        taken = person_read_record(p, &rec, nexp, err);
-        if (taken < 0) {
-            error_prefix(err, "%s", path);
-            break;
-        }
-    }
+    int rc = stream_load(path, person_take, &l, err);
     if (rc == 0 && !p->shape)
         rc = error_set(err, EX_DATAERR, "%s: no SHAP record (expected an "
                        "identity, as spid-shape writes it)", path);
-    stream_close(r);
-    if (rc < 0 || taken < 0) {
+    if (rc)
         person_release(p);
-        return -1;
-    }
-    return 0;
+    return rc;
+}
+
+/* Up to the first picture. */
+static int person_take_picture(const struct record *rec, void *person,
+                               struct error *err)
+{
+    if (!record_is(rec, RECORD_SRCI) || person_is_further(rec))
+        return 0;
+    return person_read_picture(person, rec, err) < 0 ? -1 : 1;
 }
 
 int person_load_picture(struct person *p, const char *path,
                         struct error *err)
 {
-    struct stream_reader *in = stream_open(path, NULL, err);
-    struct record rec;
-    int rc = -1;
-
     memset(p, 0, sizeof *p);
-    while (in && !p->rgb && (rc = stream_read(in, &rec, err)) > 0)
-        if (record_is(&rec, RECORD_SRCI) && !person_is_further(&rec))
-            rc = person_read_picture(p, &rec, err);
-    if (rc >= 0 && p->size == 0)
-        rc = error_set(err, EX_DATAERR, "no SRCI record (expected an identity "
-                       "from spid-shape)");
-    stream_close(in);
-    if (rc >= 0)
+    int rc = stream_load(path, person_take_picture, p, err);
+    if (rc == 0)
+        error_set(err, EX_DATAERR, "%s: no SRCI record (expected an identity "
+                  "from spid-shape)", path);
+    if (rc > 0)
         return 0;
     person_release(p);
-    return error_prefix(err, "%s", path);
+    return -1;
 }
 
 int person_resize(struct person *q, const struct person *p, size_t size,

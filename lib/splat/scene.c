@@ -9,8 +9,7 @@
 #include "lib/base/half.h"
 #include "lib/base/drive.h"
 #include "lib/base/neck_blend.h"
-#include "lib/stream/gaus.h"
-#include "lib/stream/gmov.h"
+#include "lib/stream/records.h"
 #include "lib/splat/splat.h"
 
 enum { STATIC = 1, MOUTH = 2 };

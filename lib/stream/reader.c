@@ -64,6 +64,28 @@ int stream_blame(const struct stream_reader *r, const struct record *rec,
                         (unsigned long long)rec->frame);
 }
 
+int stream_each(struct stream_reader *r, record_sink sink, void *context,
+                struct error *err)
+{
+    struct record rec;
+    int rc;
+
+    while ((rc = stream_read(r, &rec, err)) > 0)
+        if ((rc = sink(&rec, context, err)))
+            return rc < 0 ? stream_blame(r, &rec, err) : rc;
+    return rc;
+}
+
+int stream_load(const char *path, record_sink sink, void *context,
+                struct error *err)
+{
+    struct stream_reader *r = stream_open(path, NULL, err);
+    const int rc = r ? stream_each(r, sink, context, err) : -1;
+
+    stream_close(r);
+    return rc;
+}
+
 /* Without a source as yet. NULL: no memory. */
 static struct stream_reader *reader_new(const char *name,
                                         const struct stream_options *opt,

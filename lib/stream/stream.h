@@ -133,6 +133,18 @@ int stream_blame(const struct stream_reader *r, const struct record *rec,
 
 void stream_close(struct stream_reader *r);      /* NULL is allowed */
 
+/* What takes records one by one; data are valid during the call.  0; 1: it wants
+ * no more; -1 and *err. */
+typedef int (*record_sink)(const struct record *rec, void *context,
+                           struct error *err);
+/* Hand sink every record that comes.  0: END was read; 1: sink has ended it; -1
+ * and *err, which names file and frame. */
+int stream_each(struct stream_reader *r, record_sink sink, void *context,
+                struct error *err);
+/* The same of a file that is opened for it, and closed. */
+int stream_load(const char *path, record_sink sink, void *context,
+                struct error *err);
+
 /* ---- writing ---------------------------------------------------------- */
 
 struct stream_writer;

@@ -9,7 +9,7 @@
 #include <sysexits.h>
 
 #include "lib/base/camera.h"
-#include "lib/stream/conf_text.h"
+#include "lib/stream/records.h"
 
 #define CONF_SIZE 512   /* pixels of a portrait window that no model sets */
 

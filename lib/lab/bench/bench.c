@@ -9,6 +9,7 @@
 #include <sysexits.h>
 
 #include "lib/base/cpu.h"
+#include "lib/base/list.h"
 #include "lib/base/sort.h"
 
 void bench_init(struct bench *b)
@@ -59,20 +60,13 @@ out:
     return rc;
 }
 
-/* Room for one more element of size bytes; doubles at powers of two. */
-static void *bench_grow(void *array, size_t count, size_t size)
-{
-    if (count & (count - 1) || (count && count < 8))
-        return array;
-    return realloc(array, (count < 8 ? 8 : 2 * count) * size);
-}
-
 struct bench_row *bench_add(struct bench *b, const char *stage,
                             const char *config, const char *knob, int threads,
                             const struct bench_times *t, double max_abs,
                             double psnr_db)
 {
-    struct bench_row *row = bench_grow(b->row, b->rows, sizeof *row);
+    struct bench_row *row = list_grow(b->row, &b->row_room, b->rows,
+                                      sizeof *row);
 
     if (!row)
         return NULL;
@@ -145,7 +139,7 @@ void bench_number(struct bench *b, const char *object, const char *key,
             p->value = value;
             return;
         }
-    p = bench_grow(b->pair, b->pairs, sizeof *p);
+    p = list_grow(b->pair, &b->pair_room, b->pairs, sizeof *p);
     if (!p)
         return;
     b->pair = p;

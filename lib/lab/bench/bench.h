@@ -36,9 +36,9 @@ struct bench {
 
     /* filled by the stages */
     struct bench_row *row;
-    size_t rows;
+    size_t rows, row_room;
     struct bench_pair *pair;
-    size_t pairs;
+    size_t pairs, pair_room;
     char *notes;              /* lines for people, after the table */
     size_t notes_length;
 };

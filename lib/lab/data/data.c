@@ -13,8 +13,7 @@
 #include "lib/base/names.h"
 #include "lib/base/list.h"
 #include "lib/head/motion.h"
-#include "lib/stream/shape.h"
-#include "lib/stream/imag.h"
+#include "lib/stream/records.h"
 #include "lib/stream/stream.h"
 
 struct data_reader {

@@ -13,12 +13,18 @@
 #include "lib/lab/eval/lpips.h"
 #include "lib/lab/eval/musiq.h"
 
-/* Receives a line per frame (may be NULL): name of the pair, frame, values in
- * the order of the columns the call used. */
+/* Receives a line per frame: name of the pair, frame, values in the order of the
+ * columns the call used. */
 struct compare_log {
-    FILE *tsv;
+    FILE *tsv;              /* NULL: none */
     const char *pair;
 };
+/* The line of names before a pair's frames, and one of values; log may be
+ * NULL. */
+void compare_log_names(const struct compare_log *log,
+                       const char *const *names, int count);
+void compare_log_frame(const struct compare_log *log, size_t frame,
+                       const double *value, int count);
 
 /* Networks whose weights were given; each may be NULL. */
 struct compare_nets {

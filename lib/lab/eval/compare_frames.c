@@ -161,14 +161,25 @@ static bool frames_wanted(const struct frames *p, int k)
     }
 }
 
-/* The log's names, where there is a log. */
-static void frames_log_names(const struct compare_log *log)
+void compare_log_names(const struct compare_log *log,
+                       const char *const *names, int count)
 {
     if (!log || !log->tsv)
         return;
     fputs("pair\tframe", log->tsv);
-    for (int k = 0; k < COUNT; k++)
-        fprintf(log->tsv, "\t%s", name[k]);
+    for (int k = 0; k < count; k++)
+        fprintf(log->tsv, "\t%s", names[k]);
+    fputc('\n', log->tsv);
+}
+
+void compare_log_frame(const struct compare_log *log, size_t frame,
+                       const double *value, int count)
+{
+    if (!log || !log->tsv)
+        return;
+    fprintf(log->tsv, "%s\t%zu", log->pair, frame);
+    for (int k = 0; k < count; k++)
+        fprintf(log->tsv, "\t%.9g", value[k]);
     fputc('\n', log->tsv);
 }
 
@@ -180,12 +191,7 @@ static void frames_record(struct table *t, size_t row, const double v[COUNT],
     for (int k = 0; k < COUNT; k++)
         if (frames_wanted(p, k))
             table_add(t, row, table_column(t, name[k], better[k]), v[k]);
-    if (!log || !log->tsv)
-        return;
-    fprintf(log->tsv, "%s\t%zu", log->pair, p->frames);
-    for (int k = 0; k < COUNT; k++)
-        fprintf(log->tsv, "\t%.9g", v[k]);
-    fputc('\n', log->tsv);
+    compare_log_frame(log, p->frames, v, COUNT);
 }
 
 /* Figures of the null line: those that a still picture has. */
@@ -221,7 +227,7 @@ int compare_frames(struct table *t, const struct compare_rows *rows,
         if (!p.in[k])
             goto out;
     }
-    frames_log_names(log);
+    compare_log_names(log, name, COUNT);
     while ((rc = frames_next(&p, err)) > 0) {
         bytes = 3 * p.H * p.W * sizeof(float);
         if (!p.frames)

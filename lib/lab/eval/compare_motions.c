@@ -10,8 +10,7 @@
 #include "lib/base/camera.h"
 #include "lib/lab/eval/motion.h"
 #include "lib/head/motion.h"
-#include "lib/stream/shape.h"
-#include "lib/stream/imag.h"
+#include "lib/stream/records.h"
 
 enum { AKD, AED, APD, POSE, YAW, PITCH, ROLL, LANDMARK, JAW, BLINK, COUNT };
 static const char *const name[COUNT] = {
@@ -112,38 +111,36 @@ static int motions_side_take(struct side *s, const struct record *rec,
     return motions_keep(&s->clip, &p, err);
 }
 
+/* A record of a stream, whose pictures tell the size of landmarks. */
+static int motions_side_record(const struct record *rec, void *side,
+                               struct error *err)
+{
+    struct side *s = side;
+    const double size = record_is(rec, RECORD_IMAG) ? (double)imag_size(rec)
+                                                    : 0;
+
+    if (size > 0 && size != s->size) {
+        /* The size is known only now: bring what came before to 512. */
+        const float k = (float)(s->size / size);
+
+        for (size_t i = 0; i < s->clip.count; i++)
+            for (int j = 0; j < 136; j++)
+                (&s->clip.pose[i].lmk[0][0])[j] *= k;
+        s->size = size;
+    }
+    return record_is(rec, RECORD_SHAP)   ? motions_side_fold(s, rec, err)
+           : record_is(rec, RECORD_MOTN) ? motions_side_take(s, rec, err) : 0;
+}
+
 /* All poses of a stream. */
 static int motions_side_read(struct side *s, const char *path,
                              struct error *err)
 {
-    struct stream_reader *in = stream_open(path, NULL, err);
-    struct record rec;
-    int rc = -1;
-
-    if (!in)
-        return -1;
     s->size = 512;
-    while ((rc = stream_read(in, &rec, err)) > 0) {
-        const double side = record_is(&rec, RECORD_IMAG)
-                          ? (double)imag_size(&rec) : 0;
-        if (side > 0 && side != s->size) {
-            /* The size is known only now: bring what came before to 512. */
-            double k = s->size / side;
-            for (size_t i = 0; i < s->clip.count; i++)
-                for (int j = 0; j < 136; j++)
-                    (&s->clip.pose[i].lmk[0][0])[j] *= (float)k;
-            s->size = side;
-        }
-        if ((record_is(&rec, RECORD_SHAP) && motions_side_fold(s, &rec, err)) ||
-            (record_is(&rec, RECORD_MOTN) && motions_side_take(s, &rec, err))) {
-            rc = stream_blame(in, &rec, err);
-            break;
-        }
-    }
-    stream_close(in);
-    if (!rc && !s->clip.count)
-        return error_set(err, EX_DATAERR, "%s: no MOTN records", path);
-    return rc;
+    if (stream_load(path, motions_side_record, s, err))
+        return -1;
+    return s->clip.count ? 0 : error_set(err, EX_DATAERR, "%s: no MOTN records",
+                                         path);
 }
 
 /* What motions_side_read left. */
@@ -207,22 +204,12 @@ static int motions_compare(struct table *t, size_t row, const struct clip *a,
 {
     double v[COUNT];
 
+    compare_log_names(log, name, JAW);
     for (size_t i = 0; i < a->count; i++) {
         motions_measure(v, &a->pose[i], &b->pose[i]);
         for (int k = 0; k < JAW; k++)
             table_add(t, row, table_column(t, name[k], better[k]), v[k]);
-        if (!log || !log->tsv)
-            continue;
-        if (i == 0) {
-            fprintf(log->tsv, "pair\tframe");
-            for (int k = 0; k < JAW; k++)
-                fprintf(log->tsv, "\t%s", name[k]);
-            fputc('\n', log->tsv);
-        }
-        fprintf(log->tsv, "%s\t%zu", log->pair, i);
-        for (int k = 0; k < JAW; k++)
-            fprintf(log->tsv, "\t%.9g", v[k]);
-        fputc('\n', log->tsv);
+        compare_log_frame(log, i, v, JAW);
     }
     if (motions_curves(v, a, b, err))
         return -1;

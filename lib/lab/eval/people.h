@@ -33,4 +33,9 @@ int people_evaluate(struct table *t, struct contact_sheet *sheet,
                     struct reenactor *s,
                     const struct people_options *opt, struct error *err);
 
+/* What papers name of its table, as one JSON object: "psnr", "ssim", ... of the
+ * row SpiD, "psnr_star" of SpiD* and so on, null where nothing was measured, and
+ * all rows under "rows". */
+void summary_write(FILE *f, const struct table *t);
+
 #endif

@@ -45,7 +45,7 @@ struct squeezenet {
 /* Declare the tensors, "<prefix>features.0.weight" and on, all frozen. */
 void squeezenet_init(struct squeezenet *s, struct params *ps,
                      const char *prefix);
-/* Pictures of SQUEEZENET_LEAST pixels a side or more. */
+/* Pictures of SQUEEZENET_MIN pixels a side or more. */
 int squeezenet_plan(struct squeezenet *s, size_t batch, size_t height,
                     size_t width, struct nn_options opt, struct error *err);
 /* Free what _init and _plan allocated; zeroed then. */

@@ -8,8 +8,7 @@
 #include <sysexits.h>
 
 #include "lib/base/camera.h"
-#include "lib/stream/shape.h"
-#include "lib/stream/imag.h"
+#include "lib/stream/records.h"
 #include "lib/track/conf.h"
 
 #define FIT_RATE 25.0           /* frames a second, of what has no times */

@@ -31,11 +31,15 @@ static const float reenact_front[9] = {1, 0, 0, 0, -1, 0, 0, 0, -1};
 /* ---- opening ------------------------------------------------------------ */
 
 /* One more motion to act. */
-static int reenact_add(struct reenact *r, const struct record *rec,
+static int reenact_add(const struct record *rec, void *reenact,
                        struct error *err)
 {
-    struct motion *grown = list_grow(r->act, &r->room, r->acts, sizeof *grown);
+    struct reenact *r = reenact;
+    struct motion *grown;
 
+    if (!record_is(rec, RECORD_MOTN))
+        return 0;
+    grown = list_grow(r->act, &r->room, r->acts, sizeof *grown);
     if (!grown)
         return error_set(err, EX_OSERR, "no memory for more than %zu motions",
                          r->acts);
@@ -50,19 +54,10 @@ static int reenact_add(struct reenact *r, const struct record *rec,
 static int reenact_read(struct reenact *r, const char *path,
                         struct error *err)
 {
-    struct record rec;
-    struct stream_reader *in = stream_open(path, NULL, err);
-    int rc;
-
-    if (!in)
+    if (stream_load(path, reenact_add, r, err))
         return -1;
-    while ((rc = stream_read(in, &rec, err)) > 0)
-        if (record_is(&rec, RECORD_MOTN) && (rc = reenact_add(r, &rec, err)))
-            break;
-    stream_close(in);
-    if (rc == 0 && !r->acts)
-        error_set(err, EX_DATAERR, "no motions (expected MOTN records)");
-    return rc || !r->acts ? error_prefix(err, "%s", path) : 0;
+    return r->acts ? 0 : error_set(err, EX_DATAERR, "%s: no motions (expected "
+                                   "MOTN records)", path);
 }
 
 int reenact_open(struct reenact *r, const char *model, const char *head,

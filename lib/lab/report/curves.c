@@ -10,7 +10,7 @@
 #include "lib/lab/eval/motion.h"
 #include "lib/head/motion.h"
 #include "lib/lab/report/html.h"
-#include "lib/stream/conf_text.h"
+#include "lib/stream/records.h"
 #include "lib/stream/stream.h"
 
 #define DEGREES (180 / M_PI)
@@ -93,29 +93,30 @@ static void curves_take_window(struct curves *c, const struct record *rec)
     cJSON_Delete(conf);
 }
 
+/* CONF and MOTN. */
+static int curves_take(const struct record *rec, void *curves,
+                       struct error *err)
+{
+    if (record_is(rec, RECORD_CONF))
+        curves_take_window(curves, rec);
+    return record_is(rec, RECORD_MOTN) ? curves_add(curves, rec, err) : 0;
+}
+
+/* Up to the first motion. */
+static int curves_take_first(const struct record *rec, void *curves,
+                             struct error *err)
+{
+    const int rc = curves_take(rec, curves, err);
+
+    return rc == 0 && record_is(rec, RECORD_MOTN) ? 1 : rc;
+}
+
 int curves_read(struct curves *c, const char *path, bool first,
                 struct error *err)
 {
-    struct stream_options opt = {0};
-    struct record rec;
-    struct stream_reader *r;
-    int rc;
-
     memset(c, 0, sizeof *c);
-    if (!(r = stream_open(path, &opt, err)))
-        return -1;
-    while ((rc = stream_read(r, &rec, err)) > 0) {
-        if (record_is(&rec, RECORD_CONF))
-            curves_take_window(c, &rec);
-        if (!record_is(&rec, RECORD_MOTN) || (first && c->n))
-            continue;
-        if (curves_add(c, &rec, err)) {
-            rc = stream_blame(r, &rec, err);
-            break;
-        }
-    }
-    stream_close(r);
-    return rc;
+    return stream_load(path, first ? curves_take_first : curves_take, c,
+                       err) < 0 ? -1 : 0;
 }
 
 /* ---- charts ------------------------------------------------------------- */

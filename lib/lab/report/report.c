@@ -12,7 +12,6 @@
 
 #include "formats/image.h"
 #include "lib/base/file.h"
-#include "lib/lab/report/card.h"
 #include "lib/lab/report/clips.h"
 #include "lib/lab/report/curves.h"
 #include "lib/lab/report/html.h"
@@ -211,6 +210,50 @@ static int report_write_wipe(FILE *f, const char *dir, const struct motions *m,
     html_wipe(f, p.mp4, p.bytes, p.size, p.rate);
     pair_release(&p);
     return 0;
+}
+
+/* ---- limits -------------------------------------------------------------- */
+
+/* Text without Markdown's marks for code. */
+static void card_write_text(FILE *f, char *text)
+{
+    char *to = text;
+
+    for (const char *p = text; *p; p++)
+        if (*p != '`' && *p != '\n')
+            *to++ = *p;
+    *to = '\0';
+    html_text(f, text);
+}
+
+/* The list under "## Limits" of the card (Markdown) at path.  0: written; 1: the
+ * card has no such section; -1: it cannot be read. */
+static int card_write_limits(FILE *f, const char *path, struct error *err)
+{
+    FILE *in = fopen(path, "r");
+    char line[1024];
+    bool here = false, item = false;
+
+    if (!in)
+        return error_set(err, EX_NOINPUT, "%s: %s", path, strerror(errno));
+    while (fgets(line, sizeof line, in)) {
+        if (strncmp(line, "## ", 3) == 0) {
+            if (here && item)
+                break;
+            here = strncmp(line, "## Limits", 9) == 0;
+        } else if (here && strncmp(line, "- ", 2) == 0) {
+            fputs(item ? "</li>\n<li>" : "<ul>\n<li>", f);
+            card_write_text(f, line + 2);
+            item = true;
+        } else if (item && line[strspn(line, " \n")]) {
+            fputc(' ', f);
+            card_write_text(f, line + strspn(line, " "));
+        }
+    }
+    fclose(in);
+    if (item)
+        fputs("</li>\n</ul>\n", f);
+    return item ? 0 : 1;
 }
 
 /* What the model's card says it cannot do. */
