@@ -8,6 +8,7 @@
 
 #include "lib/base/camera.h"
 #include "lib/base/cholesky.h"
+#include "lib/base/parallel.h"
 #include "lib/head/lbs.h"
 #include "lib/photo/overlay.h"
 
@@ -23,6 +24,7 @@
 #define HAIR 0.2f               /* a vertex with more of it is not skin */
 #define FIRST_INNER 17          /* landmarks from here on stay */
 #define ENOUGH 24               /* points of the rim */
+#define GRAIN 64                /* vertices or rows that one thread takes */
 
 /* One row of the equations: vertices, their shares, a direction in the
  * picture, and how far along it the point has to go. */
@@ -37,46 +39,55 @@ struct outline {
     const struct head *head;
     struct person *person;
     struct identity id;
-    struct overlay overlay;
     size_t shapes, n;           /* numbers sought; side of the picture */
     double scale;               /* its pixels per pixel of 512 */
     float cam[12];
-    float *verts, *normal, *uv; /* (V,3) (V,3) (V,2) of the posed head */
+    float *verts, *normal, *uv; /* (V,3) (V,3) (V,2) of the posed head, and */
+    float *half, *z;            /* (V,2) (V) in the silhouette's pixels */
     float stay[2 * HEAD_LANDMARKS]; /* where the landmarks were */
     uint8_t *silhouette;        /* (n/2,n/2) of the posed head */
-    struct outline_row *row;
+    struct outline_row *row;    /* (V + 2 landmarks) */
     size_t rows, points;        /* all; of the rim */
     double apart;               /* sum of |off| of the rim */
-    double a[SHAPES * SHAPES];  /* the normal equations' */
+    double *g;                  /* (as many, SHAPES): how far each row's point
+                                 * goes with each number of the shape */
+    double *weight;             /* (as many) of the rows */
+    double a[SHAPES * SHAPES], x[SHAPES];       /* the normal equations */
 };
 
 static void outline_release(struct outline *o)
 {
-    overlay_release(&o->overlay);
     identity_release(&o->id);
     free(o->verts);
     free(o->silhouette);
     free(o->row);
+    free(o->g);
 }
 
 static int outline_init(struct outline *o, struct person *p,
                         const struct head *h, struct error *err)
 {
+    const size_t rows = h->V + 2 * HEAD_LANDMARKS;
+
     memset(o, 0, sizeof *o);
     o->head = h;
     o->person = p;
     o->n = p->size;
     o->scale = (double)p->size / 512;
     o->shapes = p->nshape < SHAPES ? p->nshape : SHAPES;
-    o->verts = malloc(8 * h->V * sizeof *o->verts);
+    o->verts = malloc(11 * h->V * sizeof *o->verts);
     o->silhouette = malloc(o->n / 2 * (o->n / 2) + 1);
-    o->row = malloc((h->V + 2 * HEAD_LANDMARKS) * sizeof *o->row);
-    if (!o->verts || !o->silhouette || !o->row) {
+    o->row = malloc(rows * sizeof *o->row);
+    o->g = malloc(rows * (SHAPES + 1) * sizeof *o->g);
+    if (!o->verts || !o->silhouette || !o->row || !o->g) {
         outline_release(o);
         return error_set(err, EX_OSERR, "no memory for a head's outline");
     }
     o->normal = o->verts + 3 * h->V;
     o->uv = o->verts + 6 * h->V;
+    o->half = o->verts + 8 * h->V;
+    o->z = o->verts + 10 * h->V;
+    o->weight = o->g + rows * SHAPES;
     motion_camera(o->cam, &p->source);
     return 0;
 }
@@ -88,15 +99,15 @@ static int outline_pose(struct outline *o, struct error *err)
     struct head_motion pose = m->pose;
 
     pose.exp = m->exp;
-    overlay_release(&o->overlay);
     identity_release(&o->id);
-    if (head_fold(&o->id, o->head, o->person->shape, o->person->nshape, err) ||
-        overlay_init(&o->overlay, &o->id, err))
+    if (head_fold(&o->id, o->head, o->person->shape, o->person->nshape, err))
         return -1;
     head_pose(o->verts, &o->id, &pose);
     head_normals(o->normal, o->head, o->verts);
     camera_project(o->uv, NULL, o->cam, (float)o->n, o->verts, o->head->V);
-    overlay_silhouette(o->silhouette, &o->overlay, m, o->n / 2);
+    camera_project(o->half, o->z, o->cam, (float)(o->n / 2), o->verts,
+                   o->head->V);
+    overlay_fill_mesh(o->silhouette, o->n / 2, o->head, o->half, o->z);
     return 0;
 }
 
@@ -207,34 +218,39 @@ static bool outline_bounds(const struct outline *o, size_t v,
                          outline_colour_distance(o, rim, in) < UNLIKE));
 }
 
+/* row[v]: vertex v's, if it is of the rim; else its spread is 0. */
+PARALLEL(outline_vertex, v, const struct outline *, o, struct outline_row *, row)
+{
+    const float *at = o->uv + 2 * v;
+    float along[2];
+    double out[2];
+
+    row[v].spread = 0;
+    if (fabsf(outline_normal(along, o, v)) > RIM)
+        return;
+    outline_along(out, at, along, 2.5 * o->scale);
+    if (outline_at(o->silhouette, o->n / 2, out[0] / 2, out[1] / 2))
+        return;                 /* the head goes on behind it */
+    const double off = outline_edge(o, at, along);
+    if (isfinite(off) && outline_bounds(o, v, along, off))
+        row[v] = (struct outline_row){{(int32_t)v}, {1}, {along[0], along[1]},
+                                      off, RIM_SPREAD * o->scale};
+}
+
 /* The rows of the rim. */
 static void outline_find_rim(struct outline *o)
 {
-    const double beside = 2.5 * o->scale;
+    const size_t V = o->head->V;
 
-    o->points = 0;
+    parallel_each(outline_vertex, V, GRAIN, o, o->row);
+    o->rows = 0;
     o->apart = 0;
-    for (size_t v = 0; v < o->head->V; v++) {
-        const float *at = o->uv + 2 * v;
-        struct outline_row *row = o->row + o->rows;
-        float along[2];
-        double out[2];
-
-        if (fabsf(outline_normal(along, o, v)) > RIM)
-            continue;
-        outline_along(out, at, along, beside);
-        if (outline_at(o->silhouette, o->n / 2, out[0] / 2, out[1] / 2))
-            continue;           /* the head goes on behind it */
-        const double off = outline_edge(o, at, along);
-        if (!isfinite(off) || !outline_bounds(o, v, along, off))
-            continue;
-        *row = (struct outline_row){{(int32_t)v}, {1},
-                                    {along[0], along[1]}, off,
-                                    RIM_SPREAD * o->scale};
-        o->apart += fabs(off);
-        o->rows++;
-        o->points++;
-    }
+    for (size_t v = 0; v < V; v++)
+        if (o->row[v].spread > 0) {
+            o->apart += fabs(o->row[v].off);
+            o->row[o->rows++] = o->row[v];
+        }
+    o->points = o->rows;
 }
 
 /* Where landmark l is in the picture. */
@@ -266,12 +282,15 @@ static void outline_hold_landmarks(struct outline *o)
     }
 }
 
-/* g (shapes): how far row r's point goes with each number of the shape. */
-static void outline_derive(double *g, const struct outline *o,
-                           const struct outline_row *r)
+/* Row i's weight, and its g. */
+PARALLEL(outline_derive, i, struct outline *, o)
 {
     const struct head *h = o->head;
+    const struct outline_row *r = o->row + i;
+    const double apart = r->off / r->spread;
+    double *g = o->g + i * SHAPES;
 
+    o->weight[i] = 1 / (r->spread * r->spread * (1 + apart * apart / 9));
     memset(g, 0, o->shapes * sizeof *g);
     for (int c = 0; c < 3 && r->share[c] != 0; c++) {
         const size_t v = (size_t)r->vertex[c], b = v / HEAD_BLOCK;
@@ -294,25 +313,30 @@ static void outline_derive(double *g, const struct outline *o,
     }
 }
 
+/* Equation m, of all rows in their order. */
+PARALLEL(outline_equation, m, struct outline *, o)
+{
+    double *a = o->a + o->shapes * m, x = 0;
+
+    memset(a, 0, o->shapes * sizeof *a);
+    for (size_t i = 0; i < o->rows; i++) {
+        const double *g = o->g + i * SHAPES, by = o->weight[i] * g[m];
+
+        x += by * o->row[i].off;
+        for (size_t n = 0; n <= m; n++)
+            a[n] += by * g[n];
+    }
+    o->x[m] = x;
+}
+
 /* One step of the shape; first (shapes): E_beta's. */
 static void outline_step(struct outline *o, const float *first)
 {
     const size_t K = o->shapes;
-    double x[SHAPES] = {0}, g[SHAPES], *a = o->a;
+    double *x = o->x, *a = o->a;
 
-    memset(a, 0, sizeof o->a);
-    for (size_t i = 0; i < o->rows; i++) {
-        const struct outline_row *r = o->row + i;
-        const double apart = r->off / r->spread;
-        const double w = 1 / (r->spread * r->spread * (1 + apart * apart / 9));
-
-        outline_derive(g, o, r);
-        for (size_t m = 0; m < K; m++) {
-            x[m] += w * g[m] * r->off;
-            for (size_t n = 0; n <= m; n++)
-                a[K * m + n] += w * g[m] * g[n];
-        }
-    }
+    parallel_each(outline_derive, o->rows, GRAIN, o);
+    parallel_each(outline_equation, K, 1, o);
     for (size_t k = 0; k < K; k++) {
         const double hold = 1 / (SPREAD * SPREAD);
 
@@ -339,7 +363,6 @@ static int outline_run(struct outline *o, struct outline_report *r,
 
     memcpy(first, o->person->shape, o->shapes * sizeof *first);
     for (int step = 0;; step++) {
-        o->rows = 0;
         if (outline_pose(o, err))
             return -1;
         outline_find_rim(o);

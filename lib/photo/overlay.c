@@ -9,6 +9,7 @@
 
 #include "formats/draw.h"
 #include "lib/base/camera.h"
+#include "lib/base/parallel.h"
 
 int overlay_init(struct overlay *o, const struct identity *id,
                  struct error *err)
@@ -163,15 +164,15 @@ static float overlay_min(float a, float b, float c)
     return min < c ? min : c;
 }
 
-/* Fill a triangle: pixels whose centre lies inside. */
-static void overlay_fill(uint8_t *mask, size_t n, const float *a,
-                         const float *b, const float *c)
+/* Fill the pixels of a triangle whose centre lies inside, from row `from` up to
+ * row `to` of a mask n pixels wide. */
+static void overlay_fill(uint8_t *mask, size_t n, size_t from, size_t to,
+                         const float *a, const float *b, const float *c)
 {
-    const float top = (float)n;
     float x0 = fmaxf(0, floorf(overlay_min(a[0], b[0], c[0])));
-    float y0 = fmaxf(0, floorf(overlay_min(a[1], b[1], c[1])));
-    float x1 = fminf(top, ceilf(-overlay_min(-a[0], -b[0], -c[0])) + 1);
-    float y1 = fminf(top, ceilf(-overlay_min(-a[1], -b[1], -c[1])) + 1);
+    float y0 = fmaxf((float)from, floorf(overlay_min(a[1], b[1], c[1])));
+    float x1 = fminf((float)n, ceilf(-overlay_min(-a[0], -b[0], -c[0])) + 1);
+    float y1 = fminf((float)to, ceilf(-overlay_min(-a[1], -b[1], -c[1])) + 1);
 
     for (float y = y0 + 0.5f; y < y1; y++)
         for (float x = x0 + 0.5f; x < x1; x++) {
@@ -186,18 +187,34 @@ static void overlay_fill(uint8_t *mask, size_t n, const float *a,
         }
 }
 
+/* Rows of the mask that one thread fills: a dozen of a face's triangles. */
+#define BAND 32
+
+/* Band i. */
+PARALLEL(overlay_band, i, uint8_t *, mask, size_t, n, const struct head *, h,
+         const float *, uv, const float *, z)
+{
+    const size_t from = i * BAND, to = from + BAND < n ? from + BAND : n;
+
+    memset(mask + from * n, 0, (to - from) * n);
+    for (size_t k = 0; k < h->F; k++) {
+        const int32_t *f = h->f + 3 * k;
+        if (z[f[0]] > CAMERA_NEAR && z[f[1]] > CAMERA_NEAR
+            && z[f[2]] > CAMERA_NEAR)
+            overlay_fill(mask, n, from, to, uv + 2 * f[0], uv + 2 * f[1],
+                         uv + 2 * f[2]);
+    }
+}
+
+void overlay_fill_mesh(uint8_t *mask, size_t n, const struct head *h,
+                       const float *uv, const float *z)
+{
+    parallel_each(overlay_band, (n + BAND - 1) / BAND, 1, mask, n, h, uv, z);
+}
+
 void overlay_silhouette(uint8_t *mask, struct overlay *o,
                         const struct motion *m, size_t n)
 {
-    const struct head *h = o->id->head;
-
-    memset(mask, 0, n * n);
     overlay_project(o, m, (double)n);
-    for (size_t i = 0; i < h->F; i++) {
-        const int32_t *f = h->f + 3 * i;
-        if (o->z[f[0]] > CAMERA_NEAR && o->z[f[1]] > CAMERA_NEAR
-            && o->z[f[2]] > CAMERA_NEAR)
-            overlay_fill(mask, n, o->uv + 2 * f[0], o->uv + 2 * f[1],
-                         o->uv + 2 * f[2]);
-    }
+    overlay_fill_mesh(mask, n, o->id->head, o->uv, o->z);
 }

@@ -34,7 +34,10 @@ const uint8_t *overlay_draw(struct overlay *o, const uint8_t *rgb, size_t W,
                             struct square window, double size,
                             const char *text);
 
-/* The mesh's silhouette in the window: mask [n,n], 255 inside. */
+/* A mesh's silhouette: mask [n,n], 255 inside; uv (V,2) in its pixels, z (V). */
+void overlay_fill_mesh(uint8_t *mask, size_t n, const struct head *h,
+                       const float *uv, const float *z);
+/* The same of the mesh in the window. */
 void overlay_silhouette(uint8_t *mask, struct overlay *o,
                         const struct motion *m, size_t n);
 
