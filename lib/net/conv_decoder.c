@@ -15,9 +15,9 @@ struct conv_decoder_impl {
     struct conv conv[4];
     size_t padded;               /* in + gamma or 1, a multiple of 16 */
     float *gamma, *dgamma;       /* (B,27) */
-    /* Where it learns in bfloat16 from one image, gamma is the same in all of
-     * its pixels: one channel of ones with weights of its own stands for its
-     * 27 (NULL where not). */
+    /* Of one image gamma is the same in all of its pixels: one channel of ones
+     * with weights of its own stands for its 27.  NULL where several images are
+     * one batch, and where it learns in float, as the paper's sums are. */
     float *folded, *dfolded;     /* (width,in + 1,3,3) */
     float *x;                    /* (B,h,w,padded) */
     void *y[3];                  /* (B,h,w,width), bfloat16 where they may be */
@@ -61,12 +61,12 @@ static void conv_decoder_plan_fold(struct conv_decoder *d)
     struct conv_decoder_impl *im = d->impl;
     struct conv *c = &im->conv[0];
     struct nn_plan *p = &im->plan;
-    const bool fold = conv_halves(p) && d->batch == 1 &&
-                      !c->ps->tensor[c->weight].frozen;
+    const bool learns = conv_halves(p) && !c->ps->tensor[c->weight].frozen;
+    const bool fold = d->batch == 1 && (learns || !nn_plan_backward(p));
     const size_t n = d->width * (d->in + 1) * TAPS;
 
     im->folded = fold ? nn_plan_floats(p, n) : NULL;
-    im->dfolded = fold ? nn_plan_floats(p, n) : NULL;
+    im->dfolded = fold && learns ? nn_plan_floats(p, n) : NULL;
     c->from = im->folded;
     c->from_g = im->dfolded;
     c->in = d->in + (fold ? 1 : HARMONIC_OUT);
@@ -150,11 +150,7 @@ int conv_decoder_plan(struct conv_decoder *d, size_t batch, size_t height,
         im->dx = nn_plan_floats(p, pixels * im->padded);
         im->dgamma = nn_plan_floats(p, batch * HARMONIC_OUT);
     }
-    if (nn_plan_finish(p, err))
-        return -1;
-    for (size_t i = 0; im->folded && i < pixels; i++)
-        im->x[i * im->padded + d->in] = 1;
-    return 0;
+    return nn_plan_finish(p, err);
 }
 
 void conv_decoder_update(struct conv_decoder *d)
@@ -181,19 +177,16 @@ void conv_decoder_forward(struct gaussian_out *out, const float *features,
                           const float *dir, const float *rgb_logit,
                           struct conv_decoder *d)
 {
+    static const float one = 1;
     struct conv_decoder_impl *im = d->impl;
     size_t N = d->height * d->image_w;
 
     harmonic_forward(im->gamma, dir, d->batch);
-    if (im->folded) {
+    if (im->folded)
         conv_decoder_fold(d);
-        for (size_t i = 0; features && i < N; i++)
-            memcpy(im->x + i * im->padded, features + i * d->in,
-                   d->in * sizeof *features);
-    } else {
-        concat_forward(im->x, features, im->gamma, d->batch * N, d->in,
-                       HARMONIC_OUT, im->padded, N);
-    }
+    concat_forward(im->x, features, im->folded ? &one : im->gamma,
+                   d->batch * N, d->in, im->folded ? 1 : HARMONIC_OUT,
+                   im->padded, N);
     conv_forward(im->y[0], im->x, &im->conv[0]);
     conv_forward(im->y[1], im->y[0], &im->conv[1]);
     conv_forward(im->y[2], im->y[1], &im->conv[2]);

@@ -335,7 +335,8 @@ void conv_plan(struct conv *c, struct nn_plan *p, size_t batch, size_t h,
     im->method = m;
     m->plan(c, &s);
     im->bias = nn_plan_floats(p, c->out);
-    im->stage = nn_plan_floats(p, conv_weight_count(c));
+    im->stage = nn_plan_map(p, conv_weight_count(c));
+    nn_plan_recycle(p, im->stage);
     if (nn_plan_backward(p)) {
         im->sums = nn_plan_floats(p, (NN_SUMS + 1) * c->out);
         if (!c->no_din && !conv_pointwise(c))
@@ -420,6 +421,8 @@ static const float *conv_staged_weights(struct conv *c)
         float *to = im->stage + o * c->in_data * taps;
         for (size_t i = 0; i < c->in * taps; i++)
             to[i] = w[o * c->in * taps + i] * scale;
+        memset(to + c->in * taps, 0,
+               (c->in_data - c->in) * taps * sizeof *to);
     }
     return im->stage;
 }
@@ -473,7 +476,6 @@ static void conv_backward_weights(struct conv *c, const void *dout,
     for (size_t o = 0; o < c->out && !c->shuffle; o++)
         for (size_t k = 0; k < c->in * taps; k++)
             g[o * c->in * taps + k] += im->stage[o * c->in_data * taps + k];
-    memset(im->stage, 0, conv_weight_count(c) * sizeof *im->stage);
 }
 
 /* din of the gradient before the activation. */

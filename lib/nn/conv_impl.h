@@ -68,7 +68,9 @@ struct conv_impl {
     struct conv_part part[NN_PARTS];
     /* everybody's */
     float *bias;                 /* (out), with the norm folded in */
-    float *stage;                /* (out,in_data,k,k), folded or padded */
+    float *stage;                /* (out,in_data,k,k), folded or padded, until
+                                  * the layer has them; in inference a map's
+                                  * memory */
     float *sums;                 /* (NN_SUMS+1,out): bias gradient's parts */
 };
 
