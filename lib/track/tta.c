@@ -148,14 +148,15 @@ void motion_mirror_mean(float *out, const float *mirrored,
         out[k] = 0.5f * (out[k] + m->sign[k] * mirrored[m->from[k]]);
 }
 
-/* Plan net for `batch` crops and the type that is wanted, if it is not yet. */
+/* Plan net for `batch` crops and the type that is wanted, if it is not yet: where
+ * there is no bfloat16 to be quicker by, a photograph's plan serves its driver. */
 static int motion_tta_plan(struct motion_encoder *net, size_t batch,
                            bool quick, struct error *err)
 {
     struct nn_options opt = net->plan.opt;
 
     if (net->quick || (opt.mode == NN_INFER && opt.type == NN_FAST)) {
-        net->quick = quick;
+        net->quick = quick && nn_type_native(NN_BF16);
         opt.type = net->quick ? NN_BF16 : NN_FAST;
     }
     return net->batch == batch && net->plan.opt.type == opt.type
