@@ -8,9 +8,9 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "formats/jsonfile.h"
 #include "formats/npy.h"
 #include "formats/safetensors.h"
-#include "lib/base/file.h"
 #include "lib/base/list.h"
 
 #define PATH_ROOM 4096
@@ -244,11 +244,9 @@ static int recordload_npy_record(struct cache *c, const cJSON *row,
 /* The JSON text of records.json. */
 static cJSON *recordload_read_index(const char *path, struct error *err)
 {
-    char *text = file_read_text(path, INDEX_MAX, err);
-    cJSON *index = text ? cJSON_Parse(text) : NULL;
+    cJSON *index = jsonfile_read(path, INDEX_MAX, err);
 
-    free(text);
-    if (!text || cJSON_IsArray(index))
+    if (!index || cJSON_IsArray(index))
         return index;
     cJSON_Delete(index);
     error_set(err, EX_DATAERR, "%s: not a list of records", path);

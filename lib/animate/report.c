@@ -5,6 +5,8 @@
 #include <string.h>
 
 #include "lib/base/cpu.h"
+#include "lib/base/list.h"
+#include "lib/base/sort.h"
 
 /* Stages in the order of the pipeline; the paper's figure in ms on an A100, 0
  * where it gives none.  Its motion encoder and heads are one number. */
@@ -33,23 +35,13 @@ void animate_report_frame(struct animate_report *r,
                           const struct animate_frame *f)
 {
     double t[REPORT_STAGES];
-    float **list[REPORT_STAGES + 1];
+    struct list_column all[REPORT_STAGES + 1] = {
+        {&r->latency, sizeof *r->latency}};
 
     for (int i = 0; i < REPORT_STAGES; i++)
-        list[i] = &r->ms[i];
-    list[REPORT_STAGES] = &r->latency;
-    if (r->frames == r->room) {
-        size_t room = r->room ? 2 * r->room : 1024;
-
-        for (int i = 0; i <= REPORT_STAGES; i++) {
-            float *p = realloc(*list[i], room * sizeof *p);
-
-            if (!p)
-                return;
-            *list[i] = p;
-        }
-        r->room = room;
-    }
+        all[i + 1] = (struct list_column){&r->ms[i], sizeof *r->ms[i]};
+    if (list_grow_columns(all, REPORT_STAGES + 1, &r->room, r->frames))
+        return;
     report_stage_times(t, &f->t);
     for (int i = 0; i < REPORT_STAGES; i++)
         r->ms[i][r->frames] = (float)(1e3 * t[i]);
@@ -71,18 +63,10 @@ void animate_report_times(double (*begin)(void),
         end(stage[i].name, begin() - t[i]);
 }
 
-/* Order of qsort: ascending. */
-static int report_by_value(const void *a, const void *b)
-{
-    float x = *(const float *)a, y = *(const float *)b;
-
-    return (x > y) - (x < y);
-}
-
 /* Of n values, which are sorted. */
 static double report_quantile(float *x, size_t n, double q)
 {
-    qsort(x, n, sizeof *x, report_by_value);
+    sort_floats(x, n);
     return n ? (double)x[(size_t)(q * (double)(n - 1) + 0.5)] : 0;
 }
 

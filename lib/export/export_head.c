@@ -9,6 +9,7 @@
 #include <sysexits.h>
 
 #include "lib/base/camera.h"
+#include "lib/base/list.h"
 #include "lib/base/rotation.h"
 #include "lib/head/arkit.h"
 
@@ -127,22 +128,14 @@ int export_head_texture(struct export_head *e, const float *verts,
 /* Room for one frame more. */
 static int export_frames_grow(struct export_head *e, struct error *err)
 {
-    size_t room = e->room ? 2 * e->room : 256;
-    float **field[] = {&e->time, &e->weight, &e->rotation, &e->translation};
-    size_t width[] = {1, e->targets, 4 * GLB_JOINTS, 3};
+    const struct list_column all[] = {
+        {&e->time, sizeof *e->time},
+        {&e->weight, e->targets * sizeof *e->weight},
+        {&e->rotation, 4 * GLB_JOINTS * sizeof *e->rotation},
+        {&e->translation, 3 * sizeof *e->translation}};
 
-    if (e->frames < e->room)
-        return 0;
-    for (size_t i = 0; i < 4; i++) {
-        float *p = realloc(*field[i], room * width[i] * sizeof *p);
-
-        if (!p)
-            return error_set(err, EX_OSERR, "out of memory for %zu frames",
-                             room);
-        *field[i] = p;
-    }
-    e->room = room;
-    return 0;
+    return list_grow_columns(all, 4, &e->room, e->frames)
+               ? error_set(err, EX_OSERR, "out of memory for frames") : 0;
 }
 
 /* glTF order x,y,z,w. */

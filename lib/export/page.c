@@ -12,6 +12,7 @@
 
 #include "formats/pagefile.h"
 #include "lib/base/file.h"
+#include "lib/base/list.h"
 #include "lib/base/relative_pose.h"
 #include "lib/export/page_pack.h"
 #include "lib/head/arkit.h"
@@ -56,24 +57,15 @@ static int page_take_avatar(struct page *p, const struct record *rec,
 /* Room for one frame more. */
 static int page_grow(struct page *p, struct error *err)
 {
-    size_t room = p->room ? 2 * p->room : 256;
-    float *motion;
-    double *time;
+    const struct list_column all[] = {
+        {&p->motion, (PAGE_POSE + p->nexp) * sizeof *p->motion},
+        {&p->time, sizeof *p->time}};
 
     if (p->frames == PAGE_MAX_FRAMES)
         return error_set(err, EX_DATAERR, "the drive is too long for a page "
                          "(expected at most %d frames)", PAGE_MAX_FRAMES);
-    if (p->frames < p->room)
-        return 0;
-    if ((motion = realloc(p->motion, room * (PAGE_POSE + p->nexp) *
-                                         sizeof *motion)))
-        p->motion = motion;
-    if ((time = realloc(p->time, room * sizeof *time)))
-        p->time = time;
-    if (!motion || !time)
-        return error_set(err, EX_OSERR, "out of memory for %zu frames", room);
-    p->room = room;
-    return 0;
+    return list_grow_columns(all, 2, &p->room, p->frames)
+               ? error_set(err, EX_OSERR, "out of memory for frames") : 0;
 }
 
 void page_row(float *to, const struct motion *m, size_t nexp)

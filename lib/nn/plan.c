@@ -9,6 +9,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/list.h"
 #include "lib/base/pages.h"
 
 int nn_type_parse(enum nn_type *type, const char *word)
@@ -74,15 +75,12 @@ void nn_pool_use(struct nn_pool *pool)
 /* One more chunk, number `at`; -1 without memory for its line. */
 static int plan_pool_insert(struct nn_pool *pool, size_t at, struct nn_chunk c)
 {
-    if (pool->chunks == pool->room) {
-        size_t room = pool->room ? 2 * pool->room : 64;
-        void *grown = realloc(pool->chunk, room * sizeof *pool->chunk);
+    struct nn_chunk *grown = list_grow(pool->chunk, &pool->room, pool->chunks,
+                                       sizeof *grown);
 
-        if (!grown)
-            return -1;
-        pool->chunk = grown;
-        pool->room = room;
-    }
+    if (!grown)
+        return -1;
+    pool->chunk = grown;
     memmove(pool->chunk + at + 1, pool->chunk + at,
             (pool->chunks - at) * sizeof *pool->chunk);
     pool->chunk[at] = c;

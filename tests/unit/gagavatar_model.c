@@ -8,7 +8,6 @@
 
 #include "lib/base/random.h"
 #include "lib/net/gagavatar.h"
-#include "lib/net/plane.h"
 #include "lib/base/camera.h"
 #include "lib/base/rotation.h"
 #include "lib/head/head.h"

@@ -81,7 +81,7 @@ static void two_init(struct two *t, const struct head *h, uint64_t seed)
 
     t->a = malloc(3 * h->V * sizeof *t->a);
     t->b = malloc(3 * h->V * sizeof *t->b);
-    if (!t->a || !t->b || shape_loss_landmarks(&t->marks, h, DIRS, &err))
+    if (!t->a || !t->b || shape_loss_init(&t->marks, h, DIRS, true, &err))
         exit(1);
     random_init(&r, seed, "two people");
     shape_draw(t->beta, &r);
@@ -106,7 +106,7 @@ static void test_value(const struct head *h)
     float lx[3 * 68], *beta = t.beta;
     struct error err;
 
-    if (shape_loss_vertices(&all, h, DIRS, &err))
+    if (shape_loss_init(&all, h, DIRS, false, &err))
         shape_die(&err);
     two_init(&t, h, 3);
     double want = by_points(t.a, t.b, h->v_template, h->V);

@@ -85,9 +85,7 @@ struct bench_row *bench_add(struct bench *b, const char *stage,
     return row;
 }
 
-/* Rows that compete: stage, configuration and threads. */
-static bool bench_same_group(const struct bench_row *a,
-                             const struct bench_row *b)
+bool bench_same_group(const struct bench_row *a, const struct bench_row *b)
 {
     return !strcmp(a->stage, b->stage) && !strcmp(a->config, b->config) &&
            a->threads == b->threads;

@@ -68,8 +68,11 @@ struct bench_row *bench_add(struct bench *b, const char *stage,
                             const struct bench_times *t, double max_abs,
                             double psnr_db);
 
-/* Mark, among rows first .. with the same stage, config and threads, those
- * that no other beats in both ms_min and psnr_db. */
+/* Whether they compete, on one curve of a plot: rows of the same stage, config
+ * and threads. */
+bool bench_same_group(const struct bench_row *a, const struct bench_row *b);
+/* Mark, among rows first .. that compete, those that no other beats in both
+ * ms_min and psnr_db. */
 void bench_pareto(struct bench *b, size_t first);
 
 /* A line after the table. */

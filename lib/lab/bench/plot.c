@@ -21,14 +21,6 @@ struct panel {
     size_t rows;
 };
 
-/* Rows of one curve. */
-static bool plot_same_group(const struct bench_row *a,
-                            const struct bench_row *b)
-{
-    return !strcmp(a->stage, b->stage) && !strcmp(a->config, b->config) &&
-           a->threads == b->threads;
-}
-
 /* Whether a row is drawn: it has an error, and of rows timed with several
  * numbers of threads the most. */
 static bool plot_is_drawn(const struct bench *b, const struct bench_row *r)
@@ -55,7 +47,7 @@ static size_t plot_add_row(struct panel *p, size_t n, const struct bench_row *r)
         return n;
     p[k].stage = r->stage;
     p[k].rows++;
-    while (g < p[k].groups && !plot_same_group(p[k].group[g], r))
+    while (g < p[k].groups && !bench_same_group(p[k].group[g], r))
         g++;
     if (g == p[k].groups && g < GROUPS)
         p[k].group[p[k].groups++] = r;
@@ -102,7 +94,7 @@ static void plot_put_points(FILE *f, const struct bench *b,
     size_t n = 0;
 
     for (size_t i = 0; i < b->rows; i++)
-        if (plot_same_group(p->group[g], &b->row[i]) &&
+        if (bench_same_group(p->group[g], &b->row[i]) &&
             plot_is_drawn(b, &b->row[i]))
             row[n++] = &b->row[i];
     qsort(row, n, sizeof *row, plot_by_time);

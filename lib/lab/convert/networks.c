@@ -4,6 +4,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/lab/convert/headed.h"
 #include "lib/lab/convert/table.h"
 #include "lib/lab/eval/iresnet.h"
 #include "lib/lab/eval/lpips.h"
@@ -154,20 +155,14 @@ static int network_smirk_declare(struct params *ps,
 }
 
 /* The configuration of a model with these encoders, as its metadata. */
-static int network_smirk_config(struct convert *c, struct error *err)
+static void network_smirk_config(struct convert *c)
 {
     struct avatar_config config;
-    char *text;
 
     avatar_config_paper(&config);
     snprintf(config.motion_net, sizeof config.motion_net, SMIRK_NET);
     snprintf(config.shape_net, sizeof config.shape_net, SMIRK_NET);
-    text = avatar_config_print(&config);
-    if (!text)
-        return error_set(err, EX_OSERR, "out of memory");
-    convert_set_meta(c, "spid", text);
-    free(text);
-    return 0;
+    headed_describe(c, &config);
 }
 
 int convert_smirk(struct convert *c, const struct convert_options *o,
@@ -181,8 +176,8 @@ int convert_smirk(struct convert *c, const struct convert_options *o,
 
     (void)o;
     convert_prefix(prefix, c, 0, "shape_encoder.shape_layers.0.weight");
+    network_smirk_config(c);
     if (!network_smirk_declare(&ps, &motion, &shape, err) &&
-        !network_smirk_config(c, err) &&
         !convert_take_params(c, 0, prefix, &ps, "expression_encoder.encoder.",
                              "motion.encoder.", err) &&
         !network_smirk_motion(c, prefix, &ps, err) &&

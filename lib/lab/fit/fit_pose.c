@@ -62,9 +62,7 @@ void fit_project(double uv[2], double j[2][3], double pose[2][6],
 static void fit_pose_weights(double *weight, const struct face_points *p)
 {
     memcpy(weight, p->weight, sizeof p->weight);
-    for (int i = 0; i < LANDMARK_LIP / 2; i++)
-        weight[landmark_lip[i]] *= FIT_MOVING;
-    for (int i = LANDMARK_LIP / 2; i < LANDMARK_LIP; i++)
+    for (int i = 0; i < LANDMARK_LIP; i++)
         weight[landmark_lip[i]] *= FIT_MOVING;
     for (int i = 0; i < 2 * LANDMARK_LID; i++)
         weight[landmark_lid[i / LANDMARK_LID][i % LANDMARK_LID]] *=

@@ -3,25 +3,28 @@
 
 #include <sysexits.h>
 
+#include "formats/jsonfile.h"
 #include "lib/lab/head/scan.h"
-#include "lib/lab/people/scan_json.h"
 
-/* spread (468) by landmark from the list of numbers. */
-static int landmark_map_spreads(double *spread, const int32_t *landmark,
-                                const cJSON *j, struct error *err)
+#define MAP_MAX ((size_t)16 << 20)
+
+/* out (468) = the list `key` of numbers from 0 up to below `end`. */
+static int landmark_map_list(double out[LANDMARK_FACE], int end,
+                             const cJSON *j, const char *key,
+                             struct error *err)
 {
-    const cJSON *list = cJSON_GetObjectItemCaseSensitive(j, "spread_cm"), *e;
+    const cJSON *list = cJSON_GetObjectItemCaseSensitive(j, key), *e;
     size_t i = 0;
 
     if (!cJSON_IsArray(list) || cJSON_GetArraySize(list) != LANDMARK_FACE)
-        return error_set(err, EX_DATAERR, "spread_cm: expected a list of %d "
-                         "numbers", LANDMARK_FACE);
+        return error_set(err, EX_DATAERR, "%s: expected a list of %d numbers",
+                         key, LANDMARK_FACE);
     cJSON_ArrayForEach(e, list) {
         if (!cJSON_IsNumber(e) ||
-            !(e->valuedouble >= 0 && e->valuedouble < 100))
-            return error_set(err, EX_DATAERR, "spread_cm: %zu is no distance "
-                             "(expected 0 to 100)", i);
-        spread[landmark[i++]] = e->valuedouble;
+            !(e->valuedouble >= 0 && e->valuedouble < end))
+            return error_set(err, EX_DATAERR, "%s: number %zu is out of range "
+                             "(expected less than %d)", key, i, end);
+        out[i++] = e->valuedouble;
     }
     return 0;
 }
@@ -29,21 +32,24 @@ static int landmark_map_spreads(double *spread, const int32_t *landmark,
 int landmark_map_read(struct landmark_map *m, const char *path,
                       struct error *err)
 {
-    int32_t landmark[LANDMARK_FACE], vertex[LANDMARK_FACE];
+    double landmark[LANDMARK_FACE], vertex[LANDMARK_FACE];
+    double spread[LANDMARK_FACE];       /* centimetres */
     int seen[LANDMARK_FACE] = {0}, rc;
-    cJSON *j = scan_json_read(path, err);
+    cJSON *j = jsonfile_read(path, MAP_MAX, err);
 
     if (!j)
         return -1;
-    rc = scan_json_ints(landmark, LANDMARK_FACE, LANDMARK_FACE, j, "landmark",
-                        err) ||
-         scan_json_ints(vertex, LANDMARK_FACE, SCAN_VERTS, j, "vertex", err) ||
-         landmark_map_spreads(m->spread, landmark, j, err) ? -1 : 0;
+    rc = landmark_map_list(landmark, LANDMARK_FACE, j, "landmark", err) ||
+         landmark_map_list(vertex, SCAN_VERTS, j, "vertex", err) ||
+         landmark_map_list(spread, 100, j, "spread_cm", err) ? -1 : 0;
     for (int i = 0; !rc && i < LANDMARK_FACE; i++) {
-        if (seen[landmark[i]]++)
+        const int k = (int)landmark[i];
+
+        if (seen[k]++)
             rc = error_set(err, EX_DATAERR, "landmark: %d is there twice "
-                           "(expected each once)", landmark[i]);
-        m->vertex[landmark[i]] = vertex[i];
+                           "(expected each once)", k);
+        m->vertex[k] = (int32_t)vertex[i];
+        m->spread[k] = spread[i];
     }
     cJSON_Delete(j);
     return rc ? error_prefix(err, "%s", path) : 0;

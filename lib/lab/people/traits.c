@@ -8,8 +8,8 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "formats/jsonfile.h"
 #include "lib/head/arkit.h"
-#include "lib/lab/people/scan_json.h"
 
 static const char built_in[] =
 #include "traits.json.inc"
@@ -27,6 +27,7 @@ static const struct trait {
     TRAITS(TRAIT_ROW)
 };
 
+#define TRAITS_MAX ((size_t)16 << 20)   /* bytes of a file */
 #define NUMBERS 100             /* of a trait, at most */
 #define LARGEST 1e6
 
@@ -121,7 +122,8 @@ static int traits_read_all(struct traits *t, const cJSON *file,
 
 int traits_load(struct traits *t, const char *path, struct error *err)
 {
-    cJSON *file = path ? scan_json_read(path, err) : cJSON_Parse(built_in);
+    cJSON *file = path ? jsonfile_read(path, TRAITS_MAX, err)
+                       : cJSON_Parse(built_in);
     int rc = file ? traits_read_all(t, file, err) : -1;
 
     if (file && rc && path)

@@ -7,6 +7,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/list.h"
 #include "lib/lab/eval/motion.h"
 #include "lib/head/motion.h"
 #include "lib/lab/report/html.h"
@@ -27,21 +28,12 @@ void curves_release(struct curves *c)
 /* Room for one frame more. */
 static int curves_grow(struct curves *c, struct error *err)
 {
-    size_t room = c->room ? 2 * c->room : 256;
+    struct list_column all[CURVES + 1] = {{&c->time, sizeof *c->time}};
 
-    if (c->n < c->room)
-        return 0;
-    for (int k = -1; k < CURVES; k++) {
-        double **at = k < 0 ? &c->time : &c->y[k];
-        double *p = realloc(*at, room * sizeof *p);
-
-        if (!p)
-            return error_set(err, EX_OSERR, "out of memory for %zu frames",
-                             room);
-        *at = p;
-    }
-    c->room = room;
-    return 0;
+    for (int k = 0; k < CURVES; k++)
+        all[k + 1] = (struct list_column){&c->y[k], sizeof *c->y[k]};
+    return list_grow_columns(all, CURVES + 1, &c->room, c->n)
+               ? error_set(err, EX_OSERR, "out of memory for motion") : 0;
 }
 
 /* Numbers of one MOTN record. */

@@ -11,7 +11,7 @@
 #include <sysexits.h>
 
 #include "formats/image.h"
-#include "lib/base/file.h"
+#include "formats/jsonfile.h"
 #include "lib/lab/report/clips.h"
 #include "lib/lab/report/curves.h"
 #include "lib/lab/report/html.h"
@@ -335,13 +335,9 @@ static int report_write_metrics(FILE *f, const char *dir, struct error *err)
         report_write_missing(f, "metrics.json");
         return 0;
     }
-    char *text = file_read_text(path, 1 << 20, err);
-    if (!text)
-        return -1;
-    cJSON *j = cJSON_Parse(text);
-    free(text);
+    cJSON *j = jsonfile_read(path, 1 << 20, err);
     if (!j)
-        return error_set(err, EX_DATAERR, "%s: not JSON", path);
+        return -1;
     html_table_begin(f, (const char *const[]){"figure", "value"}, 2);
     report_write_numbers(f, j, "");
     html_table_end(f);

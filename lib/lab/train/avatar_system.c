@@ -287,8 +287,8 @@ static void avatar_system_smooth_losses(struct avatar_system *s, double *terms,
                                      c->coarse * scale);
     terms[PICTURE_FINAL] += loss_l2(s->drgb, s->rgb, s->target, 3 * n,
                                     c->refined * scale);
-    terms[PICTURE_MASK] += loss_mask(s->drgb_alpha, s->rgb_alpha, s->mask, n,
-                                     c->silhouette * scale);
+    terms[PICTURE_MASK] += loss_l2(s->drgb_alpha, s->rgb_alpha, s->mask, n,
+                                   c->silhouette * scale);
 }
 
 /* Teeth and tongue are some hundred pixels of many thousands, and what is the
@@ -391,8 +391,8 @@ int avatar_system_losses(struct avatar_system *s, double *terms,
         return 0;
     }
     data_mask_occluded(s->mask, s->rgb_alpha, 1, S, f);
-    terms[PICTURE_MASK] += loss_mask(s->drgb_alpha, s->rgb_alpha, s->mask, n,
-                                     c->silhouette * scale);
+    terms[PICTURE_MASK] += loss_l2(s->drgb_alpha, s->rgb_alpha, s->mask, n,
+                                   c->silhouette * scale);
     if (!s->fixed)
         avatar_system_picture_losses(s, terms, false, f, c, scale);
     if (s->config.has_refiner)

@@ -121,7 +121,7 @@ int train_config_parse(struct train_config *c, const char *text,
         error_set(err, EX_CONFIG, "expected a JSON object");
     else if (!cJSON_GetObjectItem(json, "stage"))
         error_set(err, EX_CONFIG, "stage: missing (expected shape, motion, "
-                  "avatar or all)");
+                  "light, sure, matte, avatar or all)");
     else if (!keys_read(c, keys, KEYS, json, true, err))
         rc = config_check(c, err);
     cJSON_Delete(json);

@@ -50,12 +50,6 @@ double loss_l2(float *db, const float *b, const float *a, size_t n,
     return sum * scale;
 }
 
-double loss_mask(float *dalpha, const float *alpha, const float *mask,
-                 size_t n, double weight)
-{
-    return loss_l2(dalpha, alpha, mask, n, weight);
-}
-
 /* ---- pyramid ----------------------------------------------------------- */
 
 /* Sizes of the levels; level l+1 is half of level l, rounded up. */

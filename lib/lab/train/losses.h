@@ -11,7 +11,7 @@
 /* Mean |b - a| over the box (NULL: everything): L_img's four terms. */
 double loss_l1(float *db, const float *b, const float *a, size_t H, size_t W,
                const struct box *box, double weight);
-/* Mean (b - a)^2 over everything. */
+/* Mean (b - a)^2 of n numbers: colours, or the silhouette's alpha. */
 double loss_l2(float *db, const float *b, const float *a, size_t n,
                double weight);
 
@@ -26,9 +26,5 @@ size_t loss_pyramid_scratch(size_t H, size_t W);
 double loss_pyramid(float *db, const float *b, const float *a, size_t H,
                     size_t W, const struct box *box, double weight,
                     float *tmp);
-
-/* Mean (alpha - mask)^2: the silhouette. */
-double loss_mask(float *dalpha, const float *alpha, const float *mask,
-                 size_t n, double weight);
 
 #endif

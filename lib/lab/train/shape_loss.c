@@ -113,9 +113,8 @@ static int shape_points_take(struct points *p, const struct head *h, size_t n,
     return 0;
 }
 
-/* The form of h's landmarks, where it has any, or of all its vertices. */
-static int shape_loss_init(struct shape_loss *l, const struct head *h,
-                           size_t n, bool landmarks, struct error *err)
+int shape_loss_init(struct shape_loss *l, const struct head *h, size_t n,
+                    bool landmarks, struct error *err)
 {
     struct arena room = {0};
     struct points p;
@@ -130,18 +129,6 @@ static int shape_loss_init(struct shape_loss *l, const struct head *h,
              shape_loss_fill(l, &p, &room, err) ? -1 : 0;
     arena_release(&room);
     return rc;
-}
-
-int shape_loss_vertices(struct shape_loss *l, const struct head *h, size_t n,
-                        struct error *err)
-{
-    return shape_loss_init(l, h, n, false, err);
-}
-
-int shape_loss_landmarks(struct shape_loss *l, const struct head *h, size_t n,
-                         struct error *err)
-{
-    return shape_loss_init(l, h, n, true, err);
 }
 
 void shape_loss_release(struct shape_loss *l)

@@ -18,11 +18,8 @@ struct shape_loss {
 
 /* Over all vertices of h, or over its landmarks (0 everywhere when h has
  * none); of its first n directions. */
-int shape_loss_vertices(struct shape_loss *l, const struct head *h, size_t n,
-                        struct error *err);
-/* Over its landmarks; 0 everywhere when h has none. */
-int shape_loss_landmarks(struct shape_loss *l, const struct head *h, size_t n,
-                         struct error *err);
+int shape_loss_init(struct shape_loss *l, const struct head *h, size_t n,
+                    bool landmarks, struct error *err);
 /* Free what it holds; zeroed then. */
 void shape_loss_release(struct shape_loss *l);
 

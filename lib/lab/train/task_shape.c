@@ -179,8 +179,8 @@ static int shape_task_init(struct task *t, struct error *err)
     m->truth = arena_take(&t->memory, (size_t)t->config->micro * OUT,
                           sizeof *m->truth);
     if (encoder_task_init(&m->e, t, OUT, err) ||
-        shape_loss_vertices(&m->vertex, t->head, directions, err) ||
-        shape_loss_landmarks(&m->landmark, t->head, directions, err))
+        shape_loss_init(&m->vertex, t->head, directions, false, err) ||
+        shape_loss_init(&m->landmark, t->head, directions, true, err))
         return -1;
     return shape_task_networks(t, err);
 }
