@@ -17,10 +17,10 @@ EM_JS(void, archive_note, (const char *key, const char *value), {
     Module.note(UTF8ToString(key), UTF8ToString(value));
 })
 
-int st_write(FILE *f, const struct st_tensor *tensors, size_t count,
-             const char *const *meta, struct error *err)
+int st_save(const char *path, const struct st_tensor *tensors, size_t count,
+            const char *const *meta, struct error *err)
 {
-    (void)f;
+    (void)path;
     (void)err;
     for (; meta && meta[0]; meta += 2)
         archive_note(meta[0], meta[1]);
