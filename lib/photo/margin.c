@@ -75,11 +75,9 @@ static void margin_meet(struct margin *g, enum layer layer, size_t i, size_t j)
         to[1 + c] += w * (seen[c] - guess[c]);
 }
 
-/* What every cell of a layer is off by: as the picture's rim says, and in the
- * margin as the cells about it. */
-PARALLEL(margin_spread, layer, struct margin *, g)
+/* What a layer's cells are off by where the picture's rim says it. */
+PARALLEL(margin_gather, layer, struct margin *, g)
 {
-    static const float none[OFF] = {1, 0, 0, 0};
     const struct matting *m = g->m;
     const size_t n = m->n;
     float *cell = g->cell[layer];
@@ -99,10 +97,23 @@ PARALLEL(margin_spread, layer, struct margin *, g)
         if (extent_has(&m->inside, x, y + 1))
             margin_meet(g, (enum layer)layer, j + n, j);
     }
-    pyramid_pool(cell, g->side, OFF, REST, none);
-    for (size_t i = 0; i < g->side * g->side; i++)
+}
+
+/* Row y of means from sums. */
+PARALLEL(margin_divide, y, float *, cell, size_t, side)
+{
+    for (size_t i = y * side; i < (y + 1) * side; i++)
         for (int c = 1; c < OFF; c++)
             cell[OFF * i + (size_t)c] /= cell[OFF * i];
+}
+
+/* What every cell of a layer is off by: in the margin as the cells about it. */
+static void margin_spread(float *cell, size_t side)
+{
+    static const float none[OFF] = {1, 0, 0, 0};
+
+    pyramid_pool(cell, side, OFF, REST, none);
+    parallel_each(margin_divide, side, 8, cell, side);
 }
 
 /* Row y of a layer. */
@@ -168,7 +179,9 @@ int margin_fill(struct matting *m, struct error *err)
         return error_set(err, EX_OSERR, "no memory beyond the photograph");
     for (size_t layer = 0; layer < LAYERS; layer++)
         g.cell[layer] = cells + layer * floats;
-    parallel_each(margin_spread, LAYERS, 1, &g);
+    parallel_each(margin_gather, LAYERS, 1, &g);
+    for (size_t layer = 0; layer < LAYERS; layer++)
+        margin_spread(g.cell[layer], g.side);
     parallel_each(margin_row, m->n, 1, &g);
     free(cells);
     return 0;

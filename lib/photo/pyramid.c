@@ -1,44 +1,73 @@
 /* Pull and push over square cells (pyramid.h). */
 #include "lib/photo/pyramid.h"
 
-/* Sums of 2 x 2 cells: the next level, side / 2. */
-static void pyramid_pull(float *to, const float *from, size_t side, size_t n)
+#include "lib/base/parallel.h"
+
+#define GRAIN 4096              /* cells that one thread takes at once */
+
+typedef float v4f __attribute__((vector_size(16), aligned(4)));
+
+/* to (n) = a + b + c + d. */
+static inline void pyramid_add(float *to, const float *a, const float *b,
+                               const float *c, const float *d, size_t n)
 {
-    const size_t half = side / 2;
+    size_t m = 0;
 
-    for (size_t y = 0; y < half; y++)
-        for (size_t x = 0; x < half; x++) {
-            const float *a = from + 2 * (y * side + x) * n, *b = a + side * n;
-
-            for (size_t m = 0; m < n; m++)
-                to[(y * half + x) * n + m] = a[m] + a[m + n] + b[m] + b[m + n];
-        }
+    for (; m + 4 <= n; m += 4)
+        *(v4f *)(to + m) = *(const v4f *)(a + m) + *(const v4f *)(b + m) +
+                           *(const v4f *)(c + m) + *(const v4f *)(d + m);
+    for (; m < n; m++)
+        to[m] = a[m] + b[m] + c[m] + d[m];
 }
 
-/* Each cell of `fine` gains `weight` of what `coarse` has there on average. */
-static void pyramid_push(float *fine, const float *coarse, size_t side,
-                         size_t n, float weight)
+/* Row y of the sums of 2 x 2 cells: the next level, side / 2. */
+PARALLEL(pyramid_pull, y, float *, to, const float *, from, size_t, side,
+         size_t, n)
+{
+    const float *a = from + 2 * y * side * n, *b = a + side * n;
+
+    to += y * side / 2 * n;
+    for (size_t x = 0; x < side / 2; x++, to += n, a += 2 * n, b += 2 * n)
+        pyramid_add(to, a, a + n, b, b + n, n);
+}
+
+/* to (n) += by times the mean of four cells. */
+static inline void pyramid_gain(float *to, const float *const a[4],
+                                const float share[4], float by, size_t n)
+{
+    size_t m = 0;
+
+    for (; m + 4 <= n; m += 4)
+        *(v4f *)(to + m) += by * (share[0] * *(const v4f *)(a[0] + m) +
+                                  share[1] * *(const v4f *)(a[1] + m) +
+                                  share[2] * *(const v4f *)(a[2] + m) +
+                                  share[3] * *(const v4f *)(a[3] + m));
+    for (; m < n; m++)
+        to[m] += by * (share[0] * a[0][m] + share[1] * a[1][m] +
+                       share[2] * a[2][m] + share[3] * a[3][m]);
+}
+
+/* Each cell of row y of `fine` gains `weight` of what `coarse` has there on
+ * average. */
+PARALLEL(pyramid_push, y, float *, fine, const float *, coarse, size_t, side,
+         size_t, n, float, weight)
 {
     const size_t half = side / 2, right = half > 1 ? n : 0;
     const size_t down = right * half;
+    float tx, ty;
+    const size_t v = pyramid_between(&ty, y, side, half);
 
-    for (size_t y = 0; y < side; y++)
-        for (size_t x = 0; x < side; x++) {
-            float tx, ty, *to = fine + (y * side + x) * n;
-            const size_t u = pyramid_between(&tx, x, side, half);
-            const size_t v = pyramid_between(&ty, y, side, half);
-            const float *a = coarse + (v * half + u) * n;
-            const float share[4] = {(1 - tx) * (1 - ty), tx * (1 - ty),
-                                    (1 - tx) * ty, tx * ty};
-            const float all = share[0] * a[0] + share[1] * a[right] +
-                              share[2] * a[down] + share[3] * a[down + right];
+    for (size_t x = 0; x < side; x++) {
+        const size_t u = pyramid_between(&tx, x, side, half);
+        const float *a = coarse + (v * half + u) * n;
+        const float *const four[4] = {a, a + right, a + down, a + down + right};
+        const float share[4] = {(1 - tx) * (1 - ty), tx * (1 - ty),
+                                (1 - tx) * ty, tx * ty};
+        const float all = share[0] * four[0][0] + share[1] * four[1][0] +
+                          share[2] * four[2][0] + share[3] * four[3][0];
 
-            for (size_t m = 0; m < n; m++)
-                to[m] += weight / all *
-                         (share[0] * a[m] + share[1] * a[m + right] +
-                          share[2] * a[m + down] +
-                          share[3] * a[m + down + right]);
-        }
+        pyramid_gain(fine + (y * side + x) * n, four, share, weight / all, n);
+    }
 }
 
 void pyramid_pool(float *cells, size_t side, size_t n, float weight,
@@ -50,10 +79,12 @@ void pyramid_pool(float *cells, size_t side, size_t n, float weight,
     level[0] = cells;
     for (size_t w = side; w > 1; w /= 2, last++) {
         level[last + 1] = level[last] + w * w * n;
-        pyramid_pull(level[last + 1], level[last], w, n);
+        parallel_each(pyramid_pull, w / 2, GRAIN / w + 1, level[last + 1],
+                      level[last], w, n);
     }
     for (size_t m = 0; m < n; m++)
         level[last][m] += weight * any[m];
     for (size_t w = 2; last-- > 0; w *= 2)
-        pyramid_push(level[last], level[last + 1], w, n, weight);
+        parallel_each(pyramid_push, w, GRAIN / w + 1, level[last],
+                      level[last + 1], w, n, weight);
 }
