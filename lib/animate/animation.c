@@ -20,6 +20,7 @@ int animation_load(struct prepare *models, struct animation_options *opt,
     if (prepare_open(models, model, head, err))
         return -1;
     opt->track.size = (double)models->model.config.size;
+    opt->track.detector = models->look.detector = &models->detector;
     opt->framing.model_size = models->model.config.size;
     models->look.finest = framing_finest(&opt->framing);
     a->model = &models->model;

@@ -6,6 +6,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "formats/facedetect.h"
 #include "formats/image.h"
 #include "formats/module.h"
 #include "lib/base/cpu.h"
@@ -48,8 +49,11 @@ int prepare_open(struct prepare *p, const char *model, const char *head,
     if (!two)
         prepare_run_head(&l);
     int rc = encoders_open(&p->nets, &p->model, true, p->precision, &other);
-    if (two)
+    struct error none;          /* told where a face is looked for */
+    if (two) {
+        p->detector = facedetect_open(&none);   /* the head takes longer */
         pthread_join(thread, NULL);
+    }
     if (rc && !l.rc)
         *err = other;
     return rc || l.rc ? -1 : 0;
@@ -66,6 +70,7 @@ static void prepare_close_baker(struct prepare *p)
 void prepare_release(struct prepare *p)
 {
     prepare_close_baker(p);
+    facedetect_close(p->detector);
     encoders_release(&p->nets);
     model_close(&p->model);
     densify_release(&p->dense);

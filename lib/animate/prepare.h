@@ -30,6 +30,8 @@ struct prepare {
     bool once;                  /* one source: what bakes it goes then, and
                                  * its memory serves what follows */
     struct track_options look;  /* which face of a picture, or its crop */
+    struct facedetect *detector;        /* of the source's tracker and its
+                                 * drivers' */
     const char *soon[2];        /* files that are opened first, or NULL: their
                                  * modules are loaded beside the head.  No
                                  * thread starts meanwhile: what is opened

@@ -59,6 +59,19 @@ static void track_compare(struct track_faces *faces, struct track *t,
     }
 }
 
+/* t->detector, which reading takes a hundredth of a second: whether it is
+ * there. */
+static bool track_open_detector(struct track *t, struct error *err)
+{
+    struct facedetect **shared = t->opt.detector;
+
+    if (!t->detector)
+        t->detector = shared && *shared ? *shared : facedetect_open(err);
+    if (shared)
+        *shared = t->detector;
+    return t->detector;
+}
+
 /* The detector's face, where E_m agrees: 1, 0, -1 no detector. */
 static int track_detect(struct track *t, struct track_result *r, bool certain,
                         struct error *err)
@@ -68,7 +81,7 @@ static int track_detect(struct track *t, struct track_result *r, bool certain,
     struct square face[TRACK_FACES];
     struct track_faces faces;
 
-    if (!t->detector && !(t->detector = facedetect_open(err)))
+    if (!track_open_detector(t, err))
         return -1;
     const size_t n = facedetect_find(t->detector, face, TRACK_FACES, all,
                                      certain, &t->picture);

@@ -54,7 +54,8 @@ void track_release(struct track *t)
 {
     landmarks_release(&t->landmarks);
     align_release(&t->align);
-    facedetect_close(t->detector);
+    if (!t->opt.detector)
+        facedetect_close(t->detector);
     motion_tta_release(&t->tta);
     search_release(&t->search);
     free(t->input);

@@ -24,6 +24,8 @@
 #include "lib/track/thumb.h"
 #include "lib/track/tta.h"
 
+struct facedetect;
+
 struct track_options {
     double size;                /* S of the portrait window: 512 */
     size_t finest;              /* pixels along a photograph's window that are
@@ -42,6 +44,9 @@ struct track_options {
     bool still;                 /* a photograph: E_m keeps its precision
                                  * (tta.h), and there is nothing to align it
                                  * with */
+    struct facedetect **detector;       /* shared by trackers that look one
+                                 * after another, NULL until one of them needs
+                                 * it; or NULL: their own */
 };
 
 enum track_event {
@@ -81,15 +86,14 @@ struct track_faces {
     struct square crop[TRACK_FACES];
 };
 
-struct facedetect;
-
 struct track {
     struct track_options opt;
     const struct head *head;
     struct motion_tta tta;
     struct landmarks landmarks;
     struct align align;         /* when opt asks for it */
-    struct facedetect *detector;        /* NULL until it is needed */
+    struct facedetect *detector;        /* NULL until it is needed; its own
+                                         * unless opt has one */
     struct square window;               /* picture pixels */
     struct square crop;                 /* next one, window pixels */
     struct track_faces faces;
