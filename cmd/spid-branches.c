@@ -10,6 +10,7 @@
 #include "lib/avatar/prune.h"
 #include "lib/avatar/target_light.h"
 #include "lib/head/person.h"
+#include "lib/stream/records.h"
 #include "lib/stream/stream.h"
 
 static const char *bake_path, *avatar_path, *head_path;
@@ -152,7 +153,7 @@ static void branches_bake(struct stream_writer *out)
     }
     stats_end("bake", begun);
     const struct mouth_branch *mouth = &k.baker.avatar.mouth;
-    if (k.baker.config.system == SYSTEM_GAGAVATAR)
+    if (k.baker.config.system != SYSTEM_SPID)
         notice("%zu Gaussians, %zu of them on vertices", k.baked.N,
                k.baked.dynamic);
     else
@@ -161,7 +162,11 @@ static void branches_bake(struct stream_writer *out)
                mouth->lips.lip / k.head.scale * 1e3,
                mouth->cap / k.head.scale * 1e3, mouth->clamped);
     branches_prune_avatar(&k);
-    if (baked_write(out, 0, 0, &k.baked, NULL, NULL, &err)) {
+    const struct shape moved = {
+        .beta = k.person.shape, .n = k.person.nshape,
+        .offset = k.person.offset, .vertices = k.person.noffset};
+    if ((moved.offset && shape_write(out, 0, 0, &moved, &err)) ||
+        baked_write(out, 0, 0, &k.baked, NULL, NULL, &err)) {
         stream_abandon(out);
         die_error(&err);
     }

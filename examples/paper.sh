@@ -11,7 +11,8 @@
 # The last columns of a table are commit, data and machine.  Clips: by default
 # those of test in model/splits.tsv, below $SHARED (the folder shared beside the
 # checkout).  What fails is named, and makes the exit 1.
-#   METHODS         other models, "GAGAvatar=FILE ..." (spid-import --as gagavatar)
+#   METHODS         other models, "GAGAvatar=FILE LAM=FILE ..." (spid-import --as
+#                   gagavatar, lam), with head.safetensors beside each
 #   LPIPS, ARCFACE, MUSIQ   weights for spid-eval, as spid-import makes them
 #   ASSETS          of spid-synth, for people of scans (without, plain figures)
 #   CLIP_FRAMES, PEOPLE, FRAMES, BENCH   how much: frames of a clip (all), people
@@ -107,9 +108,11 @@ else
     rows self psnr ssim lpips arcface aed akd | sed 's,^full\*,full,' | grep -v '^frame 0' |
         stamped "$data" >"$out/table3.tsv"
 fi
-[[ " ${METHODS:-}" == *' GAGAvatar='* ]] ||
-    missing GAGAvatar "its checkpoint as a model (METHODS, spid-import --as gagavatar)"
-missing "GPAvatar, Portrait4D-v2, LivePortrait, VOODOO-XP, CVTHead, LAM" \
+for method in GAGAvatar LAM; do
+    [[ " ${METHODS:-}" == *" $method="* ]] ||
+        missing $method "its checkpoint as a model (METHODS, spid-import --as ${method,,})"
+done
+missing "GPAvatar, Portrait4D-v2, LivePortrait, VOODOO-XP, CVTHead" \
     "their own programs, whose videos spid-eval --pairs compares"
 
 # ---- table 3 ----------------------------------------------------------------

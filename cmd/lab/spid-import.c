@@ -20,25 +20,26 @@ static int import_parse_kind(const char *value, void *dest, struct error *err)
             return 0;
         }
     return error_set(err, EX_USAGE, "not a kind (expected flame, dinov2, "
-                     "smirk, gagavatar, lpips, arcface, squeezenet, fan or "
-                     "model)");
+                     "smirk, gagavatar, lam, lpips, arcface, musiq, "
+                     "squeezenet, fan or model)");
 }
 
 static const struct cli_option options[] = {
     OPTION_CALL("as", 0, &kind, "KIND", import_parse_kind,
-                "flame, dinov2, smirk, gagavatar, lpips, arcface, "
-                "squeezenet, fan or model"),
+                "flame, dinov2, smirk, gagavatar, lam, lpips, arcface, "
+                "musiq, squeezenet, fan or model"),
     OPTION_STRING("eyelids", 0, &with.eyelids, "FILE",
                   "flame: closing displacements, one file or LEFT,RIGHT"),
     OPTION_STRING("landmarks", 0, &with.landmarks, "FILE",
                   "flame: landmark embedding"),
     OPTION_STRING("linear", 0, &with.linear, "FILE", "lpips: linear weights"),
     OPTION_STRING("config", 0, &with.config, "FILE",
-                  "gagavatar: its configuration"),
+                  "gagavatar, lam: its configuration"),
     OPTION_STRING("encoders", 0, &with.encoders, "MODEL",
-                  "gagavatar: take motion and shape encoder of this model"),
+                  "gagavatar, lam: take motion and shape encoder of this "
+                  "model"),
     OPTION_STRING("head", 0, &with.head, "FILE",
-                  "gagavatar, model: move encoders to this head"),
+                  "gagavatar, lam, model: move encoders to this head"),
     OPTION_STRING("from-head", 0, &with.from_head, "FILE",
                   "the head they were trained with"),
     OPTION_FLAG("list", 0, &list,

@@ -16,16 +16,18 @@ int animation_load(struct prepare *models, struct animation_options *opt,
 
     /* 8 bits are the refiner's alone */
     models->precision = a->precision == NN_INT8 ? NN_FAST : a->precision;
-    models->star = a->star;
     if (prepare_open(models, model, head, err))
         return -1;
+    if (models->model.config.system == SYSTEM_LAM)
+        a->star = true;         /* it has no refiner */
+    models->star = a->star;
     opt->track.size = (double)models->model.config.size;
     opt->track.detector = models->look.detector = &models->detector;
     opt->framing.model_size = models->model.config.size;
     models->look.finest = framing_finest(&opt->framing);
     a->model = &models->model;
-    a->rules = models->model.config.system == SYSTEM_GAGAVATAR
-                   ? SPLAT_DGR : SPLAT_GSPLAT;
+    a->rules = models->model.config.system == SYSTEM_SPID
+                   ? SPLAT_GSPLAT : SPLAT_DGR;
     opt->animate.workers = workers;
     return 0;
 }

@@ -204,13 +204,11 @@ int prepare_person(struct prepared *s, struct prepare *p, struct error *err)
 
     /* a copied motion points at the numbers it was copied from */
     s->person.source.pose.exp = s->person.source.exp;
-    if (person_fold(&s->id, &p->head, &s->person, err))
-        goto fail;
-    s->shape_s += cpu_seconds() - begun;
-    begun = cpu_seconds();
     if (s->baked.N == 0 &&
         (prepare_open_baker(p, err) || prepare_bake(s, p, err)))
         goto fail;
+    if (person_fold(&s->id, &p->head, &s->person, err))
+        goto fail;              /* once its offset is known */
     if (p->once)
         prepare_close_baker(p);
     if (s->person.back && baked_has_places(&s->baked) &&

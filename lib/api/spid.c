@@ -55,8 +55,8 @@ static int spid_open_pipeline(struct spid *s)
                                                           &s->models);
     const struct pipeline_options opt = {
         .size = m->config.size, .model = star ? NULL : m, .star = star,
-        .rules = m->config.system == SYSTEM_GAGAVATAR ? SPLAT_DGR
-                                                      : SPLAT_GSPLAT,
+        .rules = m->config.system == SYSTEM_SPID ? SPLAT_GSPLAT
+                                                 : SPLAT_DGR,
         .precision = NN_FAST, .threads = parallel_width()
     };
 

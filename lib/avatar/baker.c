@@ -8,17 +8,13 @@
 
 #include "lib/photo/texture.h"
 
-/* Whether it is GAGAvatar's. */
-static bool baker_is_gagavatar(const struct baker *b)
-{
-    return b->config.system == SYSTEM_GAGAVATAR;
-}
-
 /* Declare the networks. */
 static int baker_declare(struct baker *b, const struct baker_options *opt,
                          struct error *err)
 {
-    if (!baker_is_gagavatar(b)) {
+    const enum model_system system = b->config.system;
+
+    if (system == SYSTEM_SPID) {
         int rc = avatar_init(&b->avatar, &b->ps, &b->config, b->head, err);
 
         b->avatar.without = opt->without;
@@ -26,20 +22,34 @@ static int baker_declare(struct baker *b, const struct baker_options *opt,
         return rc;
     }
     if (opt->without)
-        return error_set(err, EX_USAGE, "a gagavatar has none of SpiD's parts "
-                         "to leave out (expected no --without)");
-    return model_check_head(&b->config, b->head, err) ||
-                   gagavatar_init(&b->gagavatar, &b->ps, &b->config,
-                                  b->head->V, err)
-               ? -1
-               : 0;
+        return error_set(err, EX_USAGE, "a %s has none of SpiD's parts to "
+                         "leave out (expected no --without)",
+                         system == SYSTEM_LAM ? "lam" : "gagavatar");
+    if (model_check_head(&b->config, b->head, err))
+        return -1;
+    return system == SYSTEM_LAM
+               ? lam_init(&b->lam, &b->ps, &b->config, err)
+               : gagavatar_init(&b->gagavatar, &b->ps, &b->config, b->head->V,
+                                err);
+}
+
+/* Room for one source. */
+static int baker_plan(struct baker *b, enum nn_type type, struct error *err)
+{
+    switch (b->config.system) {
+    case SYSTEM_GAGAVATAR:
+        return gagavatar_plan(&b->gagavatar, type, err);
+    case SYSTEM_LAM:
+        return lam_plan(&b->lam, b->head->V, type, err);
+    default:
+        return avatar_plan(&b->avatar, (struct nn_options){NN_INFER, type},
+                           err);
+    }
 }
 
 int baker_open(struct baker *b, const struct model *m, const struct head *h,
                const struct baker_options *opt, struct error *err)
 {
-    const struct nn_options run = {NN_INFER, opt->type};
-
     memset(b, 0, sizeof *b);
     params_init(&b->ps);
     memcpy(b->hash, m->hash, sizeof b->hash);
@@ -50,8 +60,7 @@ int baker_open(struct baker *b, const struct model *m, const struct head *h,
         goto fail;
     }
     if (params_allocate(&b->ps, err) || model_load(&b->ps, m, "", err) ||
-        (baker_is_gagavatar(b) ? gagavatar_plan(&b->gagavatar, run.type, err)
-                               : avatar_plan(&b->avatar, run, err)))
+        baker_plan(b, opt->type, err))
         goto fail;
     return 0;
 fail:
@@ -63,6 +72,7 @@ void baker_release(struct baker *b)
 {
     avatar_release(&b->avatar);
     gagavatar_release(&b->gagavatar);
+    lam_release(&b->lam);
     params_release(&b->ps);
     memset(b, 0, sizeof *b);
 }
@@ -92,20 +102,61 @@ static int baker_check(const struct baker *b, const struct person *p,
     return 0;
 }
 
-/* The person over black, in [0,1], through GAGAvatar's networks. */
-static int baker_bake_gagavatar(struct baker *b, const struct avatar_source *s,
-                                struct error *err)
+/* The person over a grey, in [0,1]; the caller frees.  NULL and *err. */
+static float *baker_picture(const struct baker *b,
+                            const struct avatar_source *s, float grey,
+                            struct error *err)
 {
     const size_t n = 3 * b->config.size * b->config.size;
     float *picture = malloc(n * sizeof *picture);
 
     if (!picture)
-        return error_set(err, EX_OSERR, "no memory for the source picture");
-    for (size_t i = 0; i < n; i++)
-        picture[i] = (float)s->rgb[i] / 255 *
-                     (s->matte ? (float)s->matte[i / 3] / 255 : 1);
+        error_set(err, EX_OSERR, "no memory for the source picture");
+    for (size_t i = 0; picture && i < n; i++) {
+        const float share = s->matte ? (float)s->matte[i / 3] / 255 : 1;
+
+        picture[i] = (float)s->rgb[i] / 255 * share + grey * (1 - share);
+    }
+    return picture;
+}
+
+/* Through GAGAvatar's networks, over black. */
+static int baker_bake_gagavatar(struct baker *b, const struct avatar_source *s,
+                                struct error *err)
+{
+    float *picture = baker_picture(b, s, 0, err);
+
+    if (!picture)
+        return -1;
     gagavatar_bake(&b->gagavatar, picture, s->cam, s->verts);
     free(picture);
+    return 0;
+}
+
+/* Through LAM's, over white: the person's offset, and the centres of the
+ * source's pose with it. */
+static int baker_bake_lam(struct baker *b, const struct avatar_source *s,
+                          struct person *p, struct error *err)
+{
+    const size_t n = 3 * b->head->V;
+    struct head_motion pose = p->source.pose;
+    float *picture = baker_picture(b, s, 1, err);
+    struct identity id;
+
+    if (!picture)
+        return -1;
+    lam_bake(&b->lam, picture, s->rest, b->head->scale);
+    free(picture);
+    p->offset = malloc((n + 1) * sizeof *p->offset);
+    if (!p->offset)
+        return error_set(err, EX_OSERR, "no memory for a mesh");
+    memcpy(p->offset, b->lam.offset, n * sizeof *p->offset);
+    p->noffset = b->head->V;
+    if (person_fold(&id, b->head, p, err))
+        return -1;
+    pose.exp = p->source.exp;
+    head_pose(b->lam.mean, &id, &pose);
+    identity_release(&id);
     return 0;
 }
 
@@ -159,7 +210,22 @@ static int baker_view_init(struct baker_view *v, struct avatar_source *out,
     return 0;
 }
 
-int baker_bake(struct baker *b, float *verts, const struct person *p,
+/* Through the system's networks. */
+static int baker_run(struct baker *b, const struct avatar_source *s,
+                     struct person *p, struct error *err)
+{
+    switch (b->config.system) {
+    case SYSTEM_GAGAVATAR:
+        return baker_bake_gagavatar(b, s, err);
+    case SYSTEM_LAM:
+        return baker_bake_lam(b, s, p, err);
+    default:
+        avatar_bake(&b->avatar, s);
+        return 0;
+    }
+}
+
+int baker_bake(struct baker *b, float *verts, struct person *p,
                struct error *err)
 {
     struct baker_view view[PERSON_MORE + 1] = {0};
@@ -168,6 +234,10 @@ int baker_bake(struct baker *b, float *verts, const struct person *p,
     size_t n = 0;
     int rc = 0;
 
+    if (b->config.system == SYSTEM_LAM) {
+        free(p->offset);
+        p->offset = NULL;
+    }
     if (baker_check(b, p, err) || person_fold(&id, b->head, p, err))
         return -1;
     for (; n <= p->nmore && rc == 0; n++)
@@ -176,10 +246,8 @@ int baker_bake(struct baker *b, float *verts, const struct person *p,
     identity_release(&id);
     source->more = source + 1;
     source->nmore = p->nmore;
-    if (rc == 0 && baker_is_gagavatar(b))
-        rc = baker_bake_gagavatar(b, source, err);
-    else if (rc == 0)
-        avatar_bake(&b->avatar, source);
+    if (rc == 0)
+        rc = baker_run(b, source, p, err);
     if (rc == 0)
         memcpy(verts, view->verts, 3 * b->head->V * sizeof *verts);
     while (n > 0)
@@ -190,8 +258,12 @@ int baker_bake(struct baker *b, float *verts, const struct person *p,
 int baker_copy(struct baked *out, struct baker *b, bool drawn,
                struct error *err)
 {
-    if (!baker_is_gagavatar(b))
+    const struct gaussians *set = &b->lam.set;
+
+    if (b->config.system == SYSTEM_SPID)
         return baked_from_avatar(out, &b->avatar, drawn, err);
+    if (b->config.system == SYSTEM_LAM)
+        return baked_from_set(out, set, set->n, NULL, err);
     if (baked_from_set(out, &b->gagavatar.set, b->gagavatar.V, NULL, err))
         return -1;
     gagavatar_unit_rotations(out->scale, out->quat, out->N);

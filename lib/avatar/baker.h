@@ -1,6 +1,6 @@
 /* Phase A from a model file: the avatar's networks with their trained weights,
  * which turn an identity's source picture into Gaussians: SpiD's three
- * branches, or GAGAvatar's vertices and planes. */
+ * branches, GAGAvatar's vertices and planes, or LAM's vertices. */
 #ifndef SPID_AVATAR_BAKER_H
 #define SPID_AVATAR_BAKER_H
 
@@ -9,6 +9,7 @@
 #include "lib/base/error.h"
 #include "lib/net/gagavatar.h"
 #include "lib/net/config.h"
+#include "lib/net/lam.h"
 #include "lib/net/model.h"
 #include "lib/head/person.h"
 
@@ -19,10 +20,11 @@ struct baker {
     const struct head *head;    /* borrowed */
     struct avatar avatar;       /* SYSTEM_SPID */
     struct gagavatar gagavatar; /* SYSTEM_GAGAVATAR */
+    struct lam lam;             /* SYSTEM_LAM */
 };
 
 struct baker_options {
-    unsigned without;           /* enum avatar_without (gagavatar: 0) */
+    unsigned without;           /* enum avatar_without (SpiD's) */
     size_t colors;              /* kept of each of SpiD's Gaussians; 0: all */
     enum nn_type type;
 };
@@ -36,10 +38,11 @@ int baker_open(struct baker *b, const struct model *m, const struct head *h,
 void baker_release(struct baker *b);
 
 /* Bake a person: fold the shape, pose the source, run the branches.  verts
- * (V,3) gets the source mesh.  EX_DATAERR when the person has no picture or
+ * (V,3) gets the source mesh.  LAM sets p->offset, in place of an earlier
+ * one.  EX_DATAERR when the person has no picture or
  * no source motion, the picture's size is not the model's, or the identity
  * was made with another model or head. */
-int baker_bake(struct baker *b, float *verts, const struct person *p,
+int baker_bake(struct baker *b, float *verts, struct person *p,
                struct error *err);
 /* A copy of what the last baker_bake made, for Phase B; the caller releases it
  * (baked_release).  drawn: without SpiD's Gaussians that are never drawn

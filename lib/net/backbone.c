@@ -8,8 +8,6 @@
 #include "lib/net/dino_base.h"
 #include "lib/net/small_backbone.h"
 
-#define GRID 37      /* of DINOv2's position embeddings */
-
 struct backbone_impl {
     struct small_backbone small;
     struct dino_base dino;
@@ -39,8 +37,10 @@ int backbone_init(struct backbone *b, struct params *ps, const char *prefix,
                             config->size, config->width);
         return 0;
     }
-    struct dinov2_config vit = { config->embed, config->depth, config->heads,
-                                 config->patch, GRID, DINO_LEVELS };
+    struct dinov2_config vit = {
+        .embed = config->embed, .depth = config->depth, .heads = config->heads,
+        .patch = config->patch, .grid = DINOV2_GRID, .last = DINO_LEVELS
+    };
     if (!config->patch || config->image % config->patch || !config->image)
         return error_set(err, EX_CONFIG, "backbone image %zu, patch %zu "
                          "(expected a multiple)", config->image,

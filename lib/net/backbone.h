@@ -18,6 +18,7 @@ struct backbone_config {
     /* BACKBONE_DINOV2: */
     size_t embed, depth, heads, patch;
     size_t image;         /* the picture is resized to this, 518 */
+    size_t registers;     /* SYSTEM_LAM's encoder alone has any */
 };
 
 struct backbone_impl;

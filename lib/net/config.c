@@ -20,6 +20,7 @@ void avatar_config_paper(struct avatar_config *c)
                      .patch = 14, .image = 518},
         .init_width = 64, .static_width = 128, .dynamic_width = 256,
         .dynamic_hidden = 128, .vertex_width = 256, .mouth_width = 128,
+        .transformer_layers = 10, .transformer_heads = 16,
         .has_refiner = true,
         .refiner = {.type = REFINER_STYLE_UNET, .channels = 32, .width = 32,
                     .multiplier = 1, .size = 512}
@@ -31,6 +32,21 @@ void avatar_config_gagavatar(struct avatar_config *c)
     avatar_config_paper(c);
     c->system = SYSTEM_GAGAVATAR;
     c->public_quirks = true;
+}
+
+void avatar_config_lam(struct avatar_config *c)
+{
+    avatar_config_paper(c);
+    c->system = SYSTEM_LAM;
+    c->channels = 3;
+    c->feature = 1024;
+    c->backbone = (struct backbone_config){
+        .type = BACKBONE_DINOV2, .features = c->feature, .size = c->plane,
+        .width = 16, .embed = 1024, .depth = 24, .heads = 16, .patch = 14,
+        .image = 504, .registers = 4};
+    c->dynamic_width = 1024;
+    c->dynamic_hidden = 512;
+    c->has_refiner = false;
 }
 
 const char *avatar_config_refiner(const struct avatar_config *c)
@@ -71,7 +87,8 @@ void avatar_config_shipped(struct avatar_config *c)
 #define WORD(name, field, words) {name, KEY_WORD, AT(field), 0, 0, 0, words}
 
 static const char *const systems[] = {
-    [SYSTEM_SPID] = "spid", [SYSTEM_GAGAVATAR] = "gagavatar", NULL
+    [SYSTEM_SPID] = "spid", [SYSTEM_GAGAVATAR] = "gagavatar",
+    [SYSTEM_LAM] = "lam", NULL
 };
 static const char *const backbones[] = {
     [BACKBONE_SMALL] = "small", [BACKBONE_DINOV2] = "dinov2", NULL
@@ -99,12 +116,15 @@ static const struct key keys[] = {
     SIZE("backbone.heads", backbone.heads, 1, 64),
     SIZE("backbone.patch", backbone.patch, 1, 64),
     SIZE("backbone.image", backbone.image, 14, 4096),
+    SIZE("backbone.registers", backbone.registers, 0, 64),
     SIZE("init.width", init_width, 0, 1024),
     SIZE("static.width", static_width, 1, 1024),
     SIZE("dynamic.width", dynamic_width, 1, 4096),
     SIZE("dynamic.head", dynamic_hidden, 1, 4096),
     SIZE("dynamic.vertex", vertex_width, 1, 4096),
     SIZE("mouth_decoder.width", mouth_width, 1, 1024),
+    SIZE("transformer.layers", transformer_layers, 1, 64),
+    SIZE("transformer.heads", transformer_heads, 1, 64),
     FLAG("rgb_skip", rgb_skip),
     FLAG("public_quirks", public_quirks),
     WORD("refiner.type", refiner.type, refiners),
@@ -122,6 +142,9 @@ static int config_check(struct avatar_config *c, struct error *err)
     if (c->refiner.photo && c->refiner.type != REFINER_NARROW)
         return error_set(err, EX_CONFIG, "refiner.photo: true (expected false: "
                          "only a narrow one has it)");
+    if (c->backbone.registers && c->system != SYSTEM_LAM)
+        return error_set(err, EX_CONFIG, "backbone.registers: %zu (expected 0: "
+                         "only \"lam\" has any)", c->backbone.registers);
     c->backbone.features = c->feature;
     c->backbone.size = c->plane;
     c->refiner.channels = c->channels;

@@ -10,7 +10,7 @@
  *                "patch":14,"image":518},
  *    "init":{"width":64}, "static":{"width":128},
  *    "dynamic":{"width":256,"head":128,"vertex":256},
- *    "mouth_decoder":{"width":128},
+ *    "mouth_decoder":{"width":128}, "transformer":{"layers":10,"heads":16},
  *    "rgb_skip":false, "public_quirks":false,
  *    "refiner":{"type":"narrow","width":32,"turn":true,"photo":false} or
  *              {"type":"style_unet","multiplier":1} or null}
@@ -18,8 +18,10 @@
  * Keys left out take the paper's values (rgb_skip and public_quirks: false;
  * refiner: none).  "system":"gagavatar" is the public system that SpiD builds
  * on (lib/net): "plane" is both its planes, "static" their decoders,
- * "dynamic" the vertices'; "mouth" and "init" mean nothing there.  Keys of
- * other producers are ignored. */
+ * "dynamic" the vertices'; "mouth" and "init" mean nothing there.  Of "lam"
+ * (lib/net/lam.h) "transformer", "dynamic" (its width, and the decoder's as
+ * "head"), "feature" and "backbone" (with "registers") are all.  Keys of other
+ * producers are ignored. */
 #ifndef SPID_NET_CONFIG_H
 #define SPID_NET_CONFIG_H
 
@@ -30,7 +32,7 @@
 #include "lib/net/backbone.h"
 #include "lib/net/refiner.h"
 
-enum model_system { SYSTEM_SPID, SYSTEM_GAGAVATAR };
+enum model_system { SYSTEM_SPID, SYSTEM_GAGAVATAR, SYSTEM_LAM };
 
 struct avatar_config {
     enum model_system system;
@@ -47,6 +49,7 @@ struct avatar_config {
     size_t dynamic_width, dynamic_hidden;   /* Phi_D */
     size_t vertex_width;    /* h_k */
     size_t mouth_width;     /* Phi_M */
+    size_t transformer_layers, transformer_heads;   /* SYSTEM_LAM */
     bool rgb_skip;          /* see avatar.h */
     bool public_quirks;     /* the public base code's slips, for its weights */
     bool has_refiner;
@@ -57,6 +60,8 @@ struct avatar_config {
 void avatar_config_paper(struct avatar_config *c);
 /* GAGAvatar's, with its public code's slips. */
 void avatar_config_gagavatar(struct avatar_config *c);
+/* LAM's (lam-20k). */
+void avatar_config_lam(struct avatar_config *c);
 /* The small one that ships. */
 void avatar_config_shipped(struct avatar_config *c);
 

@@ -29,7 +29,7 @@ struct dinov2_impl {
     struct nn_plan plan;
     struct params *ps;
     struct conv patch;
-    size_t cls, pos, norm[2];
+    size_t cls, pos, registers, norm[2];
     struct dinov2_block *block;
     struct attention attention;
     struct rescale resize;
@@ -97,6 +97,11 @@ int dinov2_init(struct dinov2 *d, struct params *ps, const char *prefix,
                          PARAM_NORMAL, 0.02f);
     im->pos = params_add(ps, nn_name(name, "%spos_embed", prefix), 3, pos,
                          PARAM_NORMAL, 0.02f);
+    if (c->registers)
+        im->registers = params_add(ps, nn_name(name, "%sregister_tokens",
+                                               prefix), 3,
+                                   (size_t[]){ 1, c->registers, E },
+                                   PARAM_NORMAL, 0.02f);
     /* part of the public checkpoints, used in their pre-training only */
     params_add(ps, nn_name(name, "%smask_token", prefix), 2, cls + 1,
                PARAM_ZERO, 0);
@@ -159,7 +164,8 @@ static void dinov2_update_position(void *dinov2)
     size_t E = d->config.embed;
 
     if (im->native) {
-        memcpy(im->position, pos, d->tokens * E * sizeof *pos);
+        memcpy(im->position, pos, (d->tokens - d->config.registers) * E *
+                                      sizeof *pos);
         return;
     }
     memcpy(im->position, pos, E * sizeof *pos);
@@ -175,9 +181,12 @@ static void dinov2_plan_position(struct dinov2 *d, size_t height, size_t width)
     size_t G = d->config.grid, E = d->config.embed;
 
     im->native = height == width && d->grid_h == G && d->grid_w == G;
-    im->position = nn_plan_floats(p, d->tokens * E);
+    im->position = nn_plan_floats(p, (d->tokens - d->config.registers) * E);
     nn_plan_layer(p, (struct nn_layer){d, dinov2_update_position, NULL});
-    if (!im->native)
+    if (!im->native && d->config.registers)
+        rescale_plan(&im->resize, p, RESCALE_BICUBIC_ANTIALIAS, 1, G, G,
+                     d->grid_h, d->grid_w, E);
+    else if (!im->native)
         rescale_plan_factor(&im->resize, p, RESCALE_BICUBIC, 1, G, G,
                             d->grid_h, d->grid_w,
                             ((double)d->grid_h + OFFSET) / (double)G,
@@ -214,7 +223,7 @@ int dinov2_plan(struct dinov2 *d, size_t batch, size_t height, size_t width,
     d->batch = batch;
     d->grid_h = height / c->patch;
     d->grid_w = width / c->patch;
-    d->tokens = 1 + d->grid_h * d->grid_w;
+    d->tokens = 1 + c->registers + d->grid_h * d->grid_w;
     size_t rows = batch * d->tokens, E = c->embed;
     im->patches = nn_plan_floats(p, rows * E);
     conv_plan(&im->patch, p, batch, height, width);
@@ -235,6 +244,9 @@ int dinov2_plan(struct dinov2 *d, size_t batch, size_t height, size_t width,
         im->given[i] = nn_plan_floats(p, rows * E);
         im->given_stat[i] = nn_plan_floats(p, 2 * rows);
     }
+    if (nn_plan_backward(p) && c->registers)
+        nn_plan_fail(p, EX_CONFIG, "a transformer with registers does not "
+                     "learn here");
     if (nn_plan_backward(p))
         dinov2_plan_backward(d, rows, E);
     return nn_plan_finish(p, err);
@@ -311,14 +323,25 @@ static void dinov2_block_forward(float *next, struct dinov2_block *b,
 }
 
 PARALLEL(dinov2_forward_part, k, struct dinov2_impl *, im,
-         const struct params *, ps, float *, x, size_t, T, size_t, E)
+         const struct params *, ps, float *, x, size_t, T, size_t, R, size_t, E)
 {
-    size_t n = k / T, t = k % T;
-    const float *from = t ? im->patches + (n * (T - 1) + t - 1) * E
-                          : param_w(ps, im->cls);
+    size_t n = k / T, t = k % T, patch = t - 1 - R;
+    const float *from = t == 0 ? param_w(ps, im->cls)
+                      : t <= R ? param_w(ps, im->registers) + (t - 1) * E
+                      : im->patches + (n * (T - 1 - R) + patch) * E;
+    const float *at = t == 0 ? im->position : im->position + (t - R) * E;
 
-    for (size_t e = 0; e < E; e++)
-        x[(n * T + t) * E + e] = from[e] + im->position[t * E + e];
+    for (size_t e = 0; e < E; e++)      /* a register has no place */
+        x[(n * T + t) * E + e] = from[e] + (t == 0 || t > R ? at[e] : 0);
+}
+
+/* Which block is given out as the k-th.  Of 24 spread ones the public code
+ * takes 4, not 5. */
+static size_t dinov2_given(const struct dinov2_config *c, size_t k)
+{
+    if (!c->spread)
+        return c->depth - c->last + k;
+    return c->depth * (k + 1) / c->last - 1 - (c->depth == 24 && k == 0);
 }
 
 void dinov2_forward(const float *rgb, struct dinov2 *d)
@@ -331,16 +354,17 @@ void dinov2_forward(const float *rgb, struct dinov2 *d)
     im->rgb = rgb;
     conv_forward(im->patches, rgb, &im->patch);
 
-    parallel_each(dinov2_forward_part, d->batch * T, 1, im, ps, x, T, E);
-    for (size_t i = 0; i < depth; i++) {
+    parallel_each(dinov2_forward_part, d->batch * T, 1, im, ps, x, T,
+                  d->config.registers, E);
+    for (size_t i = 0, k = 0; i < depth; i++) {
         float *next = i + 1 < depth ? im->block[i + 1].x : im->out;
 
         dinov2_block_forward(next, &im->block[i], d);
-        if (i + d->config.last < depth)
+        if (i != dinov2_given(&d->config, k))
             continue;
-        size_t k = i + d->config.last - depth;
         dinov2_norm(im->given[k], im->given_stat[k], next, im->norm,
                     d->batch * T, E, ps);
+        k++;
     }
 }
 

@@ -1,7 +1,10 @@
-/* DINOv2's vision transformer without registers, any width, depth and patch.
+/* DINOv2's vision transformer, any width, depth and patch; with registers for
+ * inference alone.
  * Tensors have the public names ("blocks.0.attn.qkv.weight", ...). */
 #ifndef SPID_NET_DINOV2_H
 #define SPID_NET_DINOV2_H
+
+#include <stdbool.h>
 
 #include "lib/nn/nn.h"
 #include "lib/nn/params.h"
@@ -9,15 +12,22 @@
 struct dinov2_config {
     size_t embed, depth, heads, patch;
     size_t grid;       /* of the checkpoint's position embedding, 37 */
-    size_t last;       /* how many last blocks are given out, 4 */
+    size_t last;       /* how many blocks are given out, 4 */
+    size_t registers;  /* learned tokens behind the class token; with them the
+                        * public models resize positions by another rule, 0 */
+    bool spread;       /* the last of each of so many parts of the depth are
+                        * given out, not the last of all */
 };
+
+#define DINOV2_GRID 37      /* of the public models' position embedding */
 
 struct dinov2_impl;
 
 struct dinov2 {
     struct dinov2_config config;
     size_t batch, grid_h, grid_w;
-    size_t tokens;     /* of an item: 1 + grid_h * grid_w, class token first */
+    size_t tokens;     /* of an item: class token, registers, grid_h * grid_w
+                        * patches */
     struct dinov2_impl *impl;
 };
 

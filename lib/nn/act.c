@@ -142,6 +142,10 @@ double act_value(enum nn_act act, double x)
         return tanh(x);
     case ACT_GELU:
         return 0.5 * x * (1 + erf(x * sqrt(0.5)));
+    case ACT_GELU_TANH:
+        return x / (1 + exp(-x * (ACT_GELU_A + ACT_GELU_B * x * x)));
+    case ACT_SILU:
+        return x / (1 + exp(-x));
     default:
         return x;
     }
@@ -149,7 +153,7 @@ double act_value(enum nn_act act, double x)
 
 double act_slope(enum nn_act act, double x)
 {
-    double y = act_value(act, x);
+    double y = act_value(act, x), t;
 
     switch (act) {
     case ACT_RELU:
@@ -167,6 +171,12 @@ double act_slope(enum nn_act act, double x)
     case ACT_GELU:
         return 0.5 * (1 + erf(x * sqrt(0.5))) +
                x * exp(-0.5 * x * x) * 0.39894228040143268;
+    case ACT_GELU_TANH:
+        t = 1 / (1 + exp(-x * (ACT_GELU_A + ACT_GELU_B * x * x)));
+        return t + y * (1 - t) * (ACT_GELU_A + 3 * ACT_GELU_B * x * x);
+    case ACT_SILU:
+        t = 1 / (1 + exp(-x));
+        return t + y * (1 - t);
     default:
         return 1;
     }

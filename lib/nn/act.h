@@ -13,10 +13,15 @@ enum nn_act {
     ACT_HARDSIGMOID,  /* clamp(x+3,0,6)/6 */
     ACT_SIGMOID,
     ACT_TANH,
-    ACT_GELU          /* the exact, erf form */
+    ACT_GELU,         /* the exact, erf form */
+    ACT_GELU_TANH,    /* its approximation by tanh */
+    ACT_SILU          /* x sigmoid(x) */
 };
 
 #define ACT_SLOPE 0.2f
+/* gelu by tanh is x sigmoid(a x + b x^3): a = 2 sqrt(2 / pi), b = 0.044715 a */
+#define ACT_GELU_A 1.5957691216057308
+#define ACT_GELU_B (0.044715 * ACT_GELU_A)
 
 /* y = act(x), n values; y may be x. */
 void act_forward(float *y, const float *x, enum nn_act act, size_t n);

@@ -21,6 +21,11 @@ VF_INLINE vf act_of(vf x, int act)
         return vf_sigmoid(x);
     case ACT_TANH:
         return vf_tanh(x);
+    case ACT_GELU_TANH:
+        return x * vf_sigmoid(x * (vf_set((float)ACT_GELU_A) +
+                                   (float)ACT_GELU_B * x * x));
+    case ACT_SILU:
+        return x * vf_sigmoid(x);
     default:
         return x;
     }
@@ -36,7 +41,7 @@ VF_INLINE vf act_choose(vf_i32 m, vf a, vf b)
 VF_INLINE vf act_slope_of(vf x, int act)
 {
     const vf zero = vf_set(0), one = vf_set(1);
-    vf in, y;
+    vf in, y, t;
 
     switch (act) {
     case ACT_RELU:
@@ -55,6 +60,14 @@ VF_INLINE vf act_slope_of(vf x, int act)
     case ACT_TANH:
         y = vf_tanh(x);
         return 1.0f - y * y;
+    case ACT_GELU_TANH:
+        t = vf_set((float)ACT_GELU_A) + 3.0f * (float)ACT_GELU_B * x * x;
+        y = vf_sigmoid(x * (vf_set((float)ACT_GELU_A) +
+                            (float)ACT_GELU_B * x * x));
+        return y + x * y * (1.0f - y) * t;
+    case ACT_SILU:
+        y = vf_sigmoid(x);
+        return y + x * y * (1.0f - y);
     default:
         return one;
     }

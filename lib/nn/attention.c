@@ -29,6 +29,9 @@ void attention_plan(struct attention *a, struct nn_plan *p, size_t batch,
     *a = (struct attention){ .batch = batch, .tokens = tokens,
                              .heads = heads, .dim = dim, .plan = p };
     size_t T = attention_round_up(tokens, 32), d = attention_round_up(dim, 32);
+
+    a->part = heads * dim;
+    a->row = 3 * a->part;
     a->work = 2 * T * d + ROWS * T;
     if (nn_plan_backward(p))
         a->work += 2 * T * d + ROWS * T + ROWS * d;
@@ -64,12 +67,12 @@ static void attention_head_forward(float *out, const float *q,
     struct attention_work w = attention_work(a);
     size_t T = a->tokens, d = a->dim, E = a->heads * d;
 
-    k->gemm_pack(w.kt, q + E, 1, 3 * E, d, T);
-    k->gemm_pack(w.v, q + 2 * E, 3 * E, 1, T, d);
+    k->gemm_pack(w.kt, q + a->part, 1, a->row, d, T);
+    k->gemm_pack(w.v, q + 2 * a->part, a->row, 1, T, d);
     for (size_t m = 0; m < T; m += ROWS) {
         size_t n = T - m < ROWS ? T - m : ROWS;
 
-        k->gemm(w.p, w.ld, q + m * 3 * E, 3 * E, 1, w.kt, n, T, d, 0);
+        k->gemm(w.p, w.ld, q + m * a->row, a->row, 1, w.kt, n, T, d, 0);
         k->softmax(w.p, n, T, w.ld, 1.0f / sqrtf((float)d));
         k->gemm(out + m * E, E, w.p, w.ld, 1, w.v, n, d, T, 0);
     }

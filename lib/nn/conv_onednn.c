@@ -60,7 +60,9 @@ static dnnl_primitive_attr_t conv_onednn_attributes(const struct conv *c,
         [ACT_RELU] = dnnl_eltwise_relu, [ACT_LRELU] = dnnl_eltwise_relu,
         [ACT_HARDSWISH] = dnnl_eltwise_hardswish,
         [ACT_SIGMOID] = dnnl_eltwise_logistic, [ACT_TANH] = dnnl_eltwise_tanh,
-        [ACT_GELU] = dnnl_eltwise_gelu_erf
+        [ACT_GELU] = dnnl_eltwise_gelu_erf,
+        [ACT_GELU_TANH] = dnnl_eltwise_gelu_tanh,
+        [ACT_SILU] = dnnl_eltwise_swish
     };
     dnnl_primitive_attr_t attr;
     dnnl_post_ops_t post;
@@ -79,7 +81,8 @@ static dnnl_primitive_attr_t conv_onednn_attributes(const struct conv *c,
         dnnl_post_ops_append_sum(post, 1.0f);
     if (c->act != ACT_NONE)
         dnnl_post_ops_append_eltwise(post, 1.0f, alg[c->act],
-                                     c->act == ACT_LRELU ? ACT_SLOPE : 0, 0);
+                                     c->act == ACT_LRELU ? ACT_SLOPE
+                                     : c->act == ACT_SILU ? 1 : 0, 0);
     dnnl_primitive_attr_set_post_ops(attr, post);
     dnnl_post_ops_destroy(post);
     return attr;

@@ -249,8 +249,9 @@ int graph_act(struct graph *g, int x, enum nn_act act)
 
     if (act == ACT_NONE)
         return x;
-    if (act == ACT_GELU) {
-        graph_fail(g, EX_CONFIG, "GELU is no ONNX operator of this opset");
+    if (act >= ACT_GELU) {
+        graph_fail(g, EX_CONFIG, "the activation is no ONNX operator of this "
+                   "opset");
         return x;
     }
     x = GRAPH_NODE(g, op[act], x);

@@ -67,6 +67,11 @@ static inline __attribute__((always_inline)) float math_act(float x, int act)
         return math_tanh(x);
     case ACT_GELU:
         return 0.5f * x * (1.0f + erff(x * 0.70710678f));
+    case ACT_GELU_TANH:
+        return x * math_sigmoid(x * ((float)ACT_GELU_A +
+                                     (float)ACT_GELU_B * x * x));
+    case ACT_SILU:
+        return x * math_sigmoid(x);
     default:
         return x;
     }
@@ -99,6 +104,15 @@ static inline __attribute__((always_inline)) float math_slope(float x, int act)
     case ACT_GELU:
         return 0.5f * (1.0f + erff(x * 0.70710678f)) +
                x * 0.39894228f * math_exp(-0.5f * x * x);
+    case ACT_GELU_TANH: {
+        const float a = (float)ACT_GELU_A, b = (float)ACT_GELU_B;
+        float y = math_sigmoid(x * (a + b * x * x));
+        return y + x * y * (1.0f - y) * (a + 3.0f * b * x * x);
+    }
+    case ACT_SILU: {
+        float y = math_sigmoid(x);
+        return y + x * y * (1.0f - y);
+    }
     default:
         return 1.0f;
     }
@@ -133,6 +147,8 @@ static inline __attribute__((always_inline)) float math_slope_out(float y,
     case ACT_SIGMOID: LOOP(ACT_SIGMOID) break;                               \
     case ACT_TANH: LOOP(ACT_TANH) break;                                     \
     case ACT_GELU: LOOP(ACT_GELU) break;                                     \
+    case ACT_GELU_TANH: LOOP(ACT_GELU_TANH) break;                           \
+    case ACT_SILU: LOOP(ACT_SILU) break;                                     \
     }
 
 #endif

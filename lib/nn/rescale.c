@@ -1,5 +1,5 @@
 /* Resizing by a sparse matrix per axis, and its transpose for the backward:
- * bilinear, antialiased, and Keys' bicubic. */
+ * bilinear, antialiased, Keys' bicubic, and means of areas. */
 #include "lib/nn/rescale.h"
 
 #include <math.h>
@@ -17,30 +17,43 @@ struct rescale_taps {
     double weight[RESCALE_TAPS];
 };
 
-/* Keys' cubic convolution kernel, A = -0.75, at distance t. */
-static double rescale_cubic(double t)
+/* Keys' cubic convolution kernel at distance t. */
+static double rescale_cubic(double A, double t)
 {
-    double A = -0.75, x = fabs(t);
+    double x = fabs(t);
 
     if (x <= 1)
         return ((A + 2) * x - (A + 3)) * x * x + 1;
     return x < 2 ? ((A * x - 5 * A) * x + 8 * A) * x - 4 * A : 0;
 }
 
-/* A triangle as wide as an output pixel, cut at the borders and normalised. */
-static void rescale_antialias(struct rescale_taps *t, size_t n, double scale,
-                              size_t o)
+/* How much of input j output pixel o covers, of inputs. */
+static double rescale_overlap(long j, double scale, size_t o)
 {
-    double support = scale > 1 ? scale : 1, sum = 0;
-    double c = scale * ((double)o + 0.5);
+    const double from = scale * (double)o, to = from + scale;
+
+    return fmin((double)j + 1, to) - fmax((double)j, from);
+}
+
+/* A triangle or cubic as wide as an output pixel, or that pixel itself, cut at
+ * the borders and normalised. */
+static void rescale_antialias(struct rescale_taps *t, enum rescale_mode mode,
+                              size_t n, double scale, size_t o)
+{
+    const double unit = scale > 1 ? scale : 1;
+    double support = mode == RESCALE_BICUBIC_ANTIALIAS ? 2 * unit : unit;
+    double c = scale * ((double)o + 0.5), sum = 0;
     long lo = (long)(c - support + 0.5), hi = (long)(c + support + 0.5);
 
     lo = lo < 0 ? 0 : lo;
     hi = hi > (long)n ? (long)n : hi;
     for (long j = lo; j < hi && t->n < RESCALE_TAPS; j++) {
-        double w = 1 - fabs(((double)j - c + 0.5) / support);
+        const double at = ((double)j - c + 0.5) / unit;
+        double w = mode == RESCALE_AREA ? rescale_overlap(j, scale, o)
+                 : mode == RESCALE_ANTIALIAS ? 1 - fabs(at)
+                                             : rescale_cubic(-0.5, at);
 
-        if (w <= 0)
+        if (mode != RESCALE_BICUBIC_ANTIALIAS && w <= 0)
             continue;
         t->index[t->n] = j;
         t->weight[t->n++] = w;
@@ -55,8 +68,9 @@ static void rescale_find_taps(struct rescale_taps *t, enum rescale_mode mode,
                               size_t n, size_t m, double scale, size_t o)
 {
     t->n = 0;
-    if (mode == RESCALE_ANTIALIAS) {
-        rescale_antialias(t, n, scale, o);
+    if (mode == RESCALE_ANTIALIAS || mode == RESCALE_BICUBIC_ANTIALIAS ||
+        mode == RESCALE_AREA) {
+        rescale_antialias(t, mode, n, scale, o);
         return;
     }
     double src = ((double)o + 0.5) * scale - 0.5;
@@ -69,7 +83,7 @@ static void rescale_find_taps(struct rescale_taps *t, enum rescale_mode mode,
     int lo = mode == RESCALE_BICUBIC ? -1 : 0;
     int hi = mode == RESCALE_BICUBIC ? 2 : 1;
     for (int k = lo; k <= hi; k++) {
-        double w = mode == RESCALE_BICUBIC ? rescale_cubic(f - k)
+        double w = mode == RESCALE_BICUBIC ? rescale_cubic(-0.75, f - k)
                    : k ? f : 1 - f;
 
         t->index[t->n] = i0 + k;

@@ -11,7 +11,9 @@ enum rescale_mode {
     RESCALE_BILINEAR,    /* align_corners=false: src = (dst+0.5) n/m - 0.5 */
     RESCALE_ALIGNED,     /* align_corners=true: src = dst (n-1)/(m-1) */
     RESCALE_ANTIALIAS,   /* triangle as wide as an output pixel */
-    RESCALE_BICUBIC      /* A = -0.75, borders clamped, no antialias */
+    RESCALE_BICUBIC,     /* A = -0.75, borders clamped, no antialias */
+    RESCALE_BICUBIC_ANTIALIAS,  /* A = -0.5, as wide as RESCALE_ANTIALIAS's */
+    RESCALE_AREA         /* means of what an output pixel covers */
 };
 
 /* out[o] = sum_k weight[o][k] in[first[o]+k], and the same transposed:

@@ -71,7 +71,7 @@ J
     one_line
     echo '{"system": "flying"}' >odd.json
     status 78 spid-import raw.safetensors --as gagavatar --config odd.json -o x.safetensors
-    has 'odd.json: configuration: system is "flying" (expected "spid" or "gagavatar")'
+    has 'odd.json: configuration: system is "flying" (expected "spid", "gagavatar" or "lam")'
     one_line
     [ ! -e x.safetensors ] && [ ! -e x.y4m ]
 }

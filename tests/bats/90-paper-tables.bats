@@ -11,6 +11,7 @@ load helper
     status 0 env CLIP_FRAMES=2 PEOPLE=1 FRAMES=6 BENCH=0.2 "$TOP/examples/paper.sh" out clip1.mp4 clip2.mp4
     has "lpips: not run: needs weights (--lpips)"
     has "GAGAvatar: not run: needs its checkpoint"
+    has "LAM: not run: needs its checkpoint"
     # the paper's columns in its order, SpiD* and SpiD, whence each row is
     for n in 1 2; do
         [ "$(cut -f 1 out/table$n.tsv | grep -c '^SpiD')" = 2 ]

@@ -98,7 +98,7 @@ static void run_dino_base(struct golden *g)
     struct params ps;
     struct golden_weights w;
     struct error err = { 0 };
-    struct dinov2_config vit = { 96, 4, 3, 14, 37, 4 };
+    struct dinov2_config vit = { 96, 4, 3, 14, 37, 4, 0, false };
     cJSON *shape = golden_json(g, "input_shape");
     cJSON *sizes = golden_json(g, "output_sizes");
     size_t h = (size_t)cJSON_GetArrayItem(shape, 2)->valuedouble;

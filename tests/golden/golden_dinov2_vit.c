@@ -99,7 +99,7 @@ static void run_dinov2_vit(struct golden *g)
     struct params ps;
     struct golden_weights w;
     struct error err = { 0 };
-    struct dinov2_config config = { EMBED, 4, 3, 14, 37, 4 };
+    struct dinov2_config config = { EMBED, 4, 3, 14, 37, 4, 0, false };
     size_t in[4];
 
     golden_input_shape(in, g);

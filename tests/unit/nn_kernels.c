@@ -45,6 +45,11 @@ CASE(act_hardswish, k->act_forward(out[0], in[0], ACT_HARDSWISH, n))
 CASE(act_sigmoid, k->act_forward(out[0], in[0], ACT_SIGMOID, n))
 CASE(act_tanh, k->act_forward(out[0], in[0], ACT_TANH, n))
 CASE(act_gelu, k->act_forward(out[0], in[0], ACT_GELU, n))
+CASE(act_gelu_tanh, k->act_forward(out[0], in[0], ACT_GELU_TANH, n))
+CASE(act_silu, k->act_forward(out[0], in[0], ACT_SILU, n))
+CASE(act_silu_backward, k->act_backward(out[0], in[0], in[1], ACT_SILU, n))
+CASE(act_gelu_tanh_backward,
+     k->act_backward(out[0], in[0], in[1], ACT_GELU_TANH, n))
 CASE(act_backward, k->act_backward(out[0], in[0], in[1], ACT_HARDSWISH, n))
 CASE(act_backward_out,
      k->act_backward_out(out[0], in[0], in[1], ACT_LRELU, n))
@@ -123,7 +128,11 @@ static const struct kernel_case {
     { #name, run_##name, rows, C, repeat, tolerance }
     ROW(act_relu, 1021, 40, 20, 0), ROW(act_hardswish, 1021, 40, 20, 1e-6),
     ROW(act_sigmoid, 1021, 40, 10, 1e-6), ROW(act_tanh, 1021, 40, 10, 1e-6),
-    ROW(act_gelu, 1021, 40, 1, 1e-6), ROW(act_backward, 1021, 40, 20, 1e-6),
+    ROW(act_gelu, 1021, 40, 1, 1e-6),
+    ROW(act_gelu_tanh, 1021, 40, 20, 1e-6), ROW(act_silu, 1021, 40, 20, 1e-6),
+    ROW(act_gelu_tanh_backward, 1021, 40, 20, 1e-6),
+    ROW(act_silu_backward, 1021, 40, 20, 1e-6),
+    ROW(act_backward, 1021, 40, 20, 1e-6),
     ROW(act_backward_out, 1021, 40, 20, 0), ROW(act_sums, 512, 96, 10, 1e-5),
     ROW(norm_sums, 512, 24, 10, 1e-5), ROW(norm_sums, 512, 96, 10, 1e-5),
     ROW(norm_apply, 512, 40, 10, 1e-5),

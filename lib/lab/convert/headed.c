@@ -11,6 +11,7 @@
 #include <sysexits.h>
 
 #include "lib/lab/convert/table.h"
+#include "lib/lab/head/subdivide.h"
 #include "lib/net/motion_encoder.h"
 #include "lib/net/shape_encoder.h"
 
@@ -42,6 +43,8 @@ int headed_open(struct headed *h, const char *model, const char *from,
         return -1;
     if (model_check_head(&h->model.config, &h->from, err))
         return error_prefix(err, "%s", from);
+    if (subdivide_extends(&h->to, &h->from))
+        return 0;
     h->moves = true;
     return head_map_init(&h->map, &h->from, &h->to, MOTION_JAW - MOTION_EXP,
                          SHAPE_ENCODER_OUT, err);

@@ -19,8 +19,8 @@
 
 /* The transformers that a file may hold, by the width of their tokens. */
 static const struct dinov2_config transformers[] = {
-    {384, 12, 6, 14, 37, 4},        /* vits14 */
-    {768, 12, 12, 14, 37, 4},       /* vitb14 */
+    {384, 12, 6, 14, DINOV2_GRID, 4, 0, false},         /* vits14 */
+    {768, 12, 12, 14, DINOV2_GRID, 4, 0, false},        /* vitb14 */
 };
 
 /* Behind the names that the backbone has in a model file. */

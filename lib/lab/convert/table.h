@@ -48,7 +48,7 @@ void convert_set_meta(struct convert *c, const char *key, const char *value);
 typedef int convert_kind(struct convert *c, const struct convert_options *o,
                          struct error *err);
 convert_kind convert_flame, convert_dinov2, convert_smirk, convert_gagavatar,
-    convert_lpips, convert_arcface, convert_musiq, convert_squeezenet,
-    convert_fan, convert_model;
+    convert_lam, convert_lpips, convert_arcface, convert_musiq,
+    convert_squeezenet, convert_fan, convert_model;
 
 #endif

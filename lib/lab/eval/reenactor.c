@@ -98,7 +98,7 @@ static int reenactor_shape(struct reenactor *r, const struct data_frame *f,
                                     (void *)f, err))
         return -1;
     memcpy(p->shape, truth ? r->beta : beta, p->nshape * sizeof *p->shape);
-    return person_fold(&r->id, r->head, p, err);
+    return 0;
 }
 
 /* Pipelines of the baked source: the refined picture, the coarse one, and
@@ -148,6 +148,7 @@ int reenactor_source(struct reenactor *r, const struct data_frame *f,
                          (void *)f, err) ||
            baker_bake(&r->baker, r->verts, p, err) ||
            baker_copy(&r->baked, &r->baker, true, err) ||
+           person_fold(&r->id, r->head, p, err) ||
            texture_init(&r->texture, p->rgb, p->matte, p->back, p->size,
                         err) ||
            reenactor_open_pipelines(r, err) ? -1 : 0;

@@ -28,7 +28,7 @@ static int face_open(void)
 }
 
 /* The Gaussians of the person, given to the worker as the page reads them. */
-static int face_bake(const struct person *p)
+static int face_bake(struct person *p)
 {
     struct identity id = {0};
     struct page page;
