@@ -118,14 +118,6 @@ int avatar_plan(struct avatar *a, struct nn_options opt, struct error *err)
     return rc;
 }
 
-void avatar_update(struct avatar *a)
-{
-    backbone_update(&a->backbone);
-    static_branch_update(&a->plane);
-    mouth_branch_update(&a->mouth);
-    dynamic_branch_update(&a->dynamic);
-}
-
 void avatar_release(struct avatar *a)
 {
     free(a->block);

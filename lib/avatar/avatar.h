@@ -120,8 +120,6 @@ void avatar_init_weights(struct avatar *a);
 /* Buffers for one source picture at the configured sizes, for inference or for
  * training.  EX_OSERR; what was allocated waits for avatar_release. */
 int avatar_plan(struct avatar *a, struct nn_options opt, struct error *err);
-/* The weights in ps changed: after every optimiser step. */
-void avatar_update(struct avatar *a);
 /* Free what _init and _plan allocated; zeroed then.  ps and head stay. */
 void avatar_release(struct avatar *a);
 

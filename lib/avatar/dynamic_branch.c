@@ -118,11 +118,6 @@ int dynamic_branch_plan(struct dynamic_branch *b, size_t points,
     return mlp_decoder_plan(&b->decoder, 1, points, opt, err);
 }
 
-void dynamic_branch_update(struct dynamic_branch *b)
-{
-    mlp_decoder_update(&b->decoder);
-}
-
 void dynamic_branch_release(struct dynamic_branch *b)
 {
     mlp_decoder_release(&b->decoder);

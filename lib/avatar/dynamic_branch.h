@@ -81,8 +81,6 @@ void dynamic_branch_init_weights(struct params *ps,
 /* points: how many the decoder computes, V + E or V. */
 int dynamic_branch_plan(struct dynamic_branch *b, size_t points,
                         struct nn_options opt, struct error *err);
-/* The weights in ps changed. */
-void dynamic_branch_update(struct dynamic_branch *b);
 /* Free what it holds; zeroed then. */
 void dynamic_branch_release(struct dynamic_branch *b);
 

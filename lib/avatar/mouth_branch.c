@@ -119,11 +119,6 @@ int mouth_branch_plan(struct mouth_branch *b, struct nn_options opt,
     return conv_decoder_plan(&b->decoder, 1, b->K, b->K, opt, err);
 }
 
-void mouth_branch_update(struct mouth_branch *b)
-{
-    conv_decoder_update(&b->decoder);
-}
-
 void mouth_branch_release(struct mouth_branch *b)
 {
     conv_decoder_release(&b->decoder);

@@ -65,8 +65,6 @@ void mouth_branch_init_weights(struct params *ps,
 /* Buffers for the configured K x K sheet. */
 int mouth_branch_plan(struct mouth_branch *b, struct nn_options opt,
                       struct error *err);
-/* The weights in ps changed. */
-void mouth_branch_update(struct mouth_branch *b);
 /* Free what it holds; zeroed then. */
 void mouth_branch_release(struct mouth_branch *b);
 

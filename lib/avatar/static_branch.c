@@ -95,13 +95,6 @@ int static_branch_plan(struct static_branch *b, struct nn_options opt,
            nn_plan_finish(&b->rows, err) ? -1 : 0;
 }
 
-void static_branch_update(struct static_branch *b)
-{
-    if (b->init.width)
-        plane_init_update(&b->init);
-    conv_decoder_update(&b->decoder);
-}
-
 void static_branch_release(struct static_branch *b)
 {
     plane_init_release(&b->init);

@@ -71,8 +71,6 @@ void static_branch_init_weights(struct params *ps,
 /* Buffers for the configured n x n plane. */
 int static_branch_plan(struct static_branch *b, struct nn_options opt,
                        struct error *err);
-/* The weights in ps changed. */
-void static_branch_update(struct static_branch *b);
 /* Free what it holds; zeroed then. */
 void static_branch_release(struct static_branch *b);
 

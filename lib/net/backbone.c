@@ -62,14 +62,6 @@ int backbone_plan(struct backbone *b, size_t batch, size_t input,
                           b->config.size, opt, err);
 }
 
-void backbone_update(struct backbone *b)
-{
-    if (backbone_is_small(b))
-        small_backbone_update(&b->impl->small);
-    else
-        dino_base_update(&b->impl->dino);
-}
-
 void backbone_release(struct backbone *b)
 {
     if (!b->impl)

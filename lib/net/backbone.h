@@ -36,8 +36,6 @@ int backbone_init(struct backbone *b, struct params *ps, const char *prefix,
 /* input is the source picture's side in pixels (512). */
 int backbone_plan(struct backbone *b, size_t batch, size_t input,
                   struct nn_options opt, struct error *err);
-/* The weights in ps changed. */
-void backbone_update(struct backbone *b);
 /* Free what _init and _plan allocated; zeroed then. */
 void backbone_release(struct backbone *b);
 

@@ -153,11 +153,6 @@ int conv_decoder_plan(struct conv_decoder *d, size_t batch, size_t height,
     return nn_plan_finish(p, err);
 }
 
-void conv_decoder_update(struct conv_decoder *d)
-{
-    nn_plan_update(&d->impl->plan);
-}
-
 void conv_decoder_release(struct conv_decoder *d)
 {
     if (!d->impl)

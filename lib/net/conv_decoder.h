@@ -27,8 +27,6 @@ int conv_decoder_init(struct conv_decoder *d, struct params *ps,
 /* For features of height x width. */
 int conv_decoder_plan(struct conv_decoder *d, size_t batch, size_t height,
                       size_t width, struct nn_options opt, struct error *err);
-/* The weights in ps changed. */
-void conv_decoder_update(struct conv_decoder *d);
 /* Free what _init and _plan allocated; zeroed then. */
 void conv_decoder_release(struct conv_decoder *d);
 

@@ -211,11 +211,6 @@ int dino_base_plan(struct dino_base *d, size_t batch, size_t input_h,
     return nn_plan_finish(p, err);
 }
 
-void dino_base_update(struct dino_base *d)
-{
-    nn_plan_update(&d->plan);
-}
-
 void dino_base_release(struct dino_base *d)
 {
     dinov2_release(&d->vit);

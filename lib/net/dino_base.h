@@ -61,8 +61,6 @@ int dino_base_init(struct dino_base *d, struct params *ps, const char *prefix,
 int dino_base_plan(struct dino_base *d, size_t batch, size_t input_h,
                    size_t input_w, size_t h, size_t w, size_t size,
                    struct nn_options opt, struct error *err);
-/* The weights in ps changed. */
-void dino_base_update(struct dino_base *d);
 /* Free what _init and _plan allocated; zeroed then. */
 void dino_base_release(struct dino_base *d);
 /* features (B,size,size,out) of rgb (B,input_h,input_w,3) in [0,1]. */

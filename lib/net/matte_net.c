@@ -25,11 +25,6 @@ int matte_net_plan(struct matte_net *m, size_t batch, struct nn_options opt,
     return nn_plan_finish(&m->net.plan, err);
 }
 
-void matte_net_update(struct matte_net *m)
-{
-    small_backbone_update(&m->net);
-}
-
 void matte_net_release(struct matte_net *m)
 {
     small_backbone_release(&m->net);

@@ -24,8 +24,6 @@ void matte_net_init(struct matte_net *m, struct params *ps,
 /* For `batch` pictures at a time. */
 int matte_net_plan(struct matte_net *m, size_t batch, struct nn_options opt,
                    struct error *err);
-/* The weights in ps changed. */
-void matte_net_update(struct matte_net *m);
 /* Free what _init and _plan allocated; zeroed then. */
 void matte_net_release(struct matte_net *m);
 

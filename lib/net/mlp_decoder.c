@@ -150,11 +150,6 @@ int mlp_decoder_plan(struct mlp_decoder *d, size_t batch, size_t points,
     return nn_plan_finish(p, err);
 }
 
-void mlp_decoder_update(struct mlp_decoder *d)
-{
-    nn_plan_update(&d->impl->plan);
-}
-
 void mlp_decoder_release(struct mlp_decoder *d)
 {
     if (!d->impl)

@@ -29,8 +29,6 @@ int mlp_decoder_init(struct mlp_decoder *d, struct params *ps,
 /* For batch items of `points` rows each. */
 int mlp_decoder_plan(struct mlp_decoder *d, size_t batch, size_t points,
                      struct nn_options opt, struct error *err);
-/* The weights in ps changed. */
-void mlp_decoder_update(struct mlp_decoder *d);
 /* Free what _init and _plan allocated; zeroed then. */
 void mlp_decoder_release(struct mlp_decoder *d);
 

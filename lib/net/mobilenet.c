@@ -339,11 +339,6 @@ int mobilenet_plan(struct mobilenet *m, size_t batch, size_t height,
     return nn_plan_finish(p, err);
 }
 
-void mobilenet_update(struct mobilenet *m)
-{
-    nn_plan_update(&m->impl->plan);
-}
-
 /* ---- one pass -------------------------------------------------------------
  */
 

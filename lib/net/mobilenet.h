@@ -28,8 +28,6 @@ int mobilenet_copy(struct mobilenet *m, const struct mobilenet *of,
 /* Pictures of height x width. */
 int mobilenet_plan(struct mobilenet *m, size_t batch, size_t height,
                    size_t width, struct nn_options opt, struct error *err);
-/* The weights in ps changed. */
-void mobilenet_update(struct mobilenet *m);
 /* Free what _init and _plan allocated; zeroed then. */
 void mobilenet_release(struct mobilenet *m);
 

@@ -93,13 +93,6 @@ int motion_encoder_plan(struct motion_encoder *m, size_t batch,
     return mobilenet_plan(&m->net, m->apart ? 1 : batch, S, S, opt, err);
 }
 
-void motion_encoder_update(struct motion_encoder *m)
-{
-    mobilenet_update(&m->net);
-    if (m->apart)
-        mobilenet_update(&m->second);
-}
-
 void motion_encoder_release(struct motion_encoder *m)
 {
     mobilenet_release(&m->net);

@@ -60,8 +60,6 @@ void motion_encoder_init_weights(struct motion_encoder *m);
 /* For `batch` face crops. */
 int motion_encoder_plan(struct motion_encoder *m, size_t batch,
                         struct nn_options opt, struct error *err);
-/* The weights in ps changed. */
-void motion_encoder_update(struct motion_encoder *m);
 /* Free what _init and _plan allocated; zeroed then. */
 void motion_encoder_release(struct motion_encoder *m);
 

@@ -246,11 +246,6 @@ int narrow_refiner_plan(struct narrow_refiner *r, size_t batch, size_t h,
     return nn_plan_finish(&r->plan, err);
 }
 
-void narrow_refiner_update(struct narrow_refiner *r)
-{
-    nn_plan_update(&r->plan);
-}
-
 void narrow_refiner_turn(struct narrow_refiner *r,
                          const float turn[RELATIVE_POSE_SIZE])
 {

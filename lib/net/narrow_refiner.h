@@ -66,8 +66,6 @@ void narrow_refiner_init(struct narrow_refiner *r, struct params *ps,
 /* Feature images of h x w pixels, multiples of 32. */
 int narrow_refiner_plan(struct narrow_refiner *r, size_t batch, size_t h,
                         size_t w, struct nn_options opt, struct error *err);
-/* The weights in ps changed. */
-void narrow_refiner_update(struct narrow_refiner *r);
 /* Free what _init and _plan allocated; zeroed then. */
 void narrow_refiner_release(struct narrow_refiner *r);
 /* rgb (B,h,w,3) from feat (B,h,w,channels), not clamped; with photos also from

@@ -72,11 +72,6 @@ int plane_init_plan(struct plane_init *p, size_t batch, size_t height,
     return nn_plan_finish(pl, err);
 }
 
-void plane_init_update(struct plane_init *p)
-{
-    nn_plan_update(&p->impl->plan);
-}
-
 void plane_init_release(struct plane_init *p)
 {
     if (!p->impl)

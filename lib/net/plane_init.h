@@ -27,8 +27,6 @@ int plane_init_init(struct plane_init *p, struct params *ps,
 /* Inputs of height x width cells. */
 int plane_init_plan(struct plane_init *p, size_t batch, size_t height,
                     size_t width, struct nn_options opt, struct error *err);
-/* The weights in ps changed. */
-void plane_init_update(struct plane_init *p);
 /* Free what _init and _plan allocated; zeroed then. */
 void plane_init_release(struct plane_init *p);
 

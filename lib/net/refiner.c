@@ -57,14 +57,6 @@ int refiner_plan(struct refiner *r, size_t batch, size_t height, size_t width,
     return style_unet_plan(&r->impl->unet, batch, opt, err);
 }
 
-void refiner_update(struct refiner *r)
-{
-    if (refiner_is_narrow(r))
-        narrow_refiner_update(&r->impl->narrow);
-    else
-        style_unet_update(&r->impl->unet);
-}
-
 void refiner_release(struct refiner *r)
 {
     if (!r->impl)

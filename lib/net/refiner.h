@@ -38,8 +38,6 @@ int refiner_init(struct refiner *r, struct params *ps, const char *prefix,
 /* NARROW: height and width multiples of 32.  STYLE_UNET: config's size. */
 int refiner_plan(struct refiner *r, size_t batch, size_t height, size_t width,
                  struct nn_options opt, struct error *err);
-/* The weights in ps changed. */
-void refiner_update(struct refiner *r);
 /* Free what _init and _plan allocated; zeroed then. */
 void refiner_release(struct refiner *r);
 

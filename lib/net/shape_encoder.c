@@ -36,11 +36,6 @@ int shape_encoder_plan(struct shape_encoder *s, size_t batch,
     return mobilenet_plan(&s->net, batch, S, S, opt, err);
 }
 
-void shape_encoder_update(struct shape_encoder *s)
-{
-    mobilenet_update(&s->net);
-}
-
 void shape_encoder_release(struct shape_encoder *s)
 {
     mobilenet_release(&s->net);

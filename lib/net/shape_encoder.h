@@ -26,8 +26,6 @@ int shape_encoder_init(struct shape_encoder *s, struct params *ps,
 /* For `batch` face crops. */
 int shape_encoder_plan(struct shape_encoder *s, size_t batch,
                        struct nn_options opt, struct error *err);
-/* The weights in ps changed. */
-void shape_encoder_update(struct shape_encoder *s);
 /* Free what _init and _plan allocated; zeroed then. */
 void shape_encoder_release(struct shape_encoder *s);
 

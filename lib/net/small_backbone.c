@@ -115,11 +115,6 @@ int small_backbone_plan(struct small_backbone *s, size_t batch, size_t input,
     return nn_plan_finish(p, err);
 }
 
-void small_backbone_update(struct small_backbone *s)
-{
-    nn_plan_update(&s->plan);
-}
-
 void small_backbone_release(struct small_backbone *s)
 {
     nn_plan_release(&s->plan);

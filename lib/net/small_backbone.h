@@ -31,8 +31,6 @@ void small_backbone_init(struct small_backbone *s, struct params *ps,
 /* Pictures of input x input pixels. */
 int small_backbone_plan(struct small_backbone *s, size_t batch, size_t input,
                         struct nn_options opt, struct error *err);
-/* The weights in ps changed. */
-void small_backbone_update(struct small_backbone *s);
 /* Free what _init and _plan allocated; zeroed then. */
 void small_backbone_release(struct small_backbone *s);
 /* features (B,size,size,features) from rgb (B,input,input,3) in [0,1]. */

@@ -263,11 +263,6 @@ int style_unet_plan(struct style_unet *s, size_t batch, struct nn_options opt,
     return nn_plan_finish(&s->plan, err);
 }
 
-void style_unet_update(struct style_unet *s)
-{
-    nn_plan_update(&s->plan);
-}
-
 void style_unet_release(struct style_unet *s)
 {
     nn_plan_release(&s->plan);

@@ -52,8 +52,6 @@ size_t style_unet_width(const struct style_unet *s, size_t side);
 /* For `batch` feature images of in_size. */
 int style_unet_plan(struct style_unet *s, size_t batch, struct nn_options opt,
                     struct error *err);
-/* The weights in ps changed. */
-void style_unet_update(struct style_unet *s);
 /* Free what _init and _plan allocated; zeroed then. */
 void style_unet_release(struct style_unet *s);
 /* image (B,out,out,3) = sigmoid of s's last rgb, from feat (B,in,in,C). */

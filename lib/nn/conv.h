@@ -74,7 +74,7 @@ void conv_plan(struct conv *c, struct nn_plan *p, size_t batch, size_t h,
                size_t w);
 /* A linear layer on `rows` rows. */
 void linear_plan(struct conv *c, struct nn_plan *p, size_t rows);
-/* This layer's weights changed; nn_plan_update does it for all of a plan's. */
+/* This layer's weights changed; nn_plans_update does it for all. */
 void conv_update(struct conv *c);
 
 /* out (B,oh,ow,out) = act(conv(in (B,h,w,in_data))); floats, or what half_in

@@ -4,9 +4,8 @@
  *   X_init(&x, ps, prefix, ...)   declares its tensors in ps (before
  *                                 params_allocate); keeps the pointer ps
  *   X_plan(&x, sizes, opt, err)   after params_allocate: buffers, primitives
- *   X_update(&x)                  the weights in ps changed: fold and reorder
- *                                 (X_plan calls it once; a trainer calls it
- *                                 after every optimiser step)
+ *                                 with the weights in ps folded in; when these
+ *                                 change: nn_plans_update (plan.h)
  *   X_forward(out, in, &x)        one pass; never allocates, cannot fail
  *   X_backward(din, dout, &x)     after a forward planned for training: adds
  *                                 to the gradients in ps->g, writes din (not

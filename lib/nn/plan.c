@@ -148,6 +148,54 @@ void nn_pool_release(struct nn_pool *pool)
     memset(pool, 0, sizeof *pool);
 }
 
+/* ---- lists of plans ---------------------------------------------------- */
+
+static _Thread_local struct nn_plans *plans_in_use;
+
+void nn_plans_use(struct nn_plans *plans)
+{
+    plans_in_use = plans;
+}
+
+/* A plan may begin anew. */
+static void nn_plans_add(struct nn_plans *all, struct nn_plan *p)
+{
+    struct nn_plan **grown = list_grow(all->plan, &all->room, all->count,
+                                       sizeof *grown);
+    size_t i = 0;
+
+    if (!grown) {
+        nn_plan_fail(p, EX_OSERR, "out of memory");
+        return;
+    }
+    all->plan = grown;
+    while (i < all->count && grown[i] != p)
+        i++;
+    grown[i] = p;
+    all->count += i == all->count;
+}
+
+/* Every layer takes its weights. */
+static void nn_plan_update(struct nn_plan *p)
+{
+    for (size_t i = 0; i < p->layers; i++)
+        if (p->layer[i].update)
+            p->layer[i].update(p->layer[i].layer);
+}
+
+void nn_plans_update(const struct nn_plans *plans, bool loaded)
+{
+    for (size_t i = 0; i < plans->count; i++)
+        if (loaded || nn_plan_backward(plans->plan[i]))
+            nn_plan_update(plans->plan[i]);
+}
+
+void nn_plans_release(struct nn_plans *plans)
+{
+    free(plans->plan);
+    memset(plans, 0, sizeof *plans);
+}
+
 /* ---- plans ------------------------------------------------------------- */
 
 void nn_plan_init(struct nn_plan *p, struct nn_options opt)
@@ -158,6 +206,8 @@ void nn_plan_init(struct nn_plan *p, struct nn_options opt)
     if (opt.type != NN_F32 && opt.type != NN_BF16 && opt.mode != NN_INFER)
         nn_plan_fail(p, EX_SOFTWARE, "%s is for inference only",
                      nn_type_name(opt.type));
+    if (plans_in_use)
+        nn_plans_add(plans_in_use, p);
 }
 
 void nn_plan_release(struct nn_plan *p)
@@ -253,13 +303,6 @@ void nn_plan_layer(struct nn_plan *p, struct nn_layer l)
     if (l.release)
         l.release(l.layer);
     nn_plan_fail(p, EX_OSERR, "out of memory");
-}
-
-void nn_plan_update(struct nn_plan *p)
-{
-    for (size_t i = 0; i < p->layers; i++)
-        if (p->layer[i].update)
-            p->layer[i].update(p->layer[i].layer);
 }
 
 int nn_plan_finish(struct nn_plan *p, struct error *err)

@@ -59,6 +59,21 @@ void nn_pool_use(struct nn_pool *pool);
 /* Free what it holds; zeroed then. */
 void nn_pool_release(struct nn_pool *pool);
 
+/* The plans of networks whose weights change.  Zeroed: none. */
+struct nn_plans {
+    struct nn_plan **plan;
+    size_t count, room;
+};
+
+/* The plans that this thread begins from here on are listed there; NULL:
+ * nowhere. */
+void nn_plans_use(struct nn_plans *plans);
+/* The weights changed: layers fold and reorder them.  loaded: of all networks,
+ * else of those that learn, which are planned with a backward. */
+void nn_plans_update(const struct nn_plans *plans, bool loaded);
+/* Forget them; zeroed then. */
+void nn_plans_release(struct nn_plans *plans);
+
 /* An empty plan; NN_F32 or NN_BF16, unless NN_INFER. */
 void nn_plan_init(struct nn_plan *p, struct nn_options opt);
 /* Free all its buffers and what its layers hold; before these go. */
@@ -87,8 +102,6 @@ void nn_plan_layer(struct nn_plan *p, struct nn_layer l);
 /* All layers are planned: allocate the scratch and let them take their weights;
  * -1 with the first failure. */
 int nn_plan_finish(struct nn_plan *p, struct error *err);
-/* The weights in ps changed: every layer folds and reorders its own. */
-void nn_plan_update(struct nn_plan *p);
 
 /* Whether layers keep what their backward needs. */
 static inline bool nn_plan_backward(const struct nn_plan *p)

@@ -17,6 +17,8 @@
 #include "tests/unit/shipped_mouth.h"
 #include "tests/unit/sphere_head.h"
 
+static struct nn_plans plans;
+
 #define S 64
 
 struct world {
@@ -125,6 +127,7 @@ static void gradient_make(struct world *w, bool skip, unsigned without)
 static void gradient_release(struct world *w)
 {
     avatar_release(&w->a);
+    nn_plans_release(&plans);
     params_release(&w->ps);
     identity_release(&w->id);
     head_release(&w->head);
@@ -145,7 +148,7 @@ static double gradient_loss(struct world *w)
     double sum = 0;
     const float *p = w->probe;
 
-    avatar_update(&w->a);
+    nn_plans_update(&plans, true);
     avatar_bake(&w->a, &src);
     avatar_drive(w->means, &w->a, w->driven, w->frame);
     const struct gaussians *g = &w->a.set;
@@ -474,6 +477,7 @@ static void gradient_thin(void)
 
 int main(void)
 {
+    nn_plans_use(&plans);
     gradient_run(true, 0);
     gradient_thin();
     gradient_run(false, 0);

@@ -26,6 +26,8 @@ static void photo_fill(float *x, size_t n, const char *name, double size)
         x[i] = (float)(size * random_normal(&r));
 }
 
+static struct nn_plans plans;
+
 static void photo_make(struct refiner *r, struct params *ps, bool shown,
                        enum nn_mode mode)
 {
@@ -57,7 +59,7 @@ static double photo_loss(struct refiner *r)
 {
     double sum = 0;
 
-    refiner_update(r);
+    nn_plans_update(&plans, true);
     refiner_turn(r, turn);
     refiner_photo(r, photo);
     refiner_forward(rgb, feat, r);
@@ -117,6 +119,7 @@ static void photo_gradients(void)
     photo_along("photograph", photo, dphoto, PHOTO * N, &r);
     photo_along("features", feat, dfeat, C * N, &r);
     refiner_release(&r);
+    nn_plans_release(&plans);
     params_release(&ps);
 }
 
@@ -151,6 +154,7 @@ static void photo_held(enum nn_mode mode)
         check("no gradient beyond it", slope, 0);
     }
     refiner_release(&r);
+    nn_plans_release(&plans);
     params_release(&ps);
 }
 
@@ -184,7 +188,7 @@ static void begins_the_same(void)
     }
     photo_scale_rgb(&pa, SMALL);
     photo_scale_rgb(&pb, SMALL);
-    refiner_update(&a);
+    nn_plans_update(&plans, true);
     refiner_turn(&a, turn);
     refiner_forward(plain, feat, &a);
     photo_loss(&b);
@@ -197,12 +201,14 @@ static void begins_the_same(void)
     check_that("without config.photo no field", refiner_field(&a) == NULL);
     refiner_release(&a);
     refiner_release(&b);
+    nn_plans_release(&plans);
     params_release(&pa);
     params_release(&pb);
 }
 
 int main(void)
 {
+    nn_plans_use(&plans);
     photo_fill(feat, C * N, "features", 0.5);
     photo_fill(photo, PHOTO * N, "photograph", 0.5);
     photo_fill(probe, OUT, "probe", 1);

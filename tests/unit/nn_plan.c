@@ -81,6 +81,38 @@ static int plan_parts(void)
     return bad;
 }
 
+static void plan_count(void *times)
+{
+    ++*(int *)times;
+}
+
+/* Whether lists have the plans that began while they were in use, once, and
+ * those that do not learn are told of weights from a file alone. */
+static int plan_lists(void)
+{
+    const struct nn_options infer = {NN_INFER, NN_F32};
+    struct nn_plans all = {0};
+    struct nn_plan plan[3];
+    int told[3] = {0};
+
+    nn_plans_use(&all);
+    nn_plan_init(&plan[0], (struct nn_options){NN_TRAIN, NN_F32});
+    nn_plan_init(&plan[1], infer);
+    nn_plan_init(&plan[1], infer);
+    nn_plans_use(NULL);
+    nn_plan_init(&plan[2], infer);
+    for (int i = 0; i < 3; i++)
+        nn_plan_layer(&plan[i], (struct nn_layer){&told[i], plan_count, NULL});
+    nn_plans_update(&all, false);
+    nn_plans_update(&all, true);
+    nn_plans_release(&all);
+    for (int i = 0; i < 3; i++)
+        nn_plan_release(&plan[i]);
+    printf("updates of what learns, does not, is not listed: %d, %d, %d\n",
+           told[0], told[1], told[2]);
+    return told[0] != 2 || told[1] != 1 || told[2] != 0;
+}
+
 int main(void)
 {
     const struct nn_options opt = {NN_INFER, NN_F32};
@@ -102,5 +134,5 @@ int main(void)
     printf("maps that live at once: %s; maps of the next network: %s\n",
            overlap ? "overlap" : "apart",
            apart ? "memory of their own" : "parts of the first's");
-    return overlap || apart;
+    return plan_lists() || overlap || apart;
 }

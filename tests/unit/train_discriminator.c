@@ -13,6 +13,8 @@
 #include "lib/lab/train/discriminator.h"
 #include "tests/check.h"
 
+static struct nn_plans plans;
+
 #define S 64                    /* side of the pictures */
 #define N (3 * S * S)
 #define L DISCRIMINATOR_LAYERS
@@ -196,7 +198,7 @@ static void shake(struct discriminator *d)
         for (size_t k = 0; i + 1 == L && k < d->ps.tensor[c->weight].count; k++)
             param_w(&d->ps, c->weight)[k] *= 2;
     }
-    discriminator_update(d);
+    nn_plans_update(&plans, true);
 }
 
 /* The generator's loss and its gradient, within and outside of the window. */
@@ -337,6 +339,7 @@ int main(void)
     struct error err = {0};
     double terms[2] = {0};
 
+    nn_plans_use(&plans);
     check_error("init", !discriminator_init(&d, S, 11, &err), &err);
     shake(&d);
     smooth_picture(a, 0, 1);
@@ -358,5 +361,6 @@ int main(void)
     check("an empty face teaches", terms[0] + terms[1], 0);
     reference_release(&r);
     discriminator_release(&d);
+    nn_plans_release(&plans);
     return check_status();
 }

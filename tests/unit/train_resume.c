@@ -164,8 +164,7 @@ static void resume_nothing(struct task *t)
 static void check_guard(const char *data)
 {
     static const struct task_type type = {
-        .margin = 1.5, .release = resume_nothing, .pass = poison_pass,
-        .update = resume_nothing
+        .margin = 1.5, .release = resume_nothing, .pass = poison_pass
     };
     struct train_config c;
     struct task task = {.type = &type, .config = &c};

@@ -33,7 +33,7 @@ static double loss_of(struct task *t)
     struct error err = {0};
 
     memset(t->ps.g, 0, t->ps.total * sizeof *t->ps.g);
-    t->type->update(t);
+    nn_plans_update(&t->plans, true);
     if (t->type->pass(t, parts, 1, 0, &err)) {
         printf("%s\n", err.text);
         exit(1);

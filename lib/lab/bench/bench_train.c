@@ -49,7 +49,7 @@ static int bench_call_step(void *context, struct error *err)
         if (t->type->pass(t, parts, c->step, (size_t)k, err))
             return -1;
     adam_update(&c->adam, &t->ps, c->config.rate, adam_norm(&t->ps));
-    t->type->update(t);
+    nn_plans_update(&t->plans, false);
     c->step++;
     return 0;
 }

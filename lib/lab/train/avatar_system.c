@@ -120,13 +120,6 @@ int avatar_system_alignment(struct avatar_system *s, const char *path,
                           side < FAN_SIDE ? side : FAN_SIDE, err);
 }
 
-void avatar_system_update(struct avatar_system *s)
-{
-    avatar_update(&s->avatar);
-    if (s->config.has_refiner)
-        refiner_update(&s->refiner);
-}
-
 void avatar_system_release(struct avatar_system *s)
 {
     splat_release(&s->splat);

@@ -81,8 +81,6 @@ int avatar_system_perceptual(struct avatar_system *s, const char *path,
 /* And L_lmk by the network in this one. */
 int avatar_system_alignment(struct avatar_system *s, const char *path,
                             struct error *err);
-/* The weights changed. */
-void avatar_system_update(struct avatar_system *s);
 /* Free what it holds; zeroed then. */
 void avatar_system_release(struct avatar_system *s);
 

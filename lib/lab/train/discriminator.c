@@ -105,11 +105,6 @@ void discriminator_release(struct discriminator *d)
     memset(d, 0, sizeof *d);
 }
 
-void discriminator_update(struct discriminator *d)
-{
-    nn_plan_update(&d->plan);
-}
-
 /* ---- the window --------------------------------------------------------- */
 
 /* Where the window of `side` about [from, to) begins inside of n pixels. */

@@ -42,8 +42,6 @@ int discriminator_init(struct discriminator *d, size_t image, uint64_t seed,
                        struct error *err);
 /* Free what it holds; zeroed then. */
 void discriminator_release(struct discriminator *d);
-/* The weights in d->ps changed. */
-void discriminator_update(struct discriminator *d);
 
 /* weight * -mean verdict on what picture b (image,image,3), 0..1, shows about
  * the face; adds weight times the gradient to db.  d learns nothing.  An empty

@@ -112,4 +112,5 @@ int encoder_task_allocate_copy(struct encoder_task *e, const struct task *t,
 void encoder_task_copy(struct encoder_task *e, const struct task *t)
 {
     memcpy(e->copy.w, t->ps.w, t->ps.total * sizeof *t->ps.w);
+    nn_plans_update(&t->plans, true);
 }

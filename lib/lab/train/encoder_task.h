@@ -50,7 +50,7 @@ int encoder_task_fill(struct task *t, struct error *err);
 /* After the validation network was declared in copy: room for its weights. */
 int encoder_task_allocate_copy(struct encoder_task *e, const struct task *t,
                                struct error *err);
-/* copy = the task's weights as they are. */
+/* copy = the task's weights as they are, and all plans are told. */
 void encoder_task_copy(struct encoder_task *e, const struct task *t);
 
 #endif

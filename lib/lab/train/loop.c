@@ -171,13 +171,6 @@ static int loop_save(struct run *r, struct error *err)
     return rc;
 }
 
-/* The weights changed. */
-static void loop_update(struct loop *l)
-{
-    if (l->task->type->update)
-        l->task->type->update(l->task);
-}
-
 /* Figures of the averaged weights on people never trained on. */
 static int loop_validate(struct run *r, struct error *err)
 {
@@ -189,7 +182,7 @@ static int loop_validate(struct run *r, struct error *err)
     loop_swap_average(r);
     rc = l->task->type->validate(l->task, l->figures, err);
     loop_swap_average(r);
-    loop_update(l);
+    nn_plans_update(&l->task->plans, true);
     if (rc)
         return -1;
     fprintf(r->figures, "%" PRIu64, l->step);
@@ -215,7 +208,7 @@ static int loop_draw_sheet(struct run *r, struct error *err)
     loop_swap_average(r);
     rc = l->task->type->sheet(l->task, &sh, err);
     loop_swap_average(r);
-    loop_update(l);
+    nn_plans_update(&l->task->plans, true);
     if (!rc)
         return contact_sheet_save(&sh, path, err);
     contact_sheet_release(&sh);
@@ -349,7 +342,7 @@ static int loop_step(struct run *r, double *parts, double *loss, double *norm,
     adam_update(&r->adam, ps, train_rate(l->config, l->step), *norm);
     if (opponent && l->step >= l->task->opponent_from)
         adam_update(&r->opponent, opponent, l->task->opponent_rate, against);
-    loop_update(l);
+    nn_plans_update(&l->task->plans, false);
     return 0;
 }
 
@@ -467,7 +460,7 @@ static int loop_start(struct run *r, struct error *err)
             return -1;
     if (loop_start_adam(r, err) || loop_resume(r, err))
         return -1;
-    loop_update(l);
+    nn_plans_update(&l->task->plans, true);
     people = (uint64_t)l->config->pool;
     if (l->step)
         people += (uint64_t)((double)(l->step - 1) *

@@ -36,8 +36,12 @@ static int task_make(struct task *t, struct error *err)
     memcpy(t->figure_name, type->figure_name,
            (size_t)t->nfigures * sizeof *t->figure_name);
     t->impl = arena_take(&t->memory, 1, type->size);
-    return arena_check(&t->memory, "a task", err) || type->init(t, err) ? -1
-                                                                        : 0;
+    if (arena_check(&t->memory, "a task", err))
+        return -1;
+    nn_plans_use(&t->plans);
+    const int rc = type->init(t, err);
+    nn_plans_use(NULL);
+    return rc;
 }
 
 /* The configuration's "freeze", or what its "learn" leaves out; a prefix must
@@ -96,6 +100,7 @@ void task_release(struct task *t)
     if (t->impl)
         t->type->release(t);
     params_release(&t->ps);
+    nn_plans_release(&t->plans);
     arena_release(&t->memory);
     memset(t, 0, sizeof *t);
 }

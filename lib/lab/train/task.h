@@ -10,6 +10,7 @@
 #include "lib/base/error.h"
 #include "lib/head/head.h"
 #include "lib/nn/params.h"
+#include "lib/nn/plan.h"
 #include "lib/lab/train/config.h"
 #include "lib/lab/data/contact_sheet.h"
 #include "lib/lab/data/data.h"
@@ -33,8 +34,6 @@ struct task_type {
      * passes, and gradients to ps->g (and opponent->g) likewise. */
     int (*pass)(struct task *t, double *parts, uint64_t step, size_t micro,
                 struct error *err);
-    /* The weights changed; NULL: that asks for nothing. */
-    void (*update)(struct task *t);
     /* Figures on people never trained on: names in figure_name. */
     int (*validate)(struct task *t, double *figures, struct error *err);
     /* A contact sheet of what it does, released by the caller. */
@@ -51,6 +50,7 @@ struct task {
     const struct scenery *scenery;  /* without faces, for task_confidence;
                                      * NULL: none */
     struct params ps;
+    struct nn_plans plans;      /* that init made, of ps and *opponent */
     struct params *opponent;    /* of a network that learns against ps, with an
                                  * Adam of its own, from opponent_from on, and
                                  * that no model file has; NULL: none */

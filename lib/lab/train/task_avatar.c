@@ -196,18 +196,6 @@ static int avatar_task_pass(struct task *t, double *parts, uint64_t step,
     return rc;
 }
 
-/* After the weights changed. */
-static void avatar_task_update(struct task *t)
-{
-    struct impl *m = t->impl;
-
-    avatar_system_update(&m->tr);
-    if (t->opponent)
-        discriminator_update(&m->discriminator);
-    if (m->with_motion)
-        motion_encoder_update(&m->net);
-}
-
 /* ---- validation --------------------------------------------------------- */
 
 /* Interleaved to planar, clamped. */
@@ -331,7 +319,7 @@ static int avatar_task_validate(struct task *t, double *figures,
         goto out;
     memcpy(keep, t->ps.w, t->ps.total * sizeof *keep);
     memset(figures, 0, FIGURE_COUNT * sizeof *figures);
-    avatar_task_update(t);
+    nn_plans_update(&t->plans, true);
     for (size_t i = 0; i < t->nvalidation && !rc; i++)
         rc = avatar_task_validate_person(t, figures, &t->validation[i], tmp,
                                          err);
@@ -392,7 +380,7 @@ static int avatar_task_sheet(struct task *t, struct contact_sheet *sh,
         return error_set(err, EX_OSERR, "out of memory");
     }
     memcpy(keep, t->ps.w, t->ps.total * sizeof *keep);
-    avatar_task_update(t);
+    nn_plans_update(&t->plans, true);
     for (size_t i = 0; i < rows && !rc; i++)
         rc = avatar_task_sheet_row(sh, t, &t->validation[i], i, err);
     memcpy(t->ps.w, keep, t->ps.total * sizeof *keep);
@@ -454,7 +442,7 @@ static int avatar_task_config(struct avatar_config *model,
     return 0;
 }
 
-/* Plan the avatar, its losses' networks and E_m, whose weights are there. */
+/* Plan the avatar and E_m, whose weights are there, and the losses' networks. */
 static int avatar_task_plan(struct task *t, struct impl *m, struct error *err)
 {
     const struct train_config *c = t->config;
@@ -462,21 +450,21 @@ static int avatar_task_plan(struct task *t, struct impl *m, struct error *err)
     enum nn_type type = c->smooth ? NN_F32 : NN_BF16;
     struct nn_options train = {NN_TRAIN, type}, fixed = {NN_FROZEN, type};
 
-    if (avatar_system_plan(&m->tr, (size_t)c->image, 1, c->smooth, train,
-                           err) ||
-        (*c->perceptual_file &&
-         avatar_system_perceptual(&m->tr, c->perceptual_file, err)) ||
-        (*c->alignment_file &&
-         avatar_system_alignment(&m->tr, c->alignment_file, err)))
+    if (avatar_system_plan(&m->tr, (size_t)c->image, 1, c->smooth, train, err))
         return -1;
-    if (!m->with_motion)
-        return 0;
-    motion_encoder_init_weights(&m->net);
-    if (motion_encoder_plan(&m->net, (size_t)c->targets + 1, fixed, err) ||
-        motion_tta_init(&m->tta, &m->net, (size_t)c->targets + 1, t->head,
-                        strcmp(c->freeze, "motion.") == 0, false, err))
-        return -1;
-    return motion_loss_init(&m->loss, t->head, err);
+    if (m->with_motion) {
+        motion_encoder_init_weights(&m->net);
+        if (motion_encoder_plan(&m->net, (size_t)c->targets + 1, fixed, err) ||
+            motion_tta_init(&m->tta, &m->net, (size_t)c->targets + 1, t->head,
+                            strcmp(c->freeze, "motion.") == 0, false, err) ||
+            motion_loss_init(&m->loss, t->head, err))
+            return -1;
+    }
+    nn_plans_use(NULL);         /* the losses' networks stay as they are */
+    return (*c->perceptual_file &&
+            avatar_system_perceptual(&m->tr, c->perceptual_file, err)) ||
+           (*c->alignment_file &&
+            avatar_system_alignment(&m->tr, c->alignment_file, err)) ? -1 : 0;
 }
 
 static int avatar_task_init(struct task *t, struct error *err)
@@ -504,5 +492,5 @@ static int avatar_task_init(struct task *t, struct error *err)
 const struct task_type avatar_task = {
     sizeof(struct impl), 0, PICTURE_COUNT, FIGURE_COUNT, picture_term_name,
     figure_name, avatar_task_init, avatar_task_release, avatar_task_pass,
-    avatar_task_update, avatar_task_validate, avatar_task_sheet
+    avatar_task_validate, avatar_task_sheet
 };

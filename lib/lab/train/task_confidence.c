@@ -22,7 +22,6 @@ static const char *const figure_name[FIGURE_COUNT] = {
 struct impl {
     struct mobilenet net;       /* for inference: nothing of it learns */
     struct dense head;
-    bool folded;                /* net has seen its weights */
     size_t batch;
     float *rgb, *pooled;        /* (B,224,224,3), (B,features) */
     float *place;               /* (B,224,224,3) of a scenery */
@@ -98,16 +97,6 @@ static int confidence_task_pass(struct task *t, double *parts, uint64_t step,
                                    m->how[i] == NEGATIVE_NONE,
                                    1.0 / (double)c->batch);
     return 0;
-}
-
-/* The encoder's weights are there when this is called first, and stay. */
-static void confidence_task_update(struct task *t)
-{
-    struct impl *m = t->impl;
-
-    if (!m->folded)
-        mobilenet_update(&m->net);
-    m->folded = true;
 }
 
 /* Crop number n of the validation people into place i of the batch. */
@@ -218,5 +207,5 @@ static const char *const confidence_task_part[] = {"logistic"};
 const struct task_type confidence_task = {
     sizeof(struct impl), 0, 1, FIGURE_COUNT, confidence_task_part, figure_name,
     confidence_task_init, confidence_task_release, confidence_task_pass,
-    confidence_task_update, confidence_task_validate, confidence_task_sheet
+    confidence_task_validate, confidence_task_sheet
 };

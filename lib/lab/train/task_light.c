@@ -87,6 +87,6 @@ static int light_task_init(struct task *t, struct error *err)
 static const char *const light_task_part[] = {"light"};
 const struct task_type light_task = {
     sizeof(struct impl), 0, 1, FIGURE_COUNT, light_task_part, figure_name,
-    light_task_init, light_task_release, light_task_pass, NULL,
+    light_task_init, light_task_release, light_task_pass,
     light_task_validate, encoder_task_sheet
 };

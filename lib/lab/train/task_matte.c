@@ -74,13 +74,6 @@ static int matte_task_pass(struct task *t, double *parts, uint64_t step,
     return 0;
 }
 
-static void matte_task_update(struct task *t)
-{
-    struct impl *m = t->impl;
-
-    matte_net_update(&m->net);
-}
-
 /* The validation network sees frame k of person p into the first item; its
  * logits are in m->logit then. */
 static int matte_task_predict(struct task *t, size_t p, size_t k,
@@ -102,7 +95,7 @@ static int matte_task_predict(struct task *t, size_t p, size_t k,
 static void matte_task_copy(struct impl *m, const struct task *t)
 {
     memcpy(m->copy.w, t->ps.w, t->ps.total * sizeof *t->ps.w);
-    matte_net_update(&m->validator);
+    nn_plans_update(&t->plans, true);
 }
 
 /* Over every frame of the validation people: intersection over union of the
@@ -196,6 +189,6 @@ static int matte_task_init(struct task *t, struct error *err)
 static const char *const matte_task_part[] = {"entropy"};
 const struct task_type matte_task = {
     sizeof(struct impl), -1, 1, FIGURE_COUNT, matte_task_part, figure_name,
-    matte_task_init, matte_task_release, matte_task_pass, matte_task_update,
+    matte_task_init, matte_task_release, matte_task_pass,
     matte_task_validate, matte_task_sheet
 };

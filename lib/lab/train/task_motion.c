@@ -124,14 +124,6 @@ static int motion_task_pass(struct task *t, double *parts, uint64_t step,
     return 0;
 }
 
-/* After the weights changed. */
-static void motion_task_update(struct task *t)
-{
-    struct impl *m = t->impl;
-
-    motion_encoder_update(&m->net);
-}
-
 /* ---- validation --------------------------------------------------------- */
 
 /* Sums over all frames of all people. */
@@ -235,7 +227,6 @@ static int motion_task_validate(struct task *t, double *figures,
         s.lid[k] = curves + (size_t)(2 + k) * s.room;
     }
     encoder_task_copy(&m->e, t);
-    motion_encoder_update(&m->validator);
     for (size_t i = 0; i < t->nvalidation && !rc; i++)
         rc = motion_task_validate_person(t, &s, &t->validation[i], err);
     for (int k = 0; k < FIGURE_COUNT; k++)
@@ -279,7 +270,6 @@ static int motion_task_sheet(struct task *t, struct contact_sheet *sh,
     int rc = contact_sheet_init(sh, rows ? rows : 1, SHEET_COLS, N, err);
 
     encoder_task_copy(&m->e, t);
-    motion_encoder_update(&m->validator);
     for (size_t i = 0; i < rows && rc == 0; i++) {
         struct identity id = {0};
         const struct data_person *p = &t->validation[i];
@@ -338,5 +328,5 @@ static int motion_task_init(struct task *t, struct error *err)
 const struct task_type motion_task = {
     sizeof(struct impl), 1.5, TERM_COUNT, FIGURE_COUNT, motion_term_name,
     figure_name, motion_task_init, motion_task_release, motion_task_pass,
-    motion_task_update, motion_task_validate, motion_task_sheet
+    motion_task_validate, motion_task_sheet
 };

@@ -99,14 +99,6 @@ static int shape_task_pass(struct task *t, double *parts, uint64_t step,
     return 0;
 }
 
-/* After the weights changed. */
-static void shape_task_update(struct task *t)
-{
-    struct impl *m = t->impl;
-
-    shape_encoder_update(&m->net);
-}
-
 /* ---- validation --------------------------------------------------------- */
 
 /* Figures of validation, in the order of held.tsv. */
@@ -126,7 +118,6 @@ static int shape_task_validate(struct task *t, double *figures,
     double mm = 1000 / ((double)t->head->scale * (double)t->nvalidation);
 
     encoder_task_copy(&m->e, t);
-    shape_encoder_update(&m->validator);
     memset(figures, 0, FIGURE_COUNT * sizeof *figures);
     for (size_t i = 0; i < t->nvalidation; i++) {
         const struct data_person *p = &t->validation[i];
@@ -191,6 +182,6 @@ static const char *const shape_task_part[PARTS] = {
 };
 const struct task_type shape_task = {
     sizeof(struct impl), 1.5, PARTS, FIGURE_COUNT, shape_task_part, figure_name,
-    shape_task_init, shape_task_release, shape_task_pass, shape_task_update,
+    shape_task_init, shape_task_release, shape_task_pass,
     shape_task_validate, encoder_task_sheet
 };
