@@ -6,7 +6,8 @@ DIR/npyK: what spid-dump --npy made of person K's stream, its first frame the
 photograph; DIR/run: what examples/reenact.sh made of it.  A pixel of a later
 frame is hidden where the nearest point of the true head mesh faces away from
 the photograph's camera, or lies behind another; of these those count that
-truth labels as face (skin, lips, eyes, brows, nose, beard, lashes).
+truth labels as face (skin, lips, eyes, brows, nose, beard, lashes), and as hair
+in a column of their own.
 """
 import json
 import os
@@ -16,6 +17,8 @@ import sys
 import numpy as np
 
 FACE = [1, 2, 3, 4, 12, 13, 14]
+HAIR = 5
+FEW = 200               # pixels that are too few to judge by
 GRID = 256              # side of the depth maps
 GRAZING = 0.15          # cosine under which the photograph hardly shows skin
 CLOSE = 0.03            # head units: two points at one depth
@@ -95,7 +98,8 @@ def decibels(a, b, mask):
 
 def person(folder, k):
     """Rows of (decibels of the hidden part, of the rest of the face, of both
-    with the photograph unchanged, share of the face that is hidden)."""
+    with the photograph unchanged, share of the face that is hidden, decibels of
+    hidden hair or nan)."""
     run, npy = f"{folder}/run", f"{folder}/npy{k}"
     if not os.path.exists(f"{run}/self/scan{k}.spid"):
         return []
@@ -109,33 +113,46 @@ def person(folder, k):
     for i in range(1, len(verts)):
         cell, p = project(surface(verts[i], faces)[0], cams[i])
         _, which = nearest(cell, p[:, 2])
-        skin = np.isin(label[i], FACE)[1::2, 1::2].ravel() & (which >= 0)
-        unseen = skin & lost[which]
+        small = label[i][1::2, 1::2].ravel()
+        skin = np.isin(small, FACE) & (which >= 0)
+        unseen = (which >= 0) & lost[which]
         n = truth.shape[1]
-        a, b = (cut(m.reshape(GRID, GRID), *where, n)
-                for m in (unseen, skin & ~unseen))
-        if a.sum() < 200 or b.sum() < 200:
+        a, b, hair = (cut(m.reshape(GRID, GRID), *where, n)
+                      for m in (skin & unseen, skin & ~unseen,
+                                (small == HAIR) & unseen))
+        if a.sum() < FEW or b.sum() < FEW:
             continue
         rows.append([decibels(made[i], truth[i], a),
                      decibels(made[i], truth[i], b),
                      decibels(truth[0], truth[i], a),
-                     decibels(truth[0], truth[i], b), a.sum() / (a | b).sum()])
+                     decibels(truth[0], truth[i], b), a.sum() / (a | b).sum(),
+                     decibels(made[i], truth[i], hair)
+                     if hair.sum() >= FEW else np.nan])
     return rows
+
+
+def means(rows):
+    """Of each column, without its nan."""
+    return [np.mean([x for x in column if x == x] or [np.nan])
+            for column in zip(*rows)]
+
+
+ROW = "%6.2f   %6.2f   %6.2f   %6.2f   %.2f   %6.2f"
 
 
 def main():
     folder, people = sys.argv[1], int(sys.argv[2])
     every = []
-    print("person   hidden     seen  (frame 0: hidden, seen)  share hidden")
+    print("person   hidden     seen  (frame 0: hidden, seen)  share hidden  hair")
     for k in range(people):
         rows = person(folder, k)
         if not rows:
             print(f"{k:6d}  no result")
             continue
-        print(f"{k:6d}  %6.2f   %6.2f   %6.2f   %6.2f   %.2f" % tuple(np.mean(rows, 0)))
-        every.append(np.mean(rows, 0))
+        every.append(means(rows))
+        print(f"{k:6d}  {ROW}" % tuple(every[-1]))
     if every:
-        print("  mean  %6.2f   %6.2f   %6.2f   %6.2f   %.2f dB" % tuple(np.mean(every, 0)))
+        print(f"  mean  {ROW} dB" % tuple(means(every)))
 
 
 if __name__ == "__main__":
