@@ -190,7 +190,8 @@ static void avatar_views(struct avatar *a)
 /* The picture and the mesh on it. */
 static void avatar_look(struct avatar *a, const struct avatar_source *src)
 {
-    source_picture_set(&a->picture, src->rgb, src->matte, a->config.rgb_skip);
+    source_picture_set(&a->picture, src->rgb, src->matte, src->certain,
+                       a->config.rgb_skip);
     source_mesh_set(&a->source, src->verts, src->rest, src->cam,
                     !(a->without & WITHOUT_NECK));
 }

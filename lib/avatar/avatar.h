@@ -55,6 +55,8 @@ enum avatar_branch {
 struct avatar_source {
     const uint8_t *rgb;     /* (S,S,3), S = config.size */
     const uint8_t *matte;   /* (S,S) */
+    const uint8_t *certain; /* (S,S) how certain it is, 0 beyond the photograph,
+                             * or NULL: all is in it */
     const float *verts;     /* (V,3) V_s */
     const float *cam;       /* (3,4) T_s */
     const float *light;     /* (3) l on it, camera frame, or NULL: unknown */

@@ -204,7 +204,8 @@ static int baker_view_init(struct baker_view *v, struct avatar_source *out,
     else
         memcpy(v->own, at->rgb, 3 * n);
     *out = (struct avatar_source){
-        .rgb = v->own, .matte = at->matte, .verts = v->verts, .cam = v->cam,
+        .rgb = v->own, .matte = at->matte,
+        .certain = at->confidence, .verts = v->verts, .cam = v->cam,
         .light = p->source.lit ? p->source.light : NULL, .rest = v->rest
     };
     return 0;

@@ -291,6 +291,9 @@ static void dynamic_branch_look(const struct source_picture *picture,
                   mesh->cam, SLACK);
     coverage_seen(b->trust, b->verts, b->count, mesh->near, mesh->n, mesh->cam,
                   SLACK + STEEP * SOURCE_MESH_OFF);
+    for (size_t k = 0; k < b->count; k++)
+        if (!source_picture_shows(picture, b->place + 2 * k))
+            b->seen[k] = b->trust[k] = 0;
     eyes_hide(b->seen, b->shut, mesh->weights);
     source_picture_sample(b->pixel, picture, b->place, b->count);
 

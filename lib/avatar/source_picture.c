@@ -2,6 +2,7 @@
  * repeated means of the neighbours that have a colour already. */
 #include "lib/avatar/source_picture.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -157,7 +158,7 @@ PARALLEL(source_picture_set_part, i, const uint8_t *, matte,
 
 /* Bytes to floats, matte, then colours outwards. */
 void source_picture_set(struct source_picture *p, const uint8_t *rgb,
-                        const uint8_t *matte, bool pad)
+                        const uint8_t *matte, const uint8_t *certain, bool pad)
 {
     size_t S = p->size;
     float value[256];
@@ -165,11 +166,26 @@ void source_picture_set(struct source_picture *p, const uint8_t *rgb,
     for (int i = 0; i < 256; i++)
         value[i] = (float)i / 255;
 
+    p->certain = certain;
     parallel_each(source_picture_set_part, S * S, 1, matte, rgb, value, p);
     if (!pad)
         return;
     source_picture_inside(p->padded, p->across, p->rgba, S);
     source_picture_pad(p->rgba, p->padded, p->list, S);
+}
+
+bool source_picture_shows(const struct source_picture *p, const float place[2])
+{
+    size_t at[2];
+
+    for (size_t i = 0; i < 2; i++) {
+        const float x = floorf((place[i] + 1) / 2 * (float)p->size);
+
+        if (!(x >= 0 && x < (float)p->size))
+            return !p->certain;
+        at[i] = (size_t)x;
+    }
+    return !p->certain || p->certain[at[1] * p->size + at[0]] > 0;
 }
 
 void source_picture_sample(float *out, const struct source_picture *p,

@@ -19,6 +19,8 @@ struct source_picture {
                              * its own, 0 none */
     uint8_t *across;        /* (S,S) of a pixel and two to either side, whether
                              * all are the person's */
+    const uint8_t *certain;     /* (S,S) 0 beyond the photograph, or NULL: all is
+                                 * in it; the caller's */
     uint32_t *list;         /* (2,S,S) pixels whose turn it is */
     float *block;           /* what the arrays are part of */
 };
@@ -29,10 +31,15 @@ int source_picture_init(struct source_picture *p, size_t size,
 /* Free what it holds; zeroed then. */
 void source_picture_release(struct source_picture *p);
 
-/* Take rgb (S,S,3) and matte (S,S; NULL: all is the person); pad: run the
- * colours on over the edge. */
+/* Take rgb (S,S,3), matte (S,S; NULL: all is the person) and how certain that is
+ * (S,S; 0 beyond the photograph; NULL: all is in it), which must stay until the
+ * bake's end; pad: run the colours on over the edge. */
 void source_picture_set(struct source_picture *p, const uint8_t *rgb,
-                        const uint8_t *matte, bool pad);
+                        const uint8_t *matte, const uint8_t *certain, bool pad);
+
+/* Whether the photograph shows what lies at a place in [-1,1]; else the picture
+ * has a guess there. */
+bool source_picture_shows(const struct source_picture *p, const float place[2]);
 
 /* out (N,4): colour and matte at places (N,2) in [-1,1]. */
 void source_picture_sample(float *out, const struct source_picture *p,

@@ -33,7 +33,8 @@ static int matte_shrink(struct matte *k, const struct matting *m)
     return 0;
 }
 
-/* The network's matte; false where the head is mostly nobody to it. */
+/* The network's matte, beyond the picture at least the head; false where that is
+ * mostly nobody to it. */
 static bool matte_ask(struct matte *k, struct matte_net *net)
 {
     double seen = 0, all = 0;
@@ -43,6 +44,8 @@ static bool matte_ask(struct matte *k, struct matte_net *net)
         k->prior[i] = (float)matte_net_alpha(k->prior[i]);
         seen += k->head[i] * k->prior[i];
         all += k->head[i];
+        if (!extent_has(&k->inside, i % SIDE, i / SIDE))
+            k->prior[i] = fmaxf(k->prior[i], (float)k->head[i] / 255);
     }
     return 2 * seen >= all;
 }

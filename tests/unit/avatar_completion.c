@@ -97,6 +97,30 @@ static void completion_mirrors(void)
     densify_release(&d);
 }
 
+/* ---- the photograph's edge ---------------------------------------------- */
+
+static void picture_edge(void)
+{
+    static uint8_t colours[3 * 16], certain[16] = {0, 0, 0, 0, 0, 9, 9};
+    struct source_picture p = {0};
+    struct error err = {0};
+    const float in[2] = {-0.25f, -0.25f}, above[2] = {-0.25f, -0.75f};
+    const float out[2] = {1.5f, 0};
+
+    REQUIRE(source_picture_init(&p, 4, &err) == 0, "%s", err.text);
+    source_picture_set(&p, colours, NULL, certain, false);
+    check_that("the photograph shows what it has",
+               source_picture_shows(&p, in));
+    check_that("beyond its edge there are guesses",
+               !source_picture_shows(&p, above) &&
+               !source_picture_shows(&p, out));
+    source_picture_set(&p, colours, NULL, NULL, false);
+    check_that("all is shown where nothing else is said",
+               source_picture_shows(&p, above) &&
+               source_picture_shows(&p, out));
+    source_picture_release(&p);
+}
+
 /* ---- the slope of what is seen -------------------------------------------- */
 
 enum { CELLS = 64, SIZE = 128 };
@@ -113,7 +137,7 @@ static void tilt_scene(struct source_picture *p, struct source_mesh *m,
     for (size_t i = 0; i < SIZE * SIZE; i++)
         matte[i] = (float)(i % SIZE) < edge * SIZE ? 255 : 0;
     REQUIRE(source_picture_init(p, SIZE, &err) == 0, "%s", err.text);
-    source_picture_set(p, colours, matte, false);
+    source_picture_set(p, colours, matte, NULL, false);
     memset(m, 0, sizeof *m);
     m->n = CELLS;
     m->depth = depth;
@@ -175,6 +199,7 @@ int main(void)
 {
     tilt_hidden();
     completion_mirrors();
+    picture_edge();
     tilt_slopes();
     return check_status();
 }
