@@ -11,6 +11,8 @@
                          * the ear of a photograph from the front, trusted by a
                          * fifth, keeps two thirds of its slopes.  .005 to .1
                          * differ by 0.1 dB (tests/bench/turned.sh) */
+#define APART 0.001f    /* of steps where a layer is not: no colour comes across,
+                         * and what is there goes on without one */
 #define FLOOR 1e-4f     /* of the mean, where there is nothing at all */
 #define ITERATIONS 80   /* a thousandth of the way across the head is left */
 
@@ -57,6 +59,7 @@ struct completion {
     const struct densify *d;
     size_t N;
     float *weight;              /* then (V) A's diagonal, (E) shares */
+    float *tie;                 /* (2E) weights of the half edges' steps */
 };
 
 /* b (N,3) and the weights, midpoints taken out of the vertices' part. */
@@ -66,10 +69,10 @@ static void completion_eliminate(float *b, struct completion *c)
         const size_t i = (size_t)c->d->edge[h], j = c->d->V + h / 2;
 
         if (h % 2 == 0)
-            c->weight[j] = 1 / (c->weight[j] + 2);
-        c->weight[i] += 1 - c->weight[j];
+            c->weight[j] = 1 / (c->weight[j] + c->tie[h] + c->tie[h + 1]);
+        c->weight[i] += c->tie[h] * (1 - c->tie[h] * c->weight[j]);
         for (size_t k = 0; k < 3; k++)
-            b[3 * i + k] += c->weight[j] * b[3 * j + k];
+            b[3 * i + k] += c->tie[h] * c->weight[j] * b[3 * j + k];
     }
 }
 
@@ -82,7 +85,8 @@ static void completion_apply(float *out, const struct completion *c,
     for (size_t e = 0; e < c->d->E; e++) {
         const size_t i = 3 * (size_t)c->d->edge[2 * e];
         const size_t j = 3 * (size_t)c->d->edge[2 * e + 1];
-        const float share = c->weight[c->d->V + e];
+        const float share = c->weight[c->d->V + e] * c->tie[2 * e] *
+                            c->tie[2 * e + 1];
 
         for (size_t k = 0; k < 3; k++) {
             out[i + k] -= share * x[j + k];
@@ -93,7 +97,8 @@ static void completion_apply(float *out, const struct completion *c,
 
 /* b (N,3) and the weights from the photograph's colours rgb (N,3). */
 static void completion_wants(float *b, struct completion *c, const float *rgb,
-                             const float *trust, const size_t *mirror)
+                             const float *trust, const float *layer,
+                             const size_t *mirror)
 {
     float mean[3] = {0}, total = 1e-6f;
 
@@ -119,13 +124,14 @@ static void completion_wants(float *b, struct completion *c, const float *rgb,
         const float across = (1 - own) * trust[p] * trust[q];
         const float sum = own + across + FLAT;
 
+        c->tie[h] = APART + (1 - APART) * layer[i] * layer[j];
         for (size_t k = 0; k < 3; k++) {
             const float step = (own * (rgb[3 * j + k] - rgb[3 * i + k]) +
                                 across * (rgb[3 * q + k] - rgb[3 * p + k])) /
                                sum;
 
-            b[3 * i + k] -= step;
-            b[3 * j + k] += step;
+            b[3 * i + k] -= c->tie[h] * step;
+            b[3 * j + k] += c->tie[h] * step;
         }
     }
 }
@@ -148,14 +154,16 @@ static void completion_precondition(float *z, const float *r,
         z[i] = r[i] / c->weight[i / 3];
 }
 
-void completion_solve(float *rgb, const float *trust, const size_t *mirror,
-                      const struct densify *d, float *scratch)
+/* rgb (N,3) complete, of one layer: how far each point belongs to it (N). */
+static void completion_layer(float *rgb, const float *trust, const float *layer,
+                             const size_t *mirror, const struct densify *d,
+                             float *scratch)
 {
     const size_t N = d->V + d->E, n = 3 * d->V;
-    struct completion c = {d, N, scratch};
-    float *r = scratch + N, *z = r + 3 * N, *p = z + n, *Ap = p + n;
+    struct completion c = {d, N, scratch, scratch + N};
+    float *r = c.tie + 2 * d->E, *z = r + 3 * N, *p = z + n, *Ap = p + n;
 
-    completion_wants(r, &c, rgb, trust, mirror);
+    completion_wants(r, &c, rgb, trust, layer, mirror);
     completion_eliminate(r, &c);
     completion_apply(Ap, &c, rgb);
     for (size_t i = 0; i < n; i++)
@@ -178,12 +186,32 @@ void completion_solve(float *rgb, const float *trust, const size_t *mirror,
             p[i] = z[i] + more * p[i];
         rz = next;
     }
-    for (size_t e = 0; e < d->E; e++)
+    for (size_t e = 0; e < d->E; e++) {
+        const float *a = rgb + 3 * (size_t)d->edge[2 * e];
+        const float *b = rgb + 3 * (size_t)d->edge[2 * e + 1];
+
         for (size_t j = d->V + e, k = 0; k < 3; k++)
             rgb[3 * j + k] = c.weight[j] *
-                             (r[3 * j + k] +
-                              rgb[3 * (size_t)d->edge[2 * e] + k] +
-                              rgb[3 * (size_t)d->edge[2 * e + 1] + k]);
+                             (r[3 * j + k] + c.tie[2 * e] * a[k] +
+                              c.tie[2 * e + 1] * b[k]);
+    }
     for (size_t i = 0; i < 3 * N; i++)
         rgb[i] = fminf(fmaxf(rgb[i], 0), 1);
+}
+
+void completion_solve(float *rgb, const float *skin, const float *strands,
+                      const float *hair, const size_t *mirror,
+                      const struct densify *d, float *scratch)
+{
+    const size_t N = d->V + d->E;
+    float *other = scratch, *bald = other + 3 * N;
+
+    scratch = bald + N;
+    memcpy(other, rgb, 3 * N * sizeof *rgb);
+    for (size_t i = 0; i < N; i++)
+        bald[i] = 1 - hair[i];
+    completion_layer(rgb, skin, bald, mirror, d, scratch);
+    completion_layer(other, strands, hair, mirror, d, scratch);
+    for (size_t i = 0; i < 3 * N; i++)
+        rgb[i] += hair[i / 3] * (other[i] - rgb[i]);
 }

@@ -10,6 +10,7 @@
 #include "lib/avatar/coverage.h"
 #include "lib/avatar/eyes.h"
 #include "lib/avatar/further.h"
+#include "lib/avatar/hairstyle.h"
 #include "lib/avatar/lip_lining.h"
 #include "lib/avatar/tilt.h"
 #include "lib/avatar/white_point.h"
@@ -104,7 +105,8 @@ int dynamic_branch_plan(struct dynamic_branch *b, size_t points,
         {&b->pixel, 4 * D, false}, {&b->h, D * b->width, false},
         {&b->in, D * b->inputs, false}, {&b->din, D * b->inputs, true},
         {&b->logit, 3 * D, false}, {&b->trust, D, false},
-        {&b->held, D, false}, {&b->skin, D, false}, {&b->hull, D, false},
+        {&b->held, D, false}, {&b->skin, D, false},
+        {&b->strands, D, false}, {&b->hair, D, false}, {&b->hull, D, false},
         {&b->seam, D, false}, {&b->on_teeth, D, false},
         {&b->first, 4 * D, false}, {&b->more, FURTHER_SUMS * D, false},
         {&b->tmp, COMPLETION_SCRATCH(D), false}
@@ -202,28 +204,6 @@ static void dynamic_branch_hull(const struct source_picture *picture,
                   scale);
 }
 
-/* skin: trust, less where the neck shows cloth or hair: those colours do not
- * spread to what the jaw hides, which is skin. */
-static void dynamic_branch_set_skin(const struct source_mesh *mesh,
-                                    struct dynamic_branch *b)
-{
-    const struct white_point_colors seen = {b->pixel, b->trust, b->tmp};
-    const int32_t *regions = mesh->head->region;
-    float skin[3];
-
-    memcpy(b->skin, b->trust, b->count * sizeof *b->skin);
-    if (!regions || !(white_point_mean(skin, &seen, mesh->head, REGION_FACE,
-                                       0) > 1))
-        return;
-    for (size_t k = 0; k < b->count; k++) {
-        size_t end[2];
-
-        densify_ends(end, b->dense, k);
-        if (regions[end[0]] == REGION_NECK && regions[end[1]] == REGION_NECK)
-            b->skin[k] *= branch_likeness(b->pixel + 4 * k, skin);
-    }
-}
-
 /* Lips that lie on teeth in the picture do not have those colours. */
 static void dynamic_branch_uncover_teeth(const struct source_mesh *mesh,
                                          struct dynamic_branch *b)
@@ -235,16 +215,6 @@ static void dynamic_branch_uncover_teeth(const struct source_mesh *mesh,
         b->trust[k] *= 1 - b->on_teeth[k];
         b->held[k] *= 1 - b->on_teeth[k];
     }
-}
-
-/* How much of point k is scalp. */
-static float dynamic_branch_hair(const struct dynamic_branch *b, size_t k,
-                                 const struct head *h)
-{
-    size_t end[2];
-
-    densify_ends(end, b->dense, k);
-    return h->hair ? (h->hair[end[0]] + h->hair[end[1]]) / 2 : 0;
 }
 
 PARALLEL(dynamic_branch_start_part, k, struct dynamic_branch *, b, float *, eye,
@@ -263,8 +233,7 @@ PARALLEL(dynamic_branch_start_part, k, struct dynamic_branch *, b, float *, eye,
                   (1 - b->seam[k]) * (1 - b->fold[k]);
     b->held[k] = b->trust[k] * branch_ramp(nv, SIDEWAYS, SQUARE);
     b->trust[k] *= branch_ramp(nv, SKIN_SIDEWAYS, SKIN_SQUARE);
-    b->trust[k] += dynamic_branch_hair(b, k, mesh->head) *
-                   (b->held[k] - b->trust[k]);
+    b->trust[k] += b->hair[k] * (b->held[k] - b->trust[k]);
     memcpy(rgb + 3 * k, pixel, 3 * sizeof *rgb);
     b->start.visible[k] = 1 - mesh->weights->lining[k];
     b->start.scale_shift[k] =
@@ -286,6 +255,8 @@ static void dynamic_branch_look(const struct source_picture *picture,
     const struct white_point_colors seen = {b->pixel, b->trust, b->tmp};
     float eye[3], *rgb = b->logit;
 
+    hairstyle_expect(b->hair, mesh->weights->hair_share, mesh->weights,
+                     b->dense);
     camera_origin(eye, mesh->cam);
     coverage_seen(b->seen, b->verts, b->count, mesh->depth, mesh->n,
                   mesh->cam, SLACK);
@@ -354,7 +325,8 @@ static void dynamic_branch_complete(float *rgb, const struct source_mesh *mesh,
     static const float none[3] = {0};
 
     dynamic_branch_relight(rgb, 3, b->light, none, b);
-    completion_solve(rgb, b->skin, mesh->weights->mirror, b->dense, b->tmp);
+    completion_solve(rgb, b->skin, b->strands, b->hair,
+                     mesh->weights->mirror, b->dense, b->tmp);
     dynamic_branch_relight(rgb, 3, none, b->light, b);
     for (size_t i = 0; i < 3 * b->count; i++)
         rgb[i] = fminf(rgb[i], 1);
@@ -366,17 +338,23 @@ static void dynamic_branch_start(const struct source_picture *picture,
                                  struct dynamic_branch *b)
 {
     const struct eyes_photo photo = {b->pixel, b->trust, b->white};
+    const struct white_point_colors seen = {b->pixel, b->trust, b->tmp};
+    const struct hairstyle_layers layers = {b->skin, b->strands, b->hair};
     float *rgb = b->logit;
 
     dynamic_branch_look(picture, mesh, b);
     dynamic_branch_hull(picture, mesh, b);
     if (b->has_more)
         further_take(b->pixel, b->trust, rgb, b->facing, b->more, b->count);
-    dynamic_branch_set_skin(mesh, b);
+    hairstyle_layers(&layers, &seen, b->held, mesh->head, b->dense);
     dynamic_branch_complete(rgb, mesh, b);
-    for (size_t i = 0; i < 3 * b->count; i++)
-        rgb[i] += (b->trust[i / 3] - b->skin[i / 3]) *
-                  (b->pixel[i / 3 * 4 + i % 3] - rgb[i]);
+    for (size_t i = 0; i < 3 * b->count; i++) {
+        const size_t k = i / 3;
+        const float hair = b->hair[k];
+        const float went_on = (1 - hair) * b->skin[k] + hair * b->strands[k];
+
+        rgb[i] += (b->trust[k] - went_on) * (b->pixel[4 * k + i % 3] - rgb[i]);
+    }
     eyes_paint_lids(rgb, &photo, mesh->weights, b->tmp);
     lip_lining_paint(rgb, b->seam, b->normals, b->white, b->count);
     eyes_paint_balls(rgb, b->shut, &photo, mesh->weights, b->tmp);

@@ -23,6 +23,8 @@
 #include "lib/base/error.h"
 #include "lib/base/neck_blend.h"
 
+#define HAIR_STYLES 6
+
 enum mouth_layer { MOUTH_UPPER, MOUTH_LOWER, MOUTH_BACK };
 
 struct head_avatar {
@@ -58,6 +60,9 @@ struct head_avatar {
                              * light */
     float *moving;          /* (V) 1 and more where expressions, jaw, lids or
                              * gaze move the skin, 0 on the skull */
+    float *hair;            /* (V,HAIR_STYLES) chance of hair in each of these
+                             * ways to wear it, and */
+    float *hair_share;      /* (HAIR_STYLES) of people who do (examples/hair.py) */
     float *neck_blend;      /* (5) pivot, top and bottom of struct neck_blend */
 
     /* The mouth (T,T), from the inner lips' centroid of a face at rest. */

@@ -1,11 +1,12 @@
 /* What the photograph does not show: colours of the head's hidden half from the
- * mirror image, without a seam (completion.h); the slope of what is seen
- * (tilt.h). */
+ * mirror image, without a seam, hair's from hair (completion.h, hairstyle.h); the
+ * slope of what is seen (tilt.h). */
 #include <math.h>
 #include <string.h>
 
 #include "lib/avatar/completion.h"
 #include "lib/avatar/dynamic_branch.h"
+#include "lib/avatar/hairstyle.h"
 #include "lib/avatar/tilt.h"
 #include "lib/base/camera.h"
 #include "lib/base/gaussians.h"
@@ -18,6 +19,7 @@ enum { WIDE = 24, V = 2 * WIDE, F = 2 * (WIDE - 1), MAX = 6 * V };
 
 static int32_t faces[3 * F];
 static float rgb[3 * MAX], trust[MAX], scratch[COMPLETION_SCRATCH(MAX)];
+static float strands[MAX], hair[MAX];   /* zeros: skin all over */
 static size_t mirror[MAX];
 
 static void completion_strip(struct densify *d)
@@ -71,7 +73,7 @@ static void completion_mirrors(void)
             rgb[3 * i + c] = trust[i] > 0 ? completion_colour(x, 0.5) : 0.9f;
     }
     check_that("mirror images are pairs", pairs);
-    completion_solve(rgb, trust, mirror, &d, scratch);
+    completion_solve(rgb, trust, strands, hair, mirror, &d, scratch);
     for (size_t i = 0; i < V; i++) {
         const double x = completion_place(&d, i);
         const double off = fabs(rgb[3 * i] - completion_colour(x, 0.5));
@@ -92,9 +94,77 @@ static void completion_mirrors(void)
         for (size_t c = 0; c < 3; c++)
             rgb[3 * i + c] = i < 2 ? 0.25f : 0.9f;
     }
-    completion_solve(rgb, trust, mirror, &d, scratch);
+    completion_solve(rgb, trust, strands, hair, mirror, &d, scratch);
     check("from one end to the other", fabs(rgb[3 * (V - 1)] - 0.25), 1e-3);
     densify_release(&d);
+}
+
+/* Of a strip whose far half is a scalp two vertices on it are seen, brown, and one
+ * of a forehead; the end is brown, though the forehead is as near. */
+static void completion_layers(void)
+{
+    struct densify d;
+    double scalp = 0, face = 0;
+
+    completion_strip(&d);
+    for (size_t i = 0; i < d.V + d.E; i++) {
+        const double x = completion_place(&d, i);
+
+        mirror[i] = i;
+        hair[i] = x >= WIDE / 2 ? 1 : 0;
+        trust[i] = x == WIDE / 2 - 1 ? 1 : 0;
+        strands[i] = x == WIDE / 2 ? 1 : 0;
+        for (size_t c = 0; c < 3; c++)
+            rgb[3 * i + c] = strands[i] > 0 ? 0.2f : 0.8f;
+    }
+    completion_solve(rgb, trust, strands, hair, mirror, &d, scratch);
+    for (size_t i = 0; i < d.V + d.E; i++) {
+        if (hair[i] > 0)
+            scalp = fmax(scalp, fabs(rgb[3 * i] - 0.2));
+        else
+            face = fmax(face, fabs(rgb[3 * i] - 0.8));
+    }
+    check("hair goes on from hair", scalp, 0.01);
+    check("and skin from skin", face, 0.01);
+    densify_release(&d);
+}
+
+/* ---- who has hair where ---------------------------------------------------- */
+
+/* Ten vertices of a brow, ten of an ear and ten behind it, which is not seen: half
+ * of all people cover their ears, and then what is behind them. */
+static void hairstyle_ears(void)
+{
+    enum { PART = 10, ALL = 3 * PART };
+    float chance[ALL * HAIR_STYLES] = {0}, shares[HAIR_STYLES] = {0.5f, 0.5f};
+    float seen[ALL] = {0}, like[ALL], share[HAIR_STYLES], out[ALL];
+    const struct head_avatar a = {.V = ALL, .hair = chance,
+                                  .hair_share = shares};
+    const struct densify d = {.V = ALL};
+
+    for (size_t v = 0; v < ALL; v++) {
+        chance[HAIR_STYLES * v + 1] = v < PART ? 0 : 0.9f;
+        seen[v] = v < 2 * PART ? 1 : 0;
+        like[v] = 1;
+    }
+    hairstyle_expect(out, shares, &a, &d);
+    expect("before: what all people have", out[ALL - 1], 0.45, 1e-6);
+    hairstyle_find(share, seen, like, &a);
+    hairstyle_expect(out, share, &a, &d);
+    check("a bare ear: none behind it", out[ALL - 1], 0.05);
+    for (size_t v = PART; v < 2 * PART; v++)
+        like[v] = 0;
+    hairstyle_find(share, seen, like, &a);
+    hairstyle_expect(out, share, &a, &d);
+    check_range("a covered one: hair behind it", out[ALL - 1], 0.8, 0.9);
+    expect("shares are of all", share[0] + share[1], 1, 1e-5);
+    for (size_t v = 0; v < ALL; v++)
+        seen[v] = 0;
+    hairstyle_find(share, seen, like, &a);
+    expect("nothing seen: as before", share[1], 0.5, 1e-6);
+    check("a forehead is no hair", hairstyle_posterior(0.1f, 1), 0.01);
+    check_range("a bald scalp is what scalps are",
+                hairstyle_posterior(1, 1), 1, 1);
 }
 
 /* ---- the photograph's edge ---------------------------------------------- */
@@ -199,6 +269,8 @@ int main(void)
 {
     tilt_hidden();
     completion_mirrors();
+    completion_layers();
+    hairstyle_ears();
     picture_edge();
     tilt_slopes();
     return check_status();

@@ -13,6 +13,18 @@
 enum { TENSORS = 64, META = 32 };
 #define PREFIX "avatar."
 
+/* How people wear hair, for a head of the same mesh; else all on its scalp. */
+static void avatar_copy_hair(struct head_avatar *to, const struct head *h,
+                             const struct head_avatar *from)
+{
+    const size_t n = HAIR_STYLES * to->V;
+
+    memcpy(to->hair_share, from->hair_share, HAIR_STYLES * sizeof(float));
+    for (size_t i = 0; i < n; i++)
+        to->hair[i] = from->V == to->V ? from->hair[i]
+                      : h->hair ? h->hair[i / HAIR_STYLES] : 0;
+}
+
 /* The mouth's arrays: a mouth is anybody's. */
 static void avatar_copy_mouth(struct head_avatar *to,
                               const struct head_avatar *from)
@@ -41,6 +53,7 @@ int avatar_make(struct head *h, const struct head_avatar *from,
     if (rc == 0) {
         avatar_eyes_make(&h->avatar, h, &d);
         avatar_copy_mouth(&h->avatar, from);
+        avatar_copy_hair(&h->avatar, h, from);
     }
     densify_release(&d);
     return rc;

@@ -1,0 +1,143 @@
+#!/usr/bin/env python3
+r"""Where people have hair, for a head's template avatar.
+
+    hair.py HEAD STREAM...
+
+STREAM: a person of scans of the training split, turned to several sides.  The
+head that ships has 48 of them:
+
+    spid-synth --assets ASSETS --seed 61000 --first 0 (to 47) --frames 5 \
+        --size 192 --turn 0,45,90,-45,-90 -o 0.spid
+
+HEAD: a head's safetensors file, of which the tensors avatar.hair and avatar.hair_share
+(lib/head/head_avatar.h) are written anew: STYLES ways to wear hair, each the
+chance of hair at every vertex, both sides alike, and how many wear it so.  They
+are a mixture of independent vertices (EM from people in the order of how much
+hair they show); the mean of all people counts as one more of each style, and the
+scalp's density (hair) as one more of all.  Needs NumPy.
+"""
+import json
+import os
+import struct
+import sys
+
+import numpy as np
+
+from spidstream import read_stream
+
+STYLES = 6
+TURNS = 60              # of EM
+GRID = 128              # side of the depth map
+CLOSE = 0.03            # head units: two points at one depth
+SKIN = [1, 10, 11]      # of spid-synth's labels: skin, neck, ears
+HAIR = 5
+
+
+def project(points, cam, size):
+    """Pixel of size x size that each point falls in, and its depth."""
+    p = points @ cam[:, :3].T + cam[:, 3]
+    at = np.floor(size / 2 + 6 * size * p[:, :2] / p[:, 2:]).astype(int)
+    at = at.clip(0, size - 1)
+    return at[:, 1] * size + at[:, 0], p[:, 2]
+
+
+def filled(verts, faces):
+    """Points all over the mesh."""
+    a, b, c = (verts[faces[:, k]] for k in range(3))
+    return np.concatenate([a + u * (b - a) + v * (c - a)
+                           for u in (.1, .4, .7) for v in (.1, .4, .7)
+                           if u + v < 1])
+
+
+def shown(verts, faces, cam):
+    """Which vertices no part of the mesh lies before."""
+    cell, depth = project(filled(verts, faces), cam, GRID)
+    near = np.full(GRID * GRID, np.inf)
+    np.minimum.at(near, cell, depth)
+    cell, depth = project(verts, cam, GRID)
+    return depth < near[cell] + CLOSE
+
+
+def count(path, faces, sums):
+    """Adds to sums (2,V) how often hair, and skin, is what each vertex shows."""
+    picture = {}
+    with open(path, "rb") as f:
+        for rec in read_stream(f):
+            if rec.type in ("MESH", "IMAG"):
+                picture[rec.type] = rec.arrays
+            if len(picture) < 2:
+                continue
+            verts, cam = (picture["MESH"][k].numpy() for k in ("verts", "cam"))
+            label = picture["IMAG"]["label"].numpy()
+            seen = shown(verts, faces, cam)
+            at = label.ravel()[project(verts, cam, len(label))[0]]
+            sums[0] += seen & (at == HAIR)
+            sums[1] += seen & np.isin(at, SKIN)
+            picture = {}
+
+
+def mixture(shows, scalp):
+    """Shares (STYLES) and chances (STYLES,V) of styles, from (people,2,V)
+    pictures of hair and of skin."""
+    known = shows.sum(1) > 0
+    hair = np.where(known, shows[:, 0] / np.maximum(shows.sum(1), 1), 0)
+    mean = (hair.sum(0) + scalp) / (known.sum(0) + 1)
+    order = np.argsort((hair - mean * known).sum(1), kind="stable")
+    part = np.zeros((len(shows), STYLES))
+    part[order, np.arange(len(order)) * STYLES // len(order)] = 1
+    for _ in range(TURNS):
+        share = part.mean(0)
+        chance = (part.T @ hair + mean) / (part.T @ known + 1)
+        p = chance.clip(.02, .98)
+        log = hair @ np.log(p).T + (known - hair) @ np.log(1 - p).T
+        log += np.log(share + 1e-9)
+        part = np.exp(log - log.max(1, keepdims=True))
+        part /= part.sum(1, keepdims=True)
+    return share, chance
+
+
+def main():
+    if len(sys.argv) < 3:
+        sys.exit("usage: hair.py HEAD STREAM...")
+    path = sys.argv[1]
+    with open(path, "rb") as f:
+        head = json.loads(f.read(struct.unpack("<Q", f.read(8))[0]))
+        data = f.read()
+    kinds = {"F32": "<f4", "F16": "<f2", "I32": "<i4"}
+
+    def tensor(name):
+        t = head[name]
+        return np.frombuffer(data[slice(*t["data_offsets"])],
+                             kinds[t["dtype"]]).reshape(t["shape"])
+
+    faces, scalp = tensor("f"), tensor("hair")
+    mirror = tensor("avatar.mirror")[:len(scalp)]
+    shows = np.zeros((len(sys.argv) - 2, 2, len(scalp)))
+    for name, sums in zip(sys.argv[2:], shows):
+        count(name, faces, sums)
+    share, chance = mixture(shows + shows[:, :, mirror], scalp)
+    print("shares of styles, and vertices with hair:",
+          *("%.2f %d" % (s, (c > .5).sum()) for s, c in zip(share, chance)))
+    made = {"avatar.hair": chance.T.astype("<f2"),
+            "avatar.hair_share": share[None].astype("<f2")}
+
+    out, block = {"__metadata__": head.pop("__metadata__", {})}, b""
+    for name in [n for n in head if n not in made] + list(made):
+        if name in made:
+            kind, shape = "F16", made[name].shape
+            part = made[name].tobytes()
+        else:
+            kind, shape = head[name]["dtype"], head[name]["shape"]
+            part = data[slice(*head[name]["data_offsets"])]
+        out[name] = {"dtype": kind, "shape": list(shape),
+                     "data_offsets": [len(block), len(block) + len(part)]}
+        block += part
+    text = json.dumps(out, separators=(",", ":")).encode()
+    text += b" " * (-len(text) % 8)
+    with open(path + ".part", "wb") as f:
+        f.write(struct.pack("<Q", len(text)) + text + block)
+    os.replace(path + ".part", path)
+
+
+if __name__ == "__main__":
+    main()
