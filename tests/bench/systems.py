@@ -2,17 +2,17 @@
 """SpiD, SpiD*, GAGAvatar and LAM at their full sizes, one run each: from an
 identity to an avatar (spid-branches --bake), and a frame of it on one core.
 
-    tests/bench/systems.py [-j N] [--photo FILE] [--clip FILE] [--keep DIR]
-        [SYSTEM...]
+    tests/bench/systems.py [-j N] [--photo FILE] [--keep DIR] [SYSTEM...]
 
 Programs are those of $BUILD (build), weights of GAGAvatar and LAM are formulas
 (tests/unit/*_model): time does not depend on them, but for how many Gaussians
 cover a pixel.  Needs 7 GB of disk and 12 of memory; --keep goes on from an
-earlier run's files.  Processor time counts all threads, draw is the sum of the
-stages mesh, update, render and refine of spid-animate -j 1 --stats (the
-tracker is the same for all).
+earlier run's files, avatars among them, whose making is not measured then.
+Processor time counts all threads; a frame's is what 40 more of them cost
+spid-animate -j 1, driven by motions that are there already.
 """
 import argparse
+import math
 import os
 import subprocess
 import sys
@@ -64,42 +64,46 @@ def model_of(system, place):
     return out, head
 
 
+def motions(n, place):
+    """A made person's motions in n frames."""
+    clip = make(os.path.join(place, "drive%d.y4m" % n), "spid-synth", "-q",
+                "-n", "1", "--frames", str(n), "-s", "5", "--size", "256",
+                "-o", "OUT")
+    return make(os.path.join(place, "drive%d.spid" % n), "spid-motion", "-q",
+                "-m", MODEL, "--head", HEAD, clip, "-o", "OUT")
+
+
 def measure(system, place, opt):
     model, head = model_of(system, place)
     use = ["-q", "-m", model, "--head", head]
-    me, avatar, clip, stats = (os.path.join(place, n) for n in (
-        system + ".me", system + ".avatar", "out.y4m", "stats.tsv"))
-    run("spid-shape", *use, "--size", "512", opt.photo, "-o", me)
-    bake = run("spid-branches", *use, "-j", opt.threads, "--bake", me, "-o",
-               avatar)
+    me, avatar, out = (os.path.join(place, n) for n in (
+        system + ".me", system + ".avatar", "out.y4m"))
+    make(me, "spid-shape", *use, "--size", "512", opt.photo, "-o", "OUT")
+    bake = (math.nan,) * 3
+    if not os.path.exists(avatar):
+        bake = run("spid-branches", *use, "-j", opt.threads, "--bake", me,
+                   "-o", avatar)
     star = ["--star"] if system == "SpiD*" else []
-    memory = run("spid-animate", *use, "-j", "1", "--stats", stats, *star,
-                 avatar, opt.clip, "-o", clip)[2]
-    with open(stats) as f:
-        draw = sum(float(row[3]) for row in (line.split("\t") for line in f)
-                   if row[0] in ("mesh", "update", "render", "refine"))
-    return bake, draw, memory
+    few, many = (run("spid-animate", *use, "-j", "1", *star, avatar,
+                     motions(n, place), "-o", out) for n in (8, 48))
+    return bake, 1e3 * (many[1] - few[1]) / 40, many[2]
 
 
 def main():
     p = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     p.add_argument("-j", dest="threads", default="2")
     p.add_argument("--photo", default=os.path.join(TOP, "examples/photo.jpg"))
-    p.add_argument("--clip", help="24 frames of spid-synth by default")
     p.add_argument("--keep")
     p.add_argument("systems", nargs="*", metavar="SYSTEM",
                    default=["SpiD", "SpiD*", "GAGAvatar", "LAM"])
     opt = p.parse_args()
     with tempfile.TemporaryDirectory() as own:
         place = opt.keep or own
-        opt.clip = opt.clip or make(
-            os.path.join(place, "drive.y4m"), "spid-synth", "-q", "-n", "1",
-            "--frames", "24", "-s", "5", "--size", "512", "-o", "OUT")
-        print("system\tbake_s\tbake_processor_s\tbake_MB\tdraw_ms\tdrive_MB")
+        print("system\tbake_s\tbake_processor_s\tbake_MB\tframe_ms\tdrive_MB")
         for system in opt.systems:
-            bake, draw, memory = measure(system, place, opt)
+            bake, frame, memory = measure(system, place, opt)
             print("%s\t%.1f\t%.1f\t%.0f\t%.1f\t%.0f" % (
-                system, *bake, draw, memory), flush=True)
+                system, *bake, frame, memory), flush=True)
 
 
 main()
