@@ -29,7 +29,7 @@ static bool track_try(struct track *t, struct track_result *r, struct square q)
     if (!(q.x > 0 && q.y > 0 && q.x < size && q.y < size &&
           q.size > size / 32))
         return false;
-    track_settle(t, r, q);
+    track_settle(t, r, q, false);
     return (double)r->confidence >= FOUND;
 }
 

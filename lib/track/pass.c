@@ -55,7 +55,7 @@ void track_project(float *uv, struct track *t, const struct motion *m)
 void track_encode(struct track *t, struct track_result *r, struct square crop,
                   bool follows)
 {
-    float out[MOTION_OUT];
+    float *out = t->said;
     double t0 = cpu_seconds(), t1, t2;
 
     track_cut(t->input, t, crop);
@@ -110,13 +110,16 @@ const char *track_implausible(const struct track *t, const struct motion *m,
 }
 
 void track_settle(struct track *t, struct track_result *r,
-                  struct square guess)
+                  struct square guess, bool seen)
 {
     struct square crop = guess, next;
     double before = INFINITY, step;
 
     for (int i = 0; i < LAST_PASSES; i++) {
-        track_encode(t, r, crop, false);
+        if (i > 0 || !seen)
+            track_encode(t, r, crop, false);
+        else
+            track_decode(&r->motion, t->said, crop, t->opt.size);
         next = track_next_crop(t, &r->motion);
         if (track_implausible(t, &r->motion, next, guess) ||
             (i > 0 && r->confidence < HOPELESS))

@@ -24,8 +24,8 @@ const char *track_implausible(const struct track *t, const struct motion *m,
 
 /* Passes from a first guess until the crop is the one that its own projection
  * asks for, which t then follows; a projection far from the guess is not
- * followed. */
+ * followed.  seen: the guess is the crop that E_m saw last, in another window. */
 void track_settle(struct track *t, struct track_result *r,
-                  struct square guess);
+                  struct square guess, bool seen);
 
 #endif

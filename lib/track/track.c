@@ -147,7 +147,7 @@ static void track_begin(struct track *t, struct track_result *r, double time)
                                   r->motion.crop[2]};
         /* settled as if this window had been given */
         if (!t->opt.has_crop)
-            track_settle(t, r, t->crop);
+            track_settle(t, r, t->crop, true);
     }
     align_restart(&t->align);
     track_align(t, r);

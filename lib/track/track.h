@@ -110,6 +110,7 @@ struct track {
     float thumb[THUMB * THUMB];
     float first_thumb[THUMB * THUMB];   /* the first frame's face */
     float *input;                       /* (224,224,3) */
+    float said[MOTION_OUT];             /* what E_m said of it last */
     struct search search;               /* for where else a face is */
     struct mipmap picture;              /* the frame at hand */
 };
