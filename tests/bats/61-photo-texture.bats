@@ -116,7 +116,7 @@ piped() {
     edit avatar.spid a.spid seen
     status 65 spid-animate -q -m model -s a.spid drive.y4m -o a.y4m
     one_line
-    has 'a.spid: GAUS has uv without seen'
+    has 'a.spid: frame 0: GAUS has uv without seen'
     status 65 spid-splat -q --camera $front a.spid -o a.png
     one_line
     has 'GAUS has uv without seen'
