@@ -150,9 +150,7 @@ static float inset_project(float at[2], const float pivot[3],
 {
     float x[3];
 
-    for (int i = 0; i < 3; i++)
-        x[i] = cam[4 * i] * pivot[0] + cam[4 * i + 1] * pivot[1] +
-               cam[4 * i + 2] * pivot[2] + cam[4 * i + 3];
+    camera_apply(x, cam, pivot);
     x[2] = fmaxf(x[2], CAMERA_NEAR);
     at[0] = CAMERA_FOCAL * x[0] / x[2];
     at[1] = CAMERA_FOCAL * x[1] / x[2];

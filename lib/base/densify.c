@@ -100,19 +100,12 @@ void densify_backward(float *dx, const float *dout, const struct densify *d,
 void densify_gather(float *out, const int32_t *vertex, size_t n,
                     const float *x, const struct densify *d)
 {
-    size_t V = d->V;
+    size_t end[2];              /* a vertex' are both itself */
 
     for (size_t i = 0; i < n; i++) {
-        size_t k = vertex ? (size_t)vertex[i] : i;
-
-        if (k < V) {
-            memcpy(out + 3 * i, x + 3 * k, 3 * sizeof *out);
-            continue;
-        }
-        const float *a = x + 3 * (size_t)d->edge[2 * (k - V)];
-        const float *b = x + 3 * (size_t)d->edge[2 * (k - V) + 1];
-        for (int c = 0; c < 3; c++)
-            out[3 * i + c] = 0.5f * (a[c] + b[c]);
+        densify_ends(end, d, vertex ? (size_t)vertex[i] : i);
+        for (size_t c = 0; c < 3; c++)
+            out[3 * i + c] = 0.5f * (x[3 * end[0] + c] + x[3 * end[1] + c]);
     }
 }
 

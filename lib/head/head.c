@@ -2,7 +2,9 @@
  * kernels, with a hash of all of them. */
 #include "lib/head/head.h"
 
+#include <inttypes.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
@@ -326,8 +328,6 @@ static void head_hash_begin(XXH64_state_t *s, const struct head *h,
 static void head_hash_end(struct head *h, XXH64_state_t *s,
                           const struct head_arrays *a)
 {
-    static const char hex[] = "0123456789abcdef";
-
     XXH64_update(s, a->posedirs,
                  3 * a->V * HEAD_POSE_DIRS * sizeof(float));
     XXH64_update(s, a->weights, HEAD_JOINTS * a->V * sizeof(float));
@@ -335,10 +335,7 @@ static void head_hash_end(struct head *h, XXH64_state_t *s,
     if (a->nlid)
         XXH64_update(s, a->lid_shapedirs,
                      3 * a->nlid * a->nlid_shape * sizeof(float));
-    uint64_t d = XXH64_digest(s);
-    for (int i = 0; i < 16; i++)
-        h->hash[i] = hex[d >> (60 - 4 * i) & 15];
-    h->hash[16] = 0;
+    snprintf(h->hash, sizeof h->hash, "%016" PRIx64, XXH64_digest(s));
 }
 
 /* ---- making and freeing ------------------------------------------------ */

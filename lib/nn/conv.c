@@ -208,15 +208,11 @@ static void conv_update_direct(struct conv *c, const float *w)
 static void conv_forward_direct(float *out, const float *in, struct conv *c)
 {
     void *half = c->plan->scratch + c->impl->half_at;
-    size_t count = c->batch * c->h * c->w * c->in_data;
+    const bool narrows = c->impl->input == dnnl_bf16 && !c->half_in;
 
-    if (c->half_in)
-        half = NULL;
-    else if (c->impl->input == dnnl_bf16)
-        image_to_bf16(half, in, count);
-    else
-        half = NULL;
-    conv_onednn_forward(out, half ? half : in, c->impl->bias, NULL, c);
+    if (narrows)
+        image_to_bf16(half, in, c->batch * c->h * c->w * c->in_data);
+    conv_onednn_forward(out, narrows ? half : in, c->impl->bias, NULL, c);
 }
 
 /* In the order in which they are asked; the last takes any layer. */

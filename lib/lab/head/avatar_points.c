@@ -53,7 +53,7 @@ struct points_nape {
 /* The neck blend goes from under the chin to the model's lower edge, about a
  * point a third of the way from the root to the neck joint. */
 static void points_neck(struct neck_blend *b, struct points_nape *n,
-                              const struct head *h)
+                        const struct head *h)
 {
     const float *root = h->joint_template + 3 * JOINT_ROOT;
     const float *neck = h->joint_template + 3 * JOINT_NECK;
@@ -80,7 +80,7 @@ static void points_neck(struct neck_blend *b, struct points_nape *n,
 
 /* The nape's share: by height, and the more the further back. */
 static float points_nape_at(const struct points_nape *n,
-                                  const float x[3])
+                            const float x[3])
 {
     const float deep = n->front - n->back;
 
@@ -137,7 +137,7 @@ static float points_range(const struct head *h, size_t v)
 /* fold (V): 0 on the lids' margin, where no neighbour below comes down (V) with
  * the vertex; else 1.  Neighbours beside and behind do not count. */
 static void points_margin(float *fold, const float *down,
-                                const struct head *h, const struct densify *d)
+                          const struct head *h, const struct densify *d)
 {
     for (size_t v = 0; v < d->V; v++)
         fold[v] = 0;
@@ -155,8 +155,8 @@ static void points_margin(float *fold, const float *down,
 /* Upper lids, and what they stretch by when both eyes close; open (V+E): the
  * mean head's spacing, closed (V,3) is scratch. */
 static void points_lids(struct head_avatar *w, const struct head *h,
-                              const struct densify *d, const float *open,
-                              float *closed)
+                        const struct densify *d, const float *open,
+                        float *closed)
 {
     const size_t V = h->V, D = V + d->E;
 
@@ -197,7 +197,7 @@ static void points_corners(const float *corner[2], const struct head *h)
 
 /* By the distance to the nearest vertex of the inner lips' ring. */
 static void points_seam(struct head_avatar *w, const struct head *h,
-                              const struct densify *d)
+                        const struct densify *d)
 {
     const float *corner[2], mm = 1e3f / h->scale;
 
@@ -224,9 +224,9 @@ static void points_seam(struct head_avatar *w, const struct head *h,
 /* Into the stretch goes a part of what the skin of posed (V,3) stretches by;
  * rest (V+E): the mean head's spacing, wide (V+E) is scratch. */
 static void points_add_stretch(struct head_avatar *w,
-                                     const struct densify *d,
-                                     const float *rest, const float *posed,
-                                     float *wide, float part)
+                               const struct densify *d,
+                               const float *rest, const float *posed,
+                               float *wide, float part)
 {
     densify_spacing(wide, posed, d);
     for (size_t k = 0; k < d->V + d->E; k++) {
@@ -241,8 +241,8 @@ static void points_add_stretch(struct head_avatar *w,
  * draw it out of the upper lids' crease; rest (V+E): its spacing, posed (V,3)
  * and wide (V+E) are scratch. */
 static int points_poses(struct head_avatar *w, const struct head *h,
-                              const struct densify *d, const float *rest,
-                              float *posed, float *wide, struct error *err)
+                        const struct densify *d, const float *rest,
+                        float *posed, float *wide, struct error *err)
 {
     float *raised = calloc(h->nexp + 1, sizeof *raised);
     const struct head_motion brows = {.exp = raised};
