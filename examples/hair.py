@@ -9,12 +9,14 @@ head that ships has 48 of them:
     spid-synth --assets ASSETS --seed 61000 --first 0 (to 47) --frames 5 \
         --size 192 --turn 0,45,90,-45,-90 -o 0.spid
 
-HEAD: a head's safetensors file, of which the tensors avatar.hair and avatar.hair_share
-(lib/head/head_avatar.h) are written anew: STYLES ways to wear hair, each the
+HEAD: a head's safetensors file, of which the tensors avatar.hair, avatar.hair_share
+and avatar.hair_look (lib/head/head_avatar.h) are written anew: STYLES ways to wear hair, each the
 chance of hair at every vertex, both sides alike, and how many wear it so.  They
 are a mixture of independent vertices (EM from people in the order of how much
 hair they show); the mean of all people counts as one more of each style, and the
-scalp's density (hair) as one more of all.  Needs NumPy.
+scalp's density (hair) as one more of all.  And what tells hair from skin by
+its colour beside the face's mean: logistic regression on hue and brightness, hair
+of each person weighing as much as skin.  Needs NumPy.
 """
 import json
 import os
@@ -29,6 +31,7 @@ STYLES = 6
 TURNS = 60              # of EM
 GRID = 128              # side of the depth map
 CLOSE = 0.03            # head units: two points at one depth
+FACE, LIPS, SCALP = 1, 2, .5   # of the head's regions, and density of hair
 SKIN = [1, 10, 11]      # of spid-synth's labels: skin, neck, ears
 HAIR = 5
 
@@ -58,9 +61,18 @@ def shown(verts, faces, cam):
     return depth < near[cell] + CLOSE
 
 
-def count(path, faces, sums):
-    """Adds to sums (2,V) how often hair, and skin, is what each vertex shows."""
-    picture = {}
+def look(rgb, mean):
+    """Numbers by which hair and skin differ, as hairstyle.c has them."""
+    a, b = rgb.sum(1) + .001, mean.sum() + .001
+    hue = np.abs(rgb / a[:, None] - mean / b).sum(1).clip(0, .3)
+    light = np.log(a / b).clip(-3, 1)
+    return np.stack([np.ones_like(a), hue, hue ** 2, light, light ** 2], 1)
+
+
+def count(path, faces, region, scalp, sums):
+    """Adds to sums (2,V) how often hair, and skin, is what each vertex shows.
+    Returns looks of hair and of skin."""
+    picture, looks = {}, ([], [])
     with open(path, "rb") as f:
         for rec in read_stream(f):
             if rec.type in ("MESH", "IMAG"):
@@ -71,9 +83,17 @@ def count(path, faces, sums):
             label = picture["IMAG"]["label"].numpy()
             seen = shown(verts, faces, cam)
             at = label.ravel()[project(verts, cam, len(label))[0]]
-            sums[0] += seen & (at == HAIR)
-            sums[1] += seen & np.isin(at, SKIN)
+            hair, skin = seen & (at == HAIR), seen & np.isin(at, SKIN)
+            sums += hair, skin
+            face = skin & (region == FACE)
+            if face.sum() > 50:
+                rgb = picture["IMAG"]["rgb"].numpy().reshape(-1, 3) / 255
+                rgb = rgb[project(verts, cam, len(label))[0]]
+                for to, part in zip(looks, (hair & (scalp > SCALP),
+                                            skin & (region != LIPS))):
+                    to.append(look(rgb[part], rgb[face].mean(0)))
             picture = {}
+    return [np.concatenate(rows) for rows in looks]
 
 
 def mixture(shows, scalp):
@@ -96,6 +116,26 @@ def mixture(shows, scalp):
     return share, chance
 
 
+def regression(people):
+    """Weights (5) of log chance of skin over that of hair."""
+    people = [p for p in people if min(map(len, p)) > 20]
+    x = np.concatenate([np.concatenate(p) for p in people])
+    y = np.concatenate([np.repeat((0., 1.), (len(p[0]), len(p[1])))
+                        for p in people])
+    by = np.concatenate([np.repeat((1 / len(p[0]), 1 / len(p[1])),
+                                   (len(p[0]), len(p[1]))) for p in people])
+    w = np.zeros(x.shape[1])
+    for _ in range(TURNS):              # Newton
+        p = 1 / (1 + np.exp(-x @ w))
+        w += np.linalg.solve(x.T * (by * p * (1 - p)) @ x + 1e-3 * np.eye(5),
+                             x.T @ (by * (y - p)) - 1e-3 * w)
+    p = 1 / (1 + np.exp(-x @ w))
+    print("taken for skin: of skin %.2f, of hair %.2f" %
+          tuple((by * p * (y == k)).sum() / (by * (y == k)).sum()
+                for k in (1, 0)))
+    return w
+
+
 def main():
     if len(sys.argv) < 3:
         sys.exit("usage: hair.py HEAD STREAM...")
@@ -113,13 +153,14 @@ def main():
     faces, scalp = tensor("f"), tensor("hair")
     mirror = tensor("avatar.mirror")[:len(scalp)]
     shows = np.zeros((len(sys.argv) - 2, 2, len(scalp)))
-    for name, sums in zip(sys.argv[2:], shows):
-        count(name, faces, sums)
+    looks = [count(name, faces, tensor("region"), scalp, sums)
+             for name, sums in zip(sys.argv[2:], shows)]
     share, chance = mixture(shows + shows[:, :, mirror], scalp)
     print("shares of styles, and vertices with hair:",
           *("%.2f %d" % (s, (c > .5).sum()) for s, c in zip(share, chance)))
     made = {"avatar.hair": chance.T.astype("<f2"),
-            "avatar.hair_share": share[None].astype("<f2")}
+            "avatar.hair_share": share[None].astype("<f2"),
+            "avatar.hair_look": regression(looks)[None].astype("<f2")}
 
     out, block = {"__metadata__": head.pop("__metadata__", {})}, b""
     for name in [n for n in head if n not in made] + list(made):

@@ -2,13 +2,10 @@
 #include "lib/avatar/hairstyle.h"
 
 #include <math.h>
-#include <string.h>
+#include <stdbool.h>
 
 #include "lib/avatar/branch.h"
 
-#define LIKE_SKIN 0.05f         /* of hair, and of a bald scalp, is like the
-                                 * face, and */
-#define UNLIKE_SKIN 0.3f        /* of skin is not */
 #define NEAREST 0.02f           /* a chance is no nearer to 0 or 1 */
 #define ALIKE 4                 /* vertices that say the same: a lock is 1 cm */
 
@@ -23,14 +20,20 @@ void hairstyle_expect(float *hair, const float share[HAIR_STYLES],
     densify_midpoints(hair + d->V, hair, d, 1);
 }
 
-static float hairstyle_as_hair(float like)
+float hairstyle_likeness(const float rgb[3], const float face[3],
+                         const struct head_avatar *a)
 {
-    return 1 - like + LIKE_SKIN * like;
-}
+    const float sum = rgb[0] + rgb[1] + rgb[2] + 1e-3f;
+    const float face_sum = face[0] + face[1] + face[2] + 1e-3f;
+    const float light = fminf(fmaxf(logf(sum / face_sum), -3), 1);
+    const float *w = a->hair_look;
+    float hue = 0;
 
-static float hairstyle_as_skin(float like)
-{
-    return like + UNLIKE_SKIN * (1 - like);
+    for (int c = 0; c < 3; c++)
+        hue += fabsf(rgb[c] / sum - face[c] / face_sum);
+    hue = fminf(hue, 0.3f);
+    return 1 / (1 + expf(-(w[0] + (w[1] + w[2] * hue) * hue +
+                           (w[3] + w[4] * light) * light)));
 }
 
 void hairstyle_find(float share[HAIR_STYLES], const float *seen,
@@ -46,8 +49,7 @@ void hairstyle_find(float share[HAIR_STYLES], const float *seen,
 
             if (seen[v] > 0)
                 log_of[s] += seen[v] / ALIKE *
-                             logf(p * hairstyle_as_hair(like[v]) +
-                                  (1 - p) * hairstyle_as_skin(like[v]));
+                             logf(p * (1 - like[v]) + (1 - p) * like[v]);
         }
         most = fmax(most, log_of[s]);
     }
@@ -59,10 +61,9 @@ void hairstyle_find(float share[HAIR_STYLES], const float *seen,
 
 float hairstyle_posterior(float hair, float like)
 {
-    const float yes = hair * hairstyle_as_hair(like);
-    const float no = (1 - hair) * hairstyle_as_skin(like);
+    const float yes = hair * (1 - like), no = (1 - hair) * like;
 
-    return yes / (yes + no);
+    return yes + no > 0 ? yes / (yes + no) : hair;
 }
 
 void hairstyle_layers(const struct hairstyle_layers *to,
@@ -70,25 +71,25 @@ void hairstyle_layers(const struct hairstyle_layers *to,
                       const struct head *h, const struct densify *d)
 {
     const size_t N = d->V + d->E;
-    float skin[3], share[HAIR_STYLES], *likeness = to->skin;
+    float face[3], share[HAIR_STYLES], *likeness = to->skin;
+    const bool known = white_point_mean(face, seen, h, REGION_FACE, 0) > 1;
 
-    memset(likeness, 0, N * sizeof *likeness);
-    if (white_point_mean(skin, seen, h, REGION_FACE, 0) > 1) {
-        for (size_t k = 0; k < N; k++)
-            likeness[k] = branch_likeness(seen->pixel + 4 * k, skin);
+    for (size_t k = 0; k < N; k++)
+        likeness[k] = known ? hairstyle_likeness(seen->pixel + 4 * k, face,
+                                                 &h->avatar) : 0.5f;
+    if (known) {
         hairstyle_find(share, held, likeness, &h->avatar);
         hairstyle_expect(to->hair, share, &h->avatar, d);
     }
     for (size_t k = 0; k < N; k++) {
-        const float like = likeness[k];
-        const float hair = hairstyle_posterior(to->hair[k], like);
+        const float hair = hairstyle_posterior(to->hair[k], likeness[k]);
         size_t end[2];
 
         densify_ends(end, d, k);
         to->strands[k] = seen->trust[k] * hair;
         to->skin[k] = seen->trust[k] * (1 - hair);
-        if (h->region && h->region[end[0]] == REGION_NECK &&
+        if (known && h->region && h->region[end[0]] == REGION_NECK &&
             h->region[end[1]] == REGION_NECK)
-            to->skin[k] *= like;
+            to->skin[k] *= branch_likeness(seen->pixel + 4 * k, face);
     }
 }

@@ -13,6 +13,12 @@
 void hairstyle_expect(float *hair, const float share[HAIR_STYLES],
                       const struct head_avatar *a, const struct densify *d);
 
+/* How much more a colour speaks for skin than for hair beside the face's mean, as
+ * the chance of skin where either is as likely: logistic regression on hue and
+ * brightness. */
+float hairstyle_likeness(const float rgb[3], const float face[3],
+                         const struct head_avatar *a);
+
 /* share: the styles' by Bayes' rule, from how far each vertex is seen (V, 0..1)
  * and how like skin that is (V, 0..1). */
 void hairstyle_find(float share[HAIR_STYLES], const float *seen,

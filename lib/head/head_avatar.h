@@ -62,7 +62,9 @@ struct head_avatar {
                              * gaze move the skin, 0 on the skull */
     float *hair;            /* (V,HAIR_STYLES) chance of hair in each of these
                              * ways to wear it, and */
-    float *hair_share;      /* (HAIR_STYLES) of people who do (examples/hair.py) */
+    float *hair_share;      /* (HAIR_STYLES) of people who do */
+    float *hair_look;       /* (5) how a colour speaks for skin and against hair:
+                             * hairstyle_likeness (all three: examples/hair.py) */
     float *neck_blend;      /* (5) pivot, top and bottom of struct neck_blend */
 
     /* The mouth (T,T), from the inner lips' centroid of a face at rest. */

@@ -167,6 +167,28 @@ static void hairstyle_ears(void)
                 hairstyle_posterior(1, 1), 1, 1);
 }
 
+/* Log odds of skin 1 - 20 hue + 10 hue^2 + light - 2 light^2, by double. */
+static void hairstyle_colours(void)
+{
+    float look[5] = {1, -20, 10, 1, -2};
+    const struct head_avatar a = {.hair_look = look};
+    const float face[3] = {0.6f, 0.45f, 0.35f}, brown[3] = {0.3f, 0.2f, 0.1f};
+    const float black[3] = {0};
+    const double hue = fabs(0.3 / 0.601 - 0.6 / 1.401) +
+                       fabs(0.2 / 0.601 - 0.45 / 1.401) +
+                       fabs(0.1 / 0.601 - 0.35 / 1.401);
+    const double light = log(0.601 / 1.401);
+    const double odds = 1 - 20 * hue + 10 * hue * hue + light -
+                        2 * light * light;
+
+    expect("the face's own colour", hairstyle_likeness(face, face, &a),
+           1 / (1 + exp(-1)), 1e-6);
+    expect("another hue, darker", hairstyle_likeness(brown, face, &a),
+           1 / (1 + exp(-odds)), 1e-5);
+    check_range("black counts as little as what is nearly so",
+                hairstyle_likeness(black, face, &a), 0, 1e-6);
+}
+
 /* ---- the photograph's edge ---------------------------------------------- */
 
 static void picture_edge(void)
@@ -271,6 +293,7 @@ int main(void)
     completion_mirrors();
     completion_layers();
     hairstyle_ears();
+    hairstyle_colours();
     picture_edge();
     tilt_slopes();
     return check_status();
