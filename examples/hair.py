@@ -10,11 +10,13 @@ head that ships has 48 of them:
         --size 192 --turn 0,45,90,-45,-90 -o 0.spid
 
 HEAD: a head's safetensors file, of which the tensors avatar.hair, avatar.hair_share
-and avatar.hair_look (lib/head/head_avatar.h) are written anew: STYLES ways to wear hair, each the
-chance of hair at every vertex, both sides alike, and how many wear it so.  They
-are a mixture of independent vertices (EM from people in the order of how much
-hair they show); the mean of all people counts as one more of each style, and the
-scalp's density (hair) as one more of all.  And what tells hair from skin by
+and avatar.hair_look (lib/head/head_avatar.h) are written anew: STYLES ways to wear
+hair, each the chance of hair at every vertex, both sides alike, and how many wear
+it so.  They are a mixture of independent vertices (EM from people in the order of
+how much hair they show); the mean of all people counts as one more of each style,
+and the scalp's density (hair) as one more of all.  The bald are left out: their
+scalp goes on as hair does, in its own colour, and fair hair is easily taken for
+one.  And what tells hair from skin by
 its colour beside the face's mean: logistic regression on hue and brightness, hair
 of each person weighing as much as skin.  Needs NumPy.
 """
@@ -155,7 +157,10 @@ def main():
     shows = np.zeros((len(sys.argv) - 2, 2, len(scalp)))
     looks = [count(name, faces, tensor("region"), scalp, sums)
              for name, sums in zip(sys.argv[2:], shows)]
-    share, chance = mixture(shows + shows[:, :, mirror], scalp)
+    shows += shows[:, :, mirror]
+    on_scalp = shows[:, :, scalp > SCALP].sum(2)
+    shows = shows[on_scalp[:, 0] > on_scalp[:, 1]]
+    share, chance = mixture(shows, scalp)
     print("shares of styles, and vertices with hair:",
           *("%.2f %d" % (s, (c > .5).sum()) for s, c in zip(share, chance)))
     made = {"avatar.hair": chance.T.astype("<f2"),
