@@ -98,7 +98,16 @@ static int reenactor_shape(struct reenactor *r, const struct data_frame *f,
                                     (void *)f, err))
         return -1;
     memcpy(p->shape, truth ? r->beta : beta, p->nshape * sizeof *p->shape);
-    return 0;
+    return person_fold(&r->id, r->head, p, err);
+}
+
+/* The head again, once the bake has said how it differs from its shape. */
+static int reenactor_offset(struct reenactor *r, struct error *err)
+{
+    if (!r->person.offset)
+        return 0;
+    identity_release(&r->id);
+    return person_fold(&r->id, r->head, &r->person, err);
 }
 
 /* Pipelines of the baked source: the refined picture, the coarse one, and
@@ -148,7 +157,7 @@ int reenactor_source(struct reenactor *r, const struct data_frame *f,
                          (void *)f, err) ||
            baker_bake(&r->baker, r->verts, p, err) ||
            baker_copy(&r->baked, &r->baker, true, err) ||
-           person_fold(&r->id, r->head, p, err) ||
+           reenactor_offset(r, err) ||
            texture_init(&r->texture, p->rgb, p->matte, p->back, p->size,
                         err) ||
            reenactor_open_pipelines(r, err) ? -1 : 0;
