@@ -16,9 +16,9 @@ it so.  They are a mixture of independent vertices (EM from people in the order 
 how much hair they show); the mean of all people counts as one more of each style,
 and the scalp's density (hair) as one more of all.  The bald are left out: their
 scalp goes on as hair does, in its own colour, and fair hair is easily taken for
-one.  And what tells hair from skin by
-its colour beside the face's mean: logistic regression on hue and brightness, hair
-of each person weighing as much as skin.  Needs NumPy.
+one.  And what tells hair from skin by its colour beside the face's mean: logistic
+regression on hue and brightness, hair of each person weighing as much as skin.
+Needs NumPy.
 """
 import json
 import os

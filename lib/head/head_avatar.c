@@ -25,7 +25,7 @@ static const struct avatar_array {
     ARRAY(crease, ROWS_POINTS, 1), ARRAY(lips, ROWS_POINTS, 1),
     ARRAY(hair, ROWS_VERTICES, HAIR_STYLES),
     ARRAY(hair_share, ROWS_ONE, HAIR_STYLES),
-    ARRAY(hair_look, ROWS_ONE, 5),
+    ARRAY(hair_look, ROWS_ONE, HAIR_LOOKS),
     ARRAY(stretch, ROWS_POINTS, 1), ARRAY(side, ROWS_POINTS, 1),
     ARRAY(lid_skin, ROWS_POINTS, 1),
     ARRAY(eyeball, ROWS_POINTS, 3), ARRAY(about_eye, ROWS_VERTICES, 2),

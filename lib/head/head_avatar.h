@@ -24,6 +24,7 @@
 #include "lib/base/neck_blend.h"
 
 #define HAIR_STYLES 6
+#define HAIR_LOOKS 5    /* numbers of a colour (hairstyle_likeness) */
 
 enum mouth_layer { MOUTH_UPPER, MOUTH_LOWER, MOUTH_BACK };
 
@@ -63,8 +64,8 @@ struct head_avatar {
     float *hair;            /* (V,HAIR_STYLES) chance of hair in each of these
                              * ways to wear it, and */
     float *hair_share;      /* (HAIR_STYLES) of people who do */
-    float *hair_look;       /* (5) how a colour speaks for skin and against hair:
-                             * hairstyle_likeness (all three: examples/hair.py) */
+    float *hair_look;       /* (HAIR_LOOKS) how a colour speaks for skin and
+                             * against hair (all three: examples/hair.py) */
     float *neck_blend;      /* (5) pivot, top and bottom of struct neck_blend */
 
     /* The mouth (T,T), from the inner lips' centroid of a face at rest. */

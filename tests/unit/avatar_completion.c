@@ -170,7 +170,7 @@ static void hairstyle_ears(void)
 /* Log odds of skin 1 - 20 hue + 10 hue^2 + light - 2 light^2, by double. */
 static void hairstyle_colours(void)
 {
-    float look[5] = {1, -20, 10, 1, -2};
+    float look[HAIR_LOOKS] = {1, -20, 10, 1, -2};
     const struct head_avatar a = {.hair_look = look};
     const float face[3] = {0.6f, 0.45f, 0.35f}, brown[3] = {0.3f, 0.2f, 0.1f};
     const float black[3] = {0};

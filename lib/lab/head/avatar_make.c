@@ -20,7 +20,7 @@ static void avatar_copy_hair(struct head_avatar *to, const struct head *h,
     const size_t n = HAIR_STYLES * to->V;
 
     memcpy(to->hair_share, from->hair_share, HAIR_STYLES * sizeof(float));
-    memcpy(to->hair_look, from->hair_look, 5 * sizeof(float));
+    memcpy(to->hair_look, from->hair_look, HAIR_LOOKS * sizeof(float));
     for (size_t i = 0; i < n; i++)
         to->hair[i] = from->V == to->V ? from->hair[i]
                       : h->hair ? h->hair[i / HAIR_STYLES] : 0;
