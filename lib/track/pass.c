@@ -121,7 +121,7 @@ void track_settle(struct track *t, struct track_result *r,
         else
             track_decode(&r->motion, t->said, crop, t->opt.size);
         next = track_next_crop(t, &r->motion);
-        if (track_implausible(t, &r->motion, next, guess) ||
+        if (track_implausible(t, &r->motion, next, crop) ||
             (i > 0 && r->confidence < HOPELESS))
             break;
         step = (hypot(next.x - crop.x, next.y - crop.y)

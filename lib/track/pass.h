@@ -23,8 +23,9 @@ const char *track_implausible(const struct track *t, const struct motion *m,
                               struct square next, struct square used);
 
 /* Passes from a first guess until the crop is the one that its own projection
- * asks for, which t then follows; a projection far from the guess is not
- * followed.  seen: the guess is the crop that E_m saw last, in another window. */
+ * asks for, which t then follows; a projection further from a pass's crop than a
+ * head moves in a frame is not followed.  seen: the guess is the crop that E_m
+ * saw last, in another window. */
 void track_settle(struct track *t, struct track_result *r,
                   struct square guess, bool seen);
 
