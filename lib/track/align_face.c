@@ -12,7 +12,8 @@
 
 /* Standard deviations of E_m's error: */
 #define SPREAD 0.15f            /* of a component of the expression */
-#define LID_SPREAD 0.25f        /* of lids, and of components that move them */
+#define LID_SPREAD 0.06f        /* of a lid: 0.05 on people of scans (tests/bench/
+                                 * README.md, "Lids") */
 #define GAP_SPREAD 3e-4f        /* metres, of the mouth's opening */
 #define PRIOR 16.0              /* factor of the prior: errors of neighbouring
                                  * points are correlated, so they count less */
@@ -20,8 +21,6 @@
                                  * picture shows the mouth or the line between
                                  * closed lips */
 #define STEPS 2                 /* more make no visible difference */
-#define LID_SHARE 0.5           /* of a direction's squared movement, that makes
-                                 * it one of the lids */
 #define MOVES 1e-3              /* metres: points that no direction moves
                                  * further are not used */
 #define STILL 0.02              /* share of the strongest direction's movement:
@@ -79,20 +78,14 @@ static void align_face_get_direction(float *d, const struct align_face *f,
         head_direction(d, h, h->exp_dirs, h->nexp, (size_t)code);
 }
 
-/* Squared movement of a direction (V,3): of all vertices, and of the lids'. */
-static void align_face_moves(double out[2], const struct head *h,
-                             const float *d)
+/* Squared movement of a direction (V,3). */
+static double align_face_moves(const float *d, size_t V)
 {
-    out[0] = out[1] = 0;
-    for (size_t v = 0; v < h->V; v++) {
-        const double square = (double)d[3 * v] * d[3 * v] +
-                              (double)d[3 * v + 1] * d[3 * v + 1] +
-                              (double)d[3 * v + 2] * d[3 * v + 2];
+    double sum = 0;
 
-        out[0] += square;
-        if (h->region[v] == REGION_EYELID || h->region[v] == REGION_EYEBALL)
-            out[1] += square;
-    }
+    for (size_t i = 0; i < 3 * V; i++)
+        sum += (double)d[i] * d[i];
+    return sum;
 }
 
 /* How direction d (V,3) opens the mouth, in spreads of its opening. */
@@ -120,21 +113,21 @@ static void align_face_gaps(struct align_face *f, size_t k, const float *d)
 static void align_face_choose(struct align_face *f, double *moves, float *d)
 {
     const struct head *h = f->id->head;
-    double whole[2], max = 0;
+    double max = 0;
 
     for (int pass = 0; pass < 2; pass++)
         for (int k = ALIGN_FACE_LID(1);
              k < (int)h->nexp && f->codes < ALIGN_FACE_CODES; k++) {
             align_face_get_direction(d, f, k);
-            align_face_moves(whole, h, d);
+            const double whole = align_face_moves(d, h->V);
+
             if (pass == 0 && k >= 0)
-                max = fmax(max, whole[0]);
-            if (pass == 0 || whole[0] < STILL * STILL * max)
+                max = fmax(max, whole);
+            if (pass == 0 || whole < STILL * STILL * max)
                 continue;
             for (size_t i = 0; i < 3 * h->V; i++)
                 moves[i / 3] += (double)d[i] * d[i];
-            f->lid[f->codes] = k < 0 || whole[1] > LID_SHARE * whole[0];
-            f->spread[f->codes] = f->lid[f->codes] ? LID_SPREAD : SPREAD;
+            f->spread[f->codes] = k < 0 ? LID_SPREAD : SPREAD;
             f->code[f->codes++] = k;
         }
 }
@@ -322,14 +315,13 @@ static void align_face_store(struct motion *m, const struct align_face *f,
                              const float *x)
 {
     float *lid = m->pose.lid;
-    const float open = 1 - fmaxf(lid[0], lid[1]);
 
     for (size_t k = 0; k < f->codes; k++) {
         const int code = f->code[k];
         float *to = code < 0 ? &lid[ALIGN_FACE_LID(code)] : &m->exp[code];
 
         if (isfinite(x[k]))
-            *to += (f->lid[k] ? open : 1) * f->spread[k] * x[k];
+            *to += f->spread[k] * x[k];
     }
     for (int side = 0; side < 2; side++)
         lid[side] = fminf(fmaxf(lid[side], 0), 1);

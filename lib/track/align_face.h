@@ -4,9 +4,7 @@
  * tells how strong.  Gauss-Newton steps on the expression's components and on
  * the light (Lucas and Kanade 1981; points move in the head's expression
  * directions), with E_m's expression as the prior.  Its opening of the mouth is
- * a prior, too, since the inside of the mouth is not tracked.  Lids move the
- * less, the more E_m finds them shut: the skin that then comes out of their
- * crease is not in the keyframe. */
+ * a prior, too, since the inside of the mouth is not tracked. */
 #ifndef SPID_TRACK_ALIGN_FACE_H
 #define SPID_TRACK_ALIGN_FACE_H
 
@@ -33,7 +31,6 @@ struct align_face {
     int code[ALIGN_FACE_CODES]; /* each parameter's component of the expression
                                  * or, negative, lid (ALIGN_FACE_LID) */
     float spread[ALIGN_FACE_CODES]; /* standard deviation of E_m's error */
-    bool lid[ALIGN_FACE_CODES]; /* it moves lids most of all */
     float *direction;           /* (codes,3,room) head units per spread */
     double gap[ALIGN_FACE_GAPS][ALIGN_FACE_CODES];  /* of the lips, in spreads
                                                      * per spread */
