@@ -20,51 +20,20 @@
 
 /* ---- making ------------------------------------------------------------- */
 
-/* "<at><name>.weight" and ".bias" of n numbers. */
-static void lam_declare_norm(size_t norm[2], struct params *ps, const char *at,
-                             const char *name, size_t n)
-{
-    char buf[120];
-
-    norm[0] = params_add(ps, nn_name(buf, "%s%s.weight", at, name), 1, &n,
-                         PARAM_ONE, 1);
-    norm[1] = params_add(ps, nn_name(buf, "%s%s.bias", at, name), 1, &n,
-                         PARAM_ZERO, 0);
-}
-
-/* A stream of block `at`: 0 the points', 1 the picture's; of the last block
- * only what its attention reads. */
-static void lam_declare_stream(struct lam_stream *s, struct params *ps,
-                               const char *at, int k, bool last, size_t D,
-                               size_t dim)
-{
-    static const char *const in[2][3] = {{"to_q", "to_k", "to_v"},
-                                         {"add_q_proj", "add_k_proj",
-                                          "add_v_proj"}};
-    static const char *const unit[2][2] = {{"norm_q", "norm_k"},
-                                           {"norm_added_q", "norm_added_k"}};
-    const char *context = k ? "_context" : "";
-    char buf[120];
-
-    lam_declare_norm(s->norm, ps, at, k ? "norm1_context" : "norm1", D);
-    for (int i = 0; i < 3; i++)
-        linear_init(&s->in[i], ps, nn_name(buf, "%sattn.%s", at, in[k][i]), D,
-                    D, true);
-    for (int i = 0; i < 2; i++)
-        s->unit[i] = params_add(ps, nn_name(buf, "%sattn.%s.weight", at,
-                                            unit[k][i]), 1, &dim, PARAM_ONE, 1);
-    if (k && last)
-        return;
-    linear_init(&s->out, ps, nn_name(buf, "%sattn.%s", at,
-                                     k ? "to_add_out" : "to_out.0"), D, D,
-                true);
-    linear_init(&s->grow, ps, nn_name(buf, "%sff%s.net.0.proj", at, context),
-                D, 4 * D, true);
-    linear_init(&s->shrink, ps, nn_name(buf, "%sff%s.net.2", at, context),
-                4 * D, D, true);
-    s->grow.act = ACT_GELU_TANH;
-    s->out.add = s->shrink.add = true;
-}
+/* The names of the public code: the points' stream, the picture's. */
+static const struct transformer_kind streams[2] = {{
+    .norm1 = "norm1", .in = {"attn.to_q", "attn.to_k", "attn.to_v"},
+    .unit = {"attn.norm_q.weight", "attn.norm_k.weight"},
+    .out = "attn.to_out.0", .grow = "ff.net.0.proj", .shrink = "ff.net.2",
+    .widen = 4, .act = ACT_GELU_TANH, .eps1 = EPS_DEFAULT, .eps2 = EPS
+}, {
+    .norm1 = "norm1_context",
+    .in = {"attn.add_q_proj", "attn.add_k_proj", "attn.add_v_proj"},
+    .unit = {"attn.norm_added_q.weight", "attn.norm_added_k.weight"},
+    .out = "attn.to_add_out", .grow = "ff_context.net.0.proj",
+    .shrink = "ff_context.net.2",
+    .widen = 4, .act = ACT_GELU_TANH, .eps1 = EPS_DEFAULT, .eps2 = EPS
+}};
 
 /* The encoder and what brings its features into the transformer. */
 static int lam_declare_encoder(struct lam *l, struct error *err)
@@ -148,18 +117,21 @@ int lam_init(struct lam *l, struct params *ps, const struct avatar_config *c,
         goto fail;
     }
     linear_init(&l->embed, ps, "pcl_embed.mlp", EMBEDDED, l->D, true);
-    lam_declare_norm(l->embed_norm, ps, "pcl_embed.", "norm", l->D);
+    layer_norm_init(&l->embed_norm, ps, "pcl_embed.norm", l->D, EPS_DEFAULT);
     for (size_t i = 0; i < c->transformer_layers; i++) {
-        struct lam_block *b = &l->block[i];
         char at[120];
 
         nn_name(at, "transformer.layers.%zu.", i);
-        b->last = i + 1 == c->transformer_layers;
-        for (int k = 0; k < 2; k++)
-            lam_declare_stream(&b->stream[k], ps, at, k, b->last, l->D,
-                               l->D / c->transformer_heads);
+        for (int k = 0; k < 2; k++) {
+            struct transformer_kind kind = streams[k];
+
+            if (k && i + 1 == c->transformer_layers)
+                kind.out = NULL;
+            transformer_init(&l->block[i][k], ps, at, &kind, l->D,
+                             c->transformer_heads);
+        }
     }
-    lam_declare_norm(l->norm, ps, "transformer.", "norm", l->D);
+    layer_norm_init(&l->norm, ps, "transformer.norm", l->D, EPS);
     lam_declare_decoder(l);
     return 0;
 fail:
@@ -180,17 +152,8 @@ static void lam_plan_layers(struct lam *l)
     linear_plan(&l->condition, p, l->M);
     linear_plan(&l->embed, p, l->N);
     for (size_t i = 0; i < l->config.transformer_layers; i++)
-        for (int k = 0; k < 2; k++) {
-            struct lam_stream *s = &l->block[i].stream[k];
-
-            for (int j = 0; j < 3; j++)
-                linear_plan(&s->in[j], p, rows[k]);
-            if (k && l->block[i].last)
-                continue;
-            linear_plan(&s->out, p, rows[k]);
-            linear_plan(&s->grow, p, rows[k]);
-            linear_plan(&s->shrink, p, rows[k]);
-        }
+        for (int k = 0; k < 2; k++)
+            transformer_plan(&l->block[i][k], p, rows[k]);
     for (int i = 0; i < LAM_DECODER; i++)
         linear_plan(&l->mlp[i], p, l->N);
     for (int k = 0; k < LAM_HEADS; k++)
@@ -214,9 +177,6 @@ static int lam_allocate(struct lam *l, struct error *err)
     l->x = nn_plan_floats(p, T * D);
     l->normed = nn_plan_floats(p, T * D);
     l->wide = nn_plan_floats(p, wide);
-    l->qkv = l->wide;           /* never needed at the same time */
-    l->plain[0] = nn_plan_floats(p, D);
-    l->plain[1] = nn_plan_floats(p, D);
     l->raw = nn_plan_floats(p, 4 * N);
     l->offset = nn_plan_floats(p, 3 * N);
     l->mean = nn_plan_floats(p, 3 * N);
@@ -227,8 +187,6 @@ static int lam_allocate(struct lam *l, struct error *err)
     l->branch = nn_plan_bytes(p, N);
     if (nn_plan_finish(p, err))
         return -1;
-    for (size_t d = 0; d < D; d++)
-        l->plain[0][d] = 1;
     l->set = (struct gaussians){
         .n = N, .channels = 3, .mean = l->mean, .scale = l->scale,
         .quat = l->quat, .opacity = l->opacity, .color = l->color,
@@ -266,16 +224,6 @@ void lam_release(struct lam *l)
 }
 
 /* ---- one source --------------------------------------------------------- */
-
-/* y = layer norm of rows of x; wb NULL: without weight and bias. */
-static void lam_norm(float *y, const float *x, const struct lam *l,
-                     const size_t *wb, float eps, size_t rows)
-{
-    layer_norm_forward(y, NULL, NULL, x,
-                       wb ? param_w(l->ps, wb[0]) : l->plain[0],
-                       wb ? param_w(l->ps, wb[1]) : l->plain[1], eps, rows,
-                       l->D);
-}
 
 /* l->features of the picture. */
 static void lam_encode(struct lam *l, const float *rgb)
@@ -317,64 +265,22 @@ static void lam_embed(struct lam *l, const float *points, float metre)
         }
     }
     conv_forward(l->normed, l->wide, &l->embed);
-    lam_norm(l->x, l->normed, l, l->embed_norm, EPS_DEFAULT, l->N);
+    layer_norm_forward(l->x, NULL, l->normed, &l->embed_norm, l->N);
 }
 
-/* Each head's numbers of a row over their root mean square, times weight. */
-PARALLEL(lam_unit_part, i, float *, x, const float *, weight, size_t, dim,
-         size_t, heads)
+/* Both streams attend to both. */
+static void lam_block_forward(struct lam *l, struct transformer stream[2])
 {
-    for (size_t h = 0; h < heads; h++) {
-        float *at = x + (i * heads + h) * dim, sum = 0;
+    for (size_t k = 0; k < 2; k++) {
+        const size_t first = k * l->N * l->D;   /* of the stream's rows */
 
-        for (size_t k = 0; k < dim; k++)
-            sum += at[k] * at[k];
-        const float over = 1 / sqrtf(sum / (float)dim + EPS);
-
-        for (size_t k = 0; k < dim; k++)
-            at[k] = at[k] * over * weight[k];
+        transformer_use(&stream[k], l->x + first, l->normed + first,
+                        l->wide + first, l->wide + 4 * first);
+        transformer_attend(&stream[k], l->attention.part);
     }
-}
-
-/* Queries, keys and values of a stream whose rows begin at `first`. */
-static void lam_attend(struct lam *l, struct lam_stream *s, size_t first,
-                       size_t rows)
-{
-    const size_t heads = l->config.transformer_heads;
-    float *in = l->normed + first * l->D;
-
-    lam_norm(in, l->x + first * l->D, l, s->norm, EPS_DEFAULT, rows);
-    for (int i = 0; i < 3; i++) {
-        float *out = l->qkv + (size_t)i * l->attention.part + first * l->D;
-
-        conv_forward(out, in, &s->in[i]);
-        if (i < 2)
-            parallel_each(lam_unit_part, rows, 64, out,
-                          param_w(l->ps, s->unit[i]), l->D / heads, heads);
-    }
-}
-
-/* x += out of what was attended to; x += feed-forward of its norm. */
-static void lam_feed(struct lam *l, struct lam_stream *s, size_t first,
-                     size_t rows)
-{
-    float *x = l->x + first * l->D, *normed = l->normed + first * l->D;
-    float *wide = l->wide + 4 * first * l->D;
-
-    conv_forward(x, normed, &s->out);
-    lam_norm(normed, x, l, NULL, EPS, rows);
-    conv_forward(wide, normed, &s->grow);
-    conv_forward(x, wide, &s->shrink);
-}
-
-static void lam_block_forward(struct lam *l, struct lam_block *b)
-{
-    lam_attend(l, &b->stream[0], 0, l->N);
-    lam_attend(l, &b->stream[1], l->N, l->M);
-    attention_forward(l->normed, l->qkv, &l->attention);
-    lam_feed(l, &b->stream[0], 0, l->N);
-    if (!b->last)
-        lam_feed(l, &b->stream[1], l->N, l->M);
+    attention_forward(l->normed, l->wide, &l->attention);
+    for (size_t k = 0; k < 2; k++)
+        transformer_feed(NULL, &stream[k]);
 }
 
 /* What a head's raw numbers stand for, of all points. */
@@ -412,8 +318,8 @@ void lam_bake(struct lam *l, const float *rgb, const float *points,
     lam_embed(l, points, metre);
     conv_forward(l->x + N * l->D, l->features, &l->condition);
     for (size_t i = 0; i < l->config.transformer_layers; i++)
-        lam_block_forward(l, &l->block[i]);
-    lam_norm(l->normed, l->x, l, l->norm, EPS, N);
+        lam_block_forward(l, l->block[i]);
+    layer_norm_forward(l->normed, NULL, l->x, &l->norm, N);
     for (int i = 0; i < LAM_DECODER; i++)
         conv_forward(step[i + 1], step[i], &l->mlp[i]);
     for (int k = 0; k < LAM_HEADS; k++) {

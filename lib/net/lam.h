@@ -20,28 +20,16 @@
 #include "lib/net/dinov2.h"
 #include "lib/nn/attention.h"
 #include "lib/nn/conv.h"
+#include "lib/nn/norm.h"
 #include "lib/nn/params.h"
 #include "lib/nn/plan.h"
 #include "lib/nn/rescale.h"
+#include "lib/nn/transformer.h"
 
 enum { LAM_LEVELS = 4, LAM_DECODER = 3 };
 /* What the heads say, in the order of the public code. */
 enum lam_head { LAM_COLOR, LAM_SCALE, LAM_PLACE, LAM_OPACITY, LAM_ROTATION,
                 LAM_HEADS };
-
-/* One of the two streams of a block: points, or the picture's features. */
-struct lam_stream {
-    struct conv in[3], out;     /* queries, keys, values; what is attended to */
-    struct conv grow, shrink;   /* the feed-forward layers */
-    size_t norm[2];             /* weight and bias before the attention */
-    size_t unit[2];             /* (dim) of a head's queries and keys */
-};
-
-/* Joint attention of both streams (Stable Diffusion 3's block without time). */
-struct lam_block {
-    struct lam_stream stream[2];
-    bool last;                  /* nothing comes back to the picture's stream */
-};
 
 struct lam {
     struct avatar_config config;
@@ -50,8 +38,10 @@ struct lam {
     struct dinov2 vit;
     struct conv project[LAM_LEVELS], fuse, embed, condition, mlp[LAM_DECODER],
         head[LAM_HEADS];
-    size_t embed_norm[2], norm[2];      /* weight, bias */
-    struct lam_block *block;
+    struct layer_norm embed_norm, norm;
+    /* Of points and of the picture's features, with joint attention (Stable
+     * Diffusion 3's block without time). */
+    struct transformer (*block)[2];
 
     /* Of the last bake. */
     struct nn_plan plan;
@@ -60,8 +50,7 @@ struct lam {
     float *picture;             /* (image,image,3) */
     float *features;            /* (M,feature) */
     float *x;                   /* (N + M,D) */
-    float *normed, *qkv, *wide;
-    float *plain[2];            /* (D) ones, zeros */
+    float *normed, *wide;
     float *raw;                 /* (N,4) of a head */
     struct gaussians set;       /* all Gaussians */
     float *offset;              /* (N,3) from the points */

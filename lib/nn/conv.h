@@ -9,8 +9,6 @@
 #include "lib/nn/params.h"
 #include "lib/nn/plan.h"
 
-#define NN_NONE ((size_t)-1)
-
 enum conv_pad {
     CONV_HALF,     /* kernel/2 on every side */
     CONV_SAME,     /* TensorFlow's: the odd one goes right and down */

@@ -171,13 +171,3 @@ void ISA(quantise)(uint8_t *y, const float *x, float inverse, float zero,
         y[i] = (uint8_t)(v < 0 ? 0 : v > 255 ? 255 : v);
     }
 }
-
-/* y = x + gamma p, rows of C */
-void ISA(scale_add)(float *y, const float *x, const float *p,
-                    const float *gamma, size_t rows, size_t C)
-{
-    for (size_t r = 0; r < rows; r++)
-        KERNEL_INDEPENDENT
-        for (size_t c = 0; c < C; c++)
-            y[r * C + c] = x[r * C + c] + gamma[c] * p[r * C + c];
-}

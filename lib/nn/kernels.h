@@ -100,8 +100,6 @@ struct winograd;
     X(void, widen, (float *y, const uint16_t *x, size_t n))                  \
     X(void, softmax_backward, (float *dp, const float *p, size_t rows,       \
                                size_t n, size_t ld, float scale))            \
-    X(void, scale_add, (float *y, const float *x, const float *p,            \
-                        const float *gamma, size_t rows, size_t C))          \
     X(void, style_finish, (float *y, const float *u, const float *d,         \
                            const float *b, const float *noise, float gain,   \
                            size_t rows, size_t C))                           \

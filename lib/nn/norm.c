@@ -219,56 +219,70 @@ void batch_norm_backward(float *dx, const float *dy, const float *x,
 
 #define LN_ROWS 32
 
-/* One chunk. */
-PARALLEL(layer_norm_forward_part, part, const struct nn_kernels *, k,
-         float *, y, float *, mean, float *, rstd, const float *, x,
-         const float *, weight, const float *, bias, size_t, rows, size_t, C,
-         float, eps)
+void layer_norm_init(struct layer_norm *n, struct params *ps,
+                     const char *name, size_t channels, float eps)
 {
-    size_t r = part * LN_ROWS;
-    size_t m = rows - r < LN_ROWS ? rows - r : LN_ROWS;
+    char buf[120];
 
-    k->layer_norm_forward(y + r * C, mean ? mean + r : NULL,
-                          rstd ? rstd + r : NULL, x + r * C, weight, bias, eps,
-                          m, C);
+    *n = (struct layer_norm){.ps = ps, .weight = NN_NONE, .bias = NN_NONE,
+                             .channels = channels, .eps = eps};
+    if (!name)
+        return;
+    n->weight = params_add(ps, nn_name(buf, "%s.weight", name), 1, &channels,
+                           PARAM_ONE, 1.0f);
+    n->bias = params_add(ps, nn_name(buf, "%s.bias", name), 1, &channels,
+                         PARAM_ZERO, 0.0f);
 }
 
-void layer_norm_forward(float *y, float *mean, float *rstd, const float *x,
-                        const float *weight, const float *bias, float eps,
-                        size_t rows, size_t C)
+/* One chunk. */
+PARALLEL(layer_norm_forward_part, part, const struct nn_kernels *, k,
+         float *, y, float *, stat, const float *, x,
+         const struct layer_norm *, n, size_t, rows)
 {
-    const struct nn_kernels *k = nn_kernels();
+    const bool plain = n->weight == NN_NONE;
+    size_t r = part * LN_ROWS, C = n->channels;
+    size_t m = rows - r < LN_ROWS ? rows - r : LN_ROWS;
 
-    parallel_each(layer_norm_forward_part, (rows + LN_ROWS - 1) / LN_ROWS, 1, k,
-                  y, mean, rstd, x, weight, bias, rows, C, eps);
+    k->layer_norm_forward(y + r * C, stat ? stat + r : NULL,
+                          stat ? stat + rows + r : NULL, x + r * C,
+                          plain ? NULL : param_w(n->ps, n->weight),
+                          plain ? NULL : param_w(n->ps, n->bias), n->eps, m,
+                          C);
+}
+
+void layer_norm_forward(float *y, float *stat, const float *x,
+                        const struct layer_norm *n, size_t rows)
+{
+    parallel_each(layer_norm_forward_part, (rows + LN_ROWS - 1) / LN_ROWS, 1,
+                  nn_kernels(), y, stat, x, n, rows);
 }
 
 PARALLEL(layer_norm_backward_part, i, const struct nn_kernels *, k, float *, dx,
          float *, part, const float *, dy, const float *, x,
-         const float *, mean, const float *, rstd, const float *, weight,
-         size_t, rows, size_t, parts, size_t, C)
+         const float *, stat, const struct layer_norm *, n, size_t, rows,
+         size_t, parts)
 {
     size_t r = i * rows / parts, m = (i + 1) * rows / parts - r;
+    size_t C = n->channels;
 
     k->layer_norm_backward(dx + r * C, part + i * 2 * C, dy + r * C, x + r * C,
-                           mean + r, rstd + r, weight, m, C);
+                           stat + r, stat + rows + r,
+                           param_w(n->ps, n->weight), m, C);
 }
 
-void layer_norm_backward(float *dx, float *dweight, float *dbias, float *part,
-                         const float *dy, const float *x, const float *mean,
-                         const float *rstd, const float *weight, size_t rows,
-                         size_t C)
+void layer_norm_backward(float *dx, float *part, const float *dy,
+                         const float *x, const float *stat,
+                         const struct layer_norm *n, size_t rows)
 {
-    const struct nn_kernels *k = nn_kernels();
-    size_t parts = norm_part_count(rows);
+    float *dweight = param_g(n->ps, n->weight);
+    float *dbias = param_g(n->ps, n->bias);
+    size_t parts = norm_part_count(rows), C = n->channels;
 
-    parallel_each(layer_norm_backward_part, parts, 1, k, dx, part, dy, x, mean,
-                  rstd, weight, rows, parts, C);
+    parallel_each(layer_norm_backward_part, parts, 1, nn_kernels(), dx, part,
+                  dy, x, stat, n, rows, parts);
     for (size_t i = 0; i < parts; i++)
         for (size_t c = 0; c < C; c++) {
-            if (dweight)
-                dweight[c] += part[i * 2 * C + c];
-            if (dbias)
-                dbias[c] += part[i * 2 * C + C + c];
+            dweight[c] += part[i * 2 * C + c];
+            dbias[c] += part[i * 2 * C + C + c];
         }
 }

@@ -38,16 +38,24 @@ void batch_norm_forward(float *y, const float *x, const float *res,
 void batch_norm_backward(float *dx, const float *dy, const float *x,
                          struct batch_norm *n);
 
-/* y (rows,C) = (x - mean) rstd weight + bias over each row; mean and rstd
- * (rows) are kept for the backward, NULL where nobody wants them. */
-void layer_norm_forward(float *y, float *mean, float *rstd, const float *x,
-                        const float *weight, const float *bias, float eps,
-                        size_t rows, size_t C);
-/* dx is written; dweight and dbias (C) are added to, NULL skips them; part
- * is scratch of NN_SUMS * 2 * C floats. */
-void layer_norm_backward(float *dx, float *dweight, float *dbias, float *part,
-                         const float *dy, const float *x, const float *mean,
-                         const float *rstd, const float *weight, size_t rows,
-                         size_t C);
+struct layer_norm {
+    struct params *ps;
+    size_t weight, bias;             /* tensors in ps, or NN_NONE */
+    size_t channels;
+    float eps;
+};
+
+/* Declare "<name>.weight" and ".bias"; of no name: neither. */
+void layer_norm_init(struct layer_norm *n, struct params *ps,
+                     const char *name, size_t channels, float eps);
+/* y (rows,C) = (x - mean) rstd weight + bias over each row; stat (2,rows), mean
+ * and rstd, is kept for the backward, NULL where nobody wants it. */
+void layer_norm_forward(float *y, float *stat, const float *x,
+                        const struct layer_norm *n, size_t rows);
+/* dx is written; gradients of weight and bias, which there must be, are added
+ * to ps->g; part is scratch of NN_SUMS * 2 * C floats. */
+void layer_norm_backward(float *dx, float *part, const float *dy,
+                         const float *x, const float *stat,
+                         const struct layer_norm *n, size_t rows);
 
 #endif

@@ -151,7 +151,7 @@ static inline float norm_lane_sum(const float *lane)
     return s;
 }
 
-/* See norm.h; mean and rstd may be NULL. */
+/* See norm.h; mean and rstd may be NULL, or w and b. */
 void ISA(layer_norm_forward)(float *y, float *mean, float *rstd,
                              const float *x, const float *w, const float *b,
                              float eps, size_t rows, size_t C)
@@ -173,7 +173,7 @@ void ISA(layer_norm_forward)(float *y, float *mean, float *rstd,
             }
         float k = 1.0f / sqrtf(norm_lane_sum(v) / (float)C + eps);
         for (size_t c = 0; c < C; c++)
-            q[c] = (p[c] - m) * k * w[c] + b[c];
+            q[c] = w ? (p[c] - m) * k * w[c] + b[c] : (p[c] - m) * k;
         if (mean) {
             mean[r] = m;
             rstd[r] = k;

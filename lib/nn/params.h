@@ -11,6 +11,8 @@
 #include "formats/safetensors.h"
 #include "lib/base/error.h"
 
+#define NN_NONE ((size_t)-1)     /* no tensor */
+
 enum param_init {
     PARAM_ZERO,        /* 0 */
     PARAM_ONE,         /* 1 */

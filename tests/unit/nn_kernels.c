@@ -106,7 +106,6 @@ CASE(softmax, memcpy(out[0], in[0], n * sizeof(float));
      k->softmax(out[0], rows, C, C, 3))
 CASE(softmax_backward, memcpy(out[0], in[0], n * sizeof(float));
      k->softmax_backward(out[0], in[1], rows, C, C, 3))
-CASE(scale_add, k->scale_add(out[0], in[0], in[1], in[2], rows, C))
 CASE(style_finish, k->style_finish(out[0], in[0], in[1], in[2], in[3], 0.3f,
                                    rows, C))
 CASE(style_backward, k->style_backward(out[0], out[1], in[0], in[1], in[2],
@@ -159,7 +158,7 @@ static const struct kernel_case {
     ROW(pick_rgb, 512, 32, 10, 0), ROW(pick_rgb_half, 128, 32, 10, 0),
     ROW(pick_rgb_half, 31, 3, 10, 0), ROW(widen, 1021, 41, 10, 0),
     ROW(softmax, 48, 1369, 2, 1e-5), ROW(softmax_backward, 48, 1369, 4, 1e-5),
-    ROW(scale_add, 64, 768, 10, 1e-6), ROW(style_finish, 512, 64, 10, 1e-6),
+    ROW(style_finish, 512, 64, 10, 1e-6),
     ROW(style_backward, 512, 64, 10, 1e-5), ROW(gemm_pack, 96, 96, 20, 0),
     ROW(gemm, 96, 32, 40, 1e-5), ROW(gemm, 96, 64, 20, 1e-5),
     ROW(gemm, 49, 99, 10, 1e-5), ROW(winograd_input, 8, 32, 20, 1e-5),

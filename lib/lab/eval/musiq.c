@@ -3,64 +3,29 @@
 #include "lib/lab/eval/musiq.h"
 
 #include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 #include "lib/base/parallel.h"
-#include "lib/nn/act.h"
-#include "lib/nn/norm.h"
 
 #define PATCH ((size_t)32)
 #define STEM ((size_t)64)       /* channels before the bottleneck, */
 #define TOKEN ((size_t)256)     /* behind it, */
 #define MAP ((size_t)8)         /* where a patch is 8 x 8 */
 #define WIDTH ((size_t)384)
-#define HIDDEN ((size_t)1152)
 #define HEADS ((size_t)6)
 #define GRID ((size_t)10)
 #define GROUPS ((size_t)32)     /* of a group norm */
-#define LAYER_EPS 1e-6f
 
 /* Longer sides; the last size is the picture's own. */
 static const size_t longer[MUSIQ_SCALES - 1] = {224, 384};
 
 /* ---- tensors ------------------------------------------------------------ */
 
-/* "<name>.weight" and "<name>.bias" of n channels. */
-static struct musiq_norm musiq_declare_norm(struct params *ps,
-                                            const char *name, size_t n)
-{
-    char buf[120];
-    struct musiq_norm norm;
-
-    norm.weight = params_add(ps, nn_name(buf, "%s.weight", name), 1, &n,
-                             PARAM_ONE, 1);
-    norm.bias = params_add(ps, nn_name(buf, "%s.bias", name), 1, &n,
-                           PARAM_ZERO, 0);
-    return norm;
-}
-
-/* Block i of the transformer. */
-static void musiq_declare_block(struct musiq_block *b, struct params *ps,
-                                int i)
-{
-    char at[80], name[120];
-
-    snprintf(at, sizeof at, "transformer_encoder.transformer.encoderblock_%d.",
-             i);
-    b->norm1 = musiq_declare_norm(ps, nn_name(name, "%snorm1", at), WIDTH);
-    linear_init(&b->qkv, ps, nn_name(name, "%sattention.qkv", at), WIDTH,
-                3 * WIDTH, true);
-    linear_init(&b->out, ps, nn_name(name, "%sattention.out", at), WIDTH,
-                WIDTH, true);
-    b->norm2 = musiq_declare_norm(ps, nn_name(name, "%snorm2", at), WIDTH);
-    linear_init(&b->fc1, ps, nn_name(name, "%smlp.fc1", at), WIDTH, HIDDEN,
-                true);
-    linear_init(&b->fc2, ps, nn_name(name, "%smlp.fc2", at), HIDDEN, WIDTH,
-                true);
-    b->out.add = b->fc2.add = true;
-    b->fc1.act = ACT_GELU;
-}
+static const struct transformer_kind kind = {
+    .norm1 = "norm1", .in = {"attention.qkv"}, .out = "attention.out",
+    .norm2 = "norm2", .grow = "mlp.fc1", .shrink = "mlp.fc2",
+    .widen = 3, .act = ACT_GELU, .eps1 = 1e-6f, .eps2 = 1e-6f
+};
 
 void musiq_declare(struct musiq *m, struct params *ps)
 {
@@ -71,15 +36,15 @@ void musiq_declare(struct musiq *m, struct params *ps)
 
     conv_init(&m->root, ps, "conv_root", 3, STEM, 7, 2, false);
     m->root.pad = CONV_SAME;
-    m->gn_root = musiq_declare_norm(ps, "gn_root", STEM);
+    layer_norm_init(&m->gn_root, ps, "gn_root", STEM, 1e-6f);
     conv_init(&m->conv1, ps, "block1.conv1", STEM, STEM, 1, 1, false);
-    m->gn1 = musiq_declare_norm(ps, "block1.gn1", STEM);
+    layer_norm_init(&m->gn1, ps, "block1.gn1", STEM, 1e-4f);
     conv_init(&m->conv2, ps, "block1.conv2", STEM, STEM, 3, 1, false);
-    m->gn2 = musiq_declare_norm(ps, "block1.gn2", STEM);
+    layer_norm_init(&m->gn2, ps, "block1.gn2", STEM, 1e-4f);
     conv_init(&m->conv3, ps, "block1.conv3", STEM, TOKEN, 1, 1, false);
-    m->gn3 = musiq_declare_norm(ps, "block1.gn3", TOKEN);
+    layer_norm_init(&m->gn3, ps, "block1.gn3", TOKEN, 1e-4f);
     conv_init(&m->proj, ps, "block1.conv_proj", STEM, TOKEN, 1, 1, false);
-    m->gn_proj = musiq_declare_norm(ps, "block1.gn_proj", TOKEN);
+    layer_norm_init(&m->gn_proj, ps, "block1.gn_proj", TOKEN, 1e-4f);
     linear_init(&m->embedding, ps, "embedding", MAP * MAP * TOKEN, WIDTH,
                 true);
     m->position = params_add(ps, nn_name(name, "%sposembed_input.position_emb",
@@ -87,10 +52,12 @@ void musiq_declare(struct musiq *m, struct params *ps)
     m->scale = params_add(ps, nn_name(name, "%sscaleembed_input.scale_emb", at),
                           2, scale, PARAM_ZERO, 0);
     m->cls = params_add(ps, nn_name(name, "%scls", at), 3, cls, PARAM_ZERO, 0);
-    m->norm = musiq_declare_norm(ps, nn_name(name, "%sencoder_norm", at),
-                                 WIDTH);
+    layer_norm_init(&m->norm, ps, nn_name(name, "%sencoder_norm", at), WIDTH,
+                    kind.eps1);
     for (int i = 0; i < MUSIQ_BLOCKS; i++)
-        musiq_declare_block(&m->block[i], ps, i);
+        transformer_init(&m->block[i], ps,
+                         nn_name(name, "%stransformer.encoderblock_%d.", at, i),
+                         &kind, WIDTH, HEADS);
     linear_init(&m->head, ps, "head", WIDTH, 1, true);
     for (size_t i = 0; i < ps->count; i++)
         ps->tensor[i].frozen = true;
@@ -174,16 +141,12 @@ static void musiq_plan_encoder(struct musiq *m, size_t T)
 
     m->x = nn_plan_floats(p, T * WIDTH);
     m->n = nn_plan_floats(p, T * WIDTH);
-    m->heads = nn_plan_floats(p, 3 * T * WIDTH);
-    m->att = nn_plan_floats(p, T * WIDTH);
-    m->hidden = nn_plan_floats(p, T * HIDDEN);
+    m->hidden = nn_plan_floats(p, T * kind.widen * WIDTH);
     m->quality = nn_plan_floats(p, 1);
     attention_plan(&m->attention, p, 1, T, HEADS, WIDTH / HEADS);
     for (int i = 0; i < MUSIQ_BLOCKS; i++) {
-        linear_plan(&m->block[i].qkv, p, T);
-        linear_plan(&m->block[i].out, p, T);
-        linear_plan(&m->block[i].fc1, p, T);
-        linear_plan(&m->block[i].fc2, p, T);
+        transformer_use(&m->block[i], m->x, m->n, m->hidden, m->hidden);
+        transformer_plan(&m->block[i], p, T);
     }
     linear_plan(&m->head, p, 1);
 }
@@ -253,10 +216,11 @@ static void musiq_add_places(float *x, const struct musiq *m, int s)
 
 /* One patch of musiq_group_norm. */
 PARALLEL(musiq_group_norm_part, i, float *, x, const float *, add,
-         const float *, weight, const float *, bias, size_t, pixels, size_t, C,
-         double, eps, _Bool, relu)
+         const struct layer_norm *, norm, size_t, pixels, _Bool, relu)
 {
-    const size_t width = C / GROUPS;
+    const float *weight = param_w(norm->ps, norm->weight);
+    const float *bias = param_w(norm->ps, norm->bias);
+    const size_t C = norm->channels, width = C / GROUPS;
     float *p = x + i * pixels * C;
 
     for (size_t c0 = 0; c0 < C; c0 += width) {
@@ -271,7 +235,7 @@ PARALLEL(musiq_group_norm_part, i, float *, x, const float *, add,
 
             square += d * d;
         }
-        const double rstd = 1 / sqrt(square / n + eps);
+        const double rstd = 1 / sqrt(square / n + (double)norm->eps);
 
         for (size_t j = 0; j < pixels * width; j++) {
             const size_t c = c0 + j % width, k = j / width * C + c;
@@ -287,12 +251,11 @@ PARALLEL(musiq_group_norm_part, i, float *, x, const float *, add,
 /* x (patches,pixels,C) in place: each patch's groups of channels to mean 0 and
  * variance 1, weighted; plus add (NULL: none); relu where wanted. */
 static void musiq_group_norm(float *x, const struct musiq *m,
-                             const struct musiq_norm *norm, size_t pixels,
-                             size_t C, double eps, const float *add, bool relu)
+                             const struct layer_norm *norm, size_t pixels,
+                             const float *add, bool relu)
 {
-    parallel_each(musiq_group_norm_part, m->patches, 1, x, add,
-                  param_w(&m->ps, norm->weight), param_w(&m->ps, norm->bias),
-                  pixels, C, eps, relu);
+    parallel_each(musiq_group_norm_part, m->patches, 1, x, add, norm, pixels,
+                  relu);
 }
 
 /* Tokens of the patches in m->rgb, behind the class token's place in m->x. */
@@ -302,47 +265,25 @@ static void musiq_stem(struct musiq *m)
     float **a = m->narrow;
 
     conv_forward(m->root_out, m->rgb, &m->root);
-    musiq_group_norm(m->root_out, m, &m->gn_root, 4 * pixels, STEM, 1e-6, NULL,
-                     true);
+    musiq_group_norm(m->root_out, m, &m->gn_root, 4 * pixels, NULL, true);
     max_pool_forward(a[0], m->root_out, &m->pool);
     conv_forward(m->wide[0], a[0], &m->proj);
-    musiq_group_norm(m->wide[0], m, &m->gn_proj, pixels, TOKEN, 1e-4, NULL,
-                     false);
+    musiq_group_norm(m->wide[0], m, &m->gn_proj, pixels, NULL, false);
     conv_forward(a[1], a[0], &m->conv1);
-    musiq_group_norm(a[1], m, &m->gn1, pixels, STEM, 1e-4, NULL, true);
+    musiq_group_norm(a[1], m, &m->gn1, pixels, NULL, true);
     conv_forward(a[2], a[1], &m->conv2);
-    musiq_group_norm(a[2], m, &m->gn2, pixels, STEM, 1e-4, NULL, true);
+    musiq_group_norm(a[2], m, &m->gn2, pixels, NULL, true);
     conv_forward(m->wide[1], a[2], &m->conv3);
-    musiq_group_norm(m->wide[1], m, &m->gn3, pixels, TOKEN, 1e-4, m->wide[0],
-                     true);
+    musiq_group_norm(m->wide[1], m, &m->gn3, pixels, m->wide[0], true);
     conv_forward(m->x + WIDTH, m->wide[1], &m->embedding);
-}
-
-/* y = layer norm of x, rows of them. */
-static void musiq_layer_norm(float *y, const float *x, const struct musiq *m,
-                             const struct musiq_norm *norm, size_t rows)
-{
-    layer_norm_forward(y, NULL, NULL, x, param_w(&m->ps, norm->weight),
-                       param_w(&m->ps, norm->bias), LAYER_EPS, rows, WIDTH);
 }
 
 /* The transformer on m->x; the class token's quality. */
 static double musiq_encode(struct musiq *m)
 {
-    const size_t T = m->patches + 1;
-
-    for (int i = 0; i < MUSIQ_BLOCKS; i++) {
-        struct musiq_block *b = &m->block[i];
-
-        musiq_layer_norm(m->n, m->x, m, &b->norm1, T);
-        conv_forward(m->heads, m->n, &b->qkv);
-        attention_forward(m->att, m->heads, &m->attention);
-        conv_forward(m->x, m->att, &b->out);
-        musiq_layer_norm(m->n, m->x, m, &b->norm2, T);
-        conv_forward(m->hidden, m->n, &b->fc1);
-        conv_forward(m->x, m->hidden, &b->fc2);
-    }
-    musiq_layer_norm(m->n, m->x, m, &m->norm, 1);
+    for (int i = 0; i < MUSIQ_BLOCKS; i++)
+        transformer_forward(NULL, &m->block[i], &m->attention);
+    layer_norm_forward(m->n, NULL, m->x, &m->norm, 1);
     conv_forward(m->quality, m->n, &m->head);
     return (double)*m->quality;
 }

@@ -20,28 +20,22 @@
 #include "lib/lab/eval/max_pool.h"
 #include "lib/nn/attention.h"
 #include "lib/nn/conv.h"
+#include "lib/nn/norm.h"
 #include "lib/nn/params.h"
 #include "lib/nn/rescale.h"
+#include "lib/nn/transformer.h"
 
 #define MUSIQ_SCALES 3
 #define MUSIQ_BLOCKS 14
-
-struct musiq_norm {
-    size_t weight, bias;        /* tensors */
-};
-
-struct musiq_block {
-    struct musiq_norm norm1, norm2;
-    struct conv qkv, out, fc1, fc2;
-};
 
 struct musiq {
     struct params ps;
     struct nn_plan plan;
     struct conv root, conv1, conv2, conv3, proj, embedding, head;
-    struct musiq_norm gn_root, gn1, gn2, gn3, gn_proj, norm;
+    struct layer_norm gn_root, gn1, gn2, gn3, gn_proj;  /* of groups; */
+    struct layer_norm norm;                             /* of all */
     size_t position, scale, cls;
-    struct musiq_block block[MUSIQ_BLOCKS];
+    struct transformer block[MUSIQ_BLOCKS];
     struct attention attention;
     size_t H, W;                /* as planned; 0: not yet */
     size_t h[MUSIQ_SCALES], w[MUSIQ_SCALES];
@@ -51,7 +45,7 @@ struct musiq {
     float *picture, *size[MUSIQ_SCALES];        /* (H,W,3), (h,w,3) */
     float *rgb;                                 /* (patches,32,32,3) */
     float *root_out, *narrow[3], *wide[2];      /* of every patch */
-    float *x, *n, *heads, *att, *hidden, *quality; /* of every token */
+    float *x, *n, *hidden, *quality; /* of every token */
 };
 
 /* Load the weights; EX_DATAERR names a tensor that is missing. */
