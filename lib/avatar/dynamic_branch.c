@@ -486,16 +486,16 @@ void dynamic_branch_forward(struct branch_set *out, const float *features,
     mlp_decoder_forward(&raw, b->in, mesh->normal,
                         b->prior ? b->logit : NULL, &b->decoder);
     branch_prior_forward(out, &b->start, b->prior);
-    if (b->prior) {
+    if (b->prior)
         dynamic_branch_unseen(out, b);
-        lip_lining_shade(out, b->verts, mesh, b->white);
-    }
     /* mu_k = densified vertex */
     memcpy(out->mean, b->verts, 3 * out->n * sizeof *out->mean);
     for (size_t k = 0; k < out->n; k++) {
         out->neck[k] = mesh->blend ? mesh->weights->neck[k] : 0;
         out->seen[k] = b->prior ? dynamic_branch_seen(b, k) : 0;
     }
+    if (b->prior)
+        lip_lining_shade(out, b->verts, mesh, b->white);
 }
 
 PARALLEL(dynamic_branch_inputs_backward, k, struct dynamic_branch *, b)
@@ -563,8 +563,8 @@ void dynamic_branch_reach(float *reach, size_t n,
     const float closed = lip_lining_closed(mesh);
 
     for (size_t k = 0; k < n; k++) {
-        const float seam = fmaxf(b->seam[k],
-                                 closed * mesh->weights->crease[k]);
+        const float seam = mesh->weights->lining[k] > 0 ? 1
+                         : fmaxf(b->seam[k], closed * mesh->weights->crease[k]);
 
         reach[k] = mesh->weights->reach[k];
         if (seam > 0.1f && reach[k] == 0)

@@ -11,8 +11,6 @@
 #define VEIL 0.1f      /* opacity of one of the veil's Gaussians, */
 #define VEIL_LOW 0.03f  /* of the lower lip's, for light comes from above, */
 #define VEIL_MM 2.6f    /* and their standard deviation */
-#define SHADE_MM 1.5f   /* lips so little open leave all of it, */
-#define LIT_MM 4.0f     /* so far open none: the picture has the shade */
 #define SHUT_MM 0.5f    /* lips so little open are closed, */
 #define OPEN_MM 2.0f    /* so far they are open */
 
@@ -103,24 +101,19 @@ void lip_lining_on_teeth(float *on, const float *pixel,
     densify_midpoints(on + d->V, on, d, 1);
 }
 
-/* The gap between the source's lips, mm. */
-static float lip_lining_gap(const struct source_mesh *mesh)
+float lip_lining_closed(const struct source_mesh *mesh)
 {
     struct head_mouth lips;
 
     head_mouth(&lips, mesh->head, mesh->posed);
-    return lips.gap * 1e3f / mesh->head->scale;
-}
-
-float lip_lining_closed(const struct source_mesh *mesh)
-{
-    return 1 - branch_ramp(lip_lining_gap(mesh), SHUT_MM, OPEN_MM);
+    return 1 - branch_ramp(lips.gap * 1e3f / mesh->head->scale, SHUT_MM,
+                           OPEN_MM);
 }
 
 void lip_lining_shade(struct branch_set *out, const float *verts,
                       const struct source_mesh *mesh, const float white[3])
 {
-    const float shade = 1 - branch_ramp(lip_lining_gap(mesh), SHADE_MM, LIT_MM);
+    const float open = 1 - lip_lining_closed(mesh);
     const float size = VEIL_MM * 1e-3f * mesh->head->scale;
     float middle[3];
 
@@ -135,8 +128,8 @@ void lip_lining_shade(struct branch_set *out, const float *verts,
             color[c] = white[c] * lip_lining_dark[c];
             out->scale[3 * k + c] = size;
         }
-        out->opacity[k] = shade * (verts[3 * k + 1] > middle[1]
-                                    ? VEIL : VEIL_LOW);
+        out->opacity[k] = verts[3 * k + 1] > middle[1] ? VEIL : VEIL_LOW;
+        out->seen[k] = open;
     }
 }
 

@@ -31,8 +31,9 @@ float lip_lining_closed(const struct source_mesh *mesh);
 /* The mesh's Gaussians behind the lips (head_avatar.h, lining), which are not
  * drawn themselves, become a dark veil before teeth and tongue: the occlusion
  * by the lips, which it follows, so that it is deepest in a mouth that is
- * hardly open.  Where the source's lips are open its picture has that shade,
- * and there is no veil.  verts (out->n,3): the source's densified vertices. */
+ * hardly open.  Where the source's lips are open its picture has that shade:
+ * there the veil shows the picture, as far as the lips are where they were.
+ * verts (out->n,3): the source's densified vertices. */
 void lip_lining_shade(struct branch_set *out, const float *verts,
                       const struct source_mesh *mesh, const float white[3]);
 /* Nothing that the decoder gave shows in the veil: its rows of dout to 0. */

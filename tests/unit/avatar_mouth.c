@@ -170,21 +170,24 @@ static void mouth_paint(void)
 }
 
 /* Lips of four vertices, `gap` apart, and two of the lining behind them, the
- * upper one first, whose opacities go to veil. */
-static void mouth_veil(float veil[2], float gap)
+ * upper one first, whose opacities go to veil; returns how far the upper one
+ * shows the photograph. */
+static float mouth_veil(float veil[2], float gap)
 {
     int32_t ring[4] = {0, 1, 2, 3};
     const float y = 0.5f * gap;
     const float verts[18] = {-0.1f, 0, 0, 0, y, 0, 0.1f, 0, 0, 0, -y, 0,
                              0, 0.02f, -0.02f, 0, -0.02f, -0.02f};
     float lining[6] = {0, 0, 0, 0, 1, 1}, scale[18], color[24], opacity[6];
+    float seen[6] = {1, 1, 1, 1, 0.5f, 0.5f};
     const float white[3] = {1, 1, 1};
     struct head head = {.scale = 5, .lip_inner = ring, .nlip_inner = 4};
     const struct head_avatar weights = {.lining = lining};
     const struct source_mesh mesh = {.head = &head, .weights = &weights,
                                      .posed = verts};
     struct branch_set out = {.n = 6, .channels = 4, .scale = scale,
-                             .opacity = opacity, .color = color};
+                             .opacity = opacity, .color = color,
+                             .seen = seen};
 
     for (int k = 0; k < 24; k++)
         color[k] = 0.7f;
@@ -199,6 +202,7 @@ static void mouth_veil(float veil[2], float gap)
     check_that("what is constant has no gradient",
                color[16] == 0 && scale[12] == 0 && opacity[4] == 0 &&
                    color[0] == 0.7f && opacity[0] == 0.9f);
+    return seen[4];
 }
 
 /* Light from above does not reach the teeth, light from the front does. */
@@ -212,16 +216,19 @@ static void mouth_overhead(void)
     check_range("and only that", (double)lip_lining_share(high), 0.65, 0.75);
 }
 
-/* It is there when the source's lips are closed, and weaker below. */
+/* It is there whether the source's lips are closed or open, and weaker below;
+ * where they are open it shows the photograph, which has that shade. */
 static void mouth_shade(void)
 {
     float shut[2], open[2];
 
-    mouth_veil(shut, 0);
-    mouth_veil(open, 0.02f);
+    expect("the veil of closed lips shows no photograph",
+           (double)mouth_veil(shut, 0), 0, 0);
+    expect("that of open lips does", (double)mouth_veil(open, 0.02f), 1, 0);
     check_range("the upper lip's veil", (double)shut[0], 0.05, 0.4);
     check_range("the lower lip's", (double)shut[1], 0.01, 0.1);
-    expect("open lips have none", (double)(open[0] + open[1]), 0, 0);
+    expect("that of open lips is as deep", (double)(open[0] + open[1]),
+           (double)(shut[0] + shut[1]), 0);
 }
 
 int main(void)
