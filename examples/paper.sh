@@ -4,7 +4,8 @@
 #   OUT/table1.tsv    cross-reenactment of the clips, SpiD* and SpiD (reenact.sh)
 #   OUT/table2.tsv    self-reenactment
 #   OUT/table3.tsv    SpiD* without each of its parts (left out, not trained anew),
-#                     by the clips, and on people of spid-synth (eval-model.sh)
+#                     by the clips, and on people of spid-synth (eval-model.sh);
+#                     with RECORDS, trained on without it, too, a row for each seed
 #   OUT/latency.txt   where the time of a frame goes, beside the paper's
 #   OUT/tradeoff.svg  error over time of every knob; its rows are in OUT/bench.txt
 #   OUT/paper.txt     all of it to read, and what was not run, and what it needs
@@ -15,12 +16,17 @@
 #                   gagavatar, lam), with head.safetensors beside each
 #   LPIPS, ARCFACE, MUSIQ   weights for spid-eval, as spid-import makes them
 #   ASSETS          of spid-synth, for people of scans (without, plain figures)
+#   RECORDS         training records (train-real.sh makes pairs.spid, people-1.spid):
+#                   each part's own model, STEPS on from this one, on these, for
+#                   each of SEEDS ("1 2"), by config/small-parts.json; HELD: others,
+#                   of people kept out, beside the clips.  A run that was stopped
+#                   goes on where it was
 #   CLIP_FRAMES, PEOPLE, FRAMES, BENCH   how much: frames of a clip (all), people
 #                   and frames of each for table 3 (40, 25), seconds a stage (20)
 set -uo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 export SHARED=${SHARED:-$here/../../shared} JUDGE=none BACKGROUND=source
-[ $# -ge 1 ] || { sed -n '2,20s/^# \{0,1\}//p' "$0" >&2; exit 64; }
+[ $# -ge 1 ] || { sed -n '2,25s/^# \{0,1\}//p' "$0" >&2; exit 64; }
 out=$1 bad=0 tables=()
 shift
 mkdir -p "$out/run" || exit 73
@@ -128,6 +134,46 @@ if FORMAT=tsv "$here/eval-model.sh" "$out/run" 77 "$people" "$frames" >"$out/run
         if [ -e "$out/table3.tsv" ]; then sed 1d; else cat; fi >>"$out/table3.tsv"
 else
     failed "table 3" "$out/run/people.log"
+fi
+
+# ---- table 3, trained on without ----------------------------------------------
+
+# trained PART SEED: OUT/run/without-PART-SEED/model.safetensors, and its rows.
+trained() {
+    local name=without-$1-$2 row="w/o $1, trained on, seed $2"
+    local dir=$out/run/$name
+    mkdir -p "$dir/run" && cp "${model%/*}/head.safetensors" "$dir" || return
+    sed "s/\"seed\": 1/\"seed\": $2/; s/\"nothing\"/\"$1\"/; s:\.\./shared:$SHARED:" \
+        "$here/config/small-parts.json" >"$dir/config.json"
+    # shellcheck disable=SC2086
+    spid-train -q -c "$dir/config.json" --head "$dir/head.safetensors" \
+        ${STEPS:+--steps "$STEPS"} --init "$model" ${HELD:+--validation "$HELD"} \
+        -o "$dir/run" $RECORDS &&
+        spid-train -q -c "$dir/config.json" --head "$dir/head.safetensors" \
+            --join "$dir/model.safetensors" "$model" "$dir/run/model.safetensors" || return
+    if [ ${#clips[@]} -gt 0 ]; then
+        tables=()
+        SPID_MODEL=$dir/model.safetensors reenacted "$name" -s -c
+        rows self psnr ssim lpips arcface aed akd | sed -n "1p; s,^$name\*,$row,p" |
+            stamped "$data" | sed 1d >>"$out/table3.tsv"
+    fi
+    [ -z "${HELD:-}" ] || awk -F '\t' -v OFS='\t' -v row="$row" '
+        NR == 1 { for (i = 1; i <= NF; i++) at[$i] = i; print; next }
+        { last = row OFS $at["psnr_star"] OFS $at["ssim_star"] }
+        END { print last, "-", "-", "-", "-", "-" }' "$dir/run/held.tsv" |
+        stamped "${HELD##*/}" | sed 1d >>"$out/table3.tsv"
+}
+
+if [ -n "${RECORDS:-}" ]; then
+    model=${SPID_MODEL:-$here/model/model.safetensors}
+    for seed in ${SEEDS:-1 2}; do
+        for part in nothing dynamic static interp mouth neck; do
+            trained $part "$seed" 2>"$out/run/trained.log" ||
+                failed "table 3 without $part, seed $seed" "$out/run/trained.log"
+        done
+    done
+else
+    missing "table 3, trained on without each part" "training records (RECORDS)"
 fi
 
 # ---- time -------------------------------------------------------------------

@@ -38,6 +38,7 @@ int avatar_init(struct avatar *a, struct params *ps,
     a->config = *config;
     a->head = head;
     a->ps = ps;
+    a->without = avatar_config_without(config);
     if (config->system != SYSTEM_SPID)
         return error_set(err, EX_CONFIG, "the configuration is of another "
                          "system (expected \"system\": \"spid\")");

@@ -76,8 +76,9 @@ struct avatar {
     struct dynamic_branch dynamic;
     struct static_branch plane;
     struct mouth_branch mouth;
-    unsigned without;       /* enum avatar_without; set before avatar_plan,
-                             * may change before any avatar_bake */
+    unsigned without;       /* enum avatar_without; the configuration's at
+                             * first, set before avatar_plan, may change before
+                             * any avatar_bake */
     size_t colors;          /* kept of each Gaussian, 0: all; set before
                              * avatar_plan, for inference only */
     bool train;             /* planned for a backward */

@@ -17,7 +17,7 @@ static int baker_declare(struct baker *b, const struct baker_options *opt,
     if (system == SYSTEM_SPID) {
         int rc = avatar_init(&b->avatar, &b->ps, &b->config, b->head, err);
 
-        b->avatar.without = opt->without;
+        b->avatar.without |= opt->without;
         b->avatar.colors = opt->colors;
         return rc;
     }

@@ -49,6 +49,11 @@ void avatar_config_lam(struct avatar_config *c)
     c->has_refiner = false;
 }
 
+unsigned avatar_config_without(const struct avatar_config *c)
+{
+    return c->without ? 1u << (c->without - 1) : 0;
+}
+
 const char *avatar_config_refiner(const struct avatar_config *c)
 {
     return c->system == SYSTEM_GAGAVATAR ? "upsampler." : "refine.";
@@ -96,6 +101,9 @@ static const char *const backbones[] = {
 static const char *const refiners[] = {
     [REFINER_NARROW] = "narrow", [REFINER_STYLE_UNET] = "style_unet", NULL
 };
+static const char *const parts[] = {        /* as enum avatar_without's bits */
+    "nothing", "dynamic", "static", "mouth", "interp", "deform", "neck", NULL
+};
 
 static const struct key keys[] = {
     {"version", KEY_SIZE, 0, 1, 1, 0, NULL},
@@ -127,6 +135,7 @@ static const struct key keys[] = {
     SIZE("transformer.heads", transformer_heads, 1, 64),
     FLAG("rgb_skip", rgb_skip),
     FLAG("public_quirks", public_quirks),
+    WORD("without", without, parts),
     WORD("refiner.type", refiner.type, refiners),
     SIZE("refiner.width", refiner.width, 1, 1024),
     FLAG("refiner.turn", refiner.turn),

@@ -11,7 +11,7 @@
  *    "init":{"width":64}, "static":{"width":128},
  *    "dynamic":{"width":256,"head":128,"vertex":256},
  *    "mouth_decoder":{"width":128}, "transformer":{"layers":10,"heads":16},
- *    "rgb_skip":false, "public_quirks":false,
+ *    "rgb_skip":false, "public_quirks":false, "without":"nothing",
  *    "refiner":{"type":"narrow","width":32,"turn":true,"photo":false} or
  *              {"type":"style_unet","multiplier":1} or null}
  *
@@ -52,6 +52,8 @@ struct avatar_config {
     size_t transformer_layers, transformer_heads;   /* SYSTEM_LAM */
     bool rgb_skip;          /* see avatar.h */
     bool public_quirks;     /* the public base code's slips, for its weights */
+    unsigned without;       /* the part it was trained without: 0 for none,
+                             * else 1 + its bit's number, see below */
     bool has_refiner;
     struct refiner_config refiner;
 };
@@ -72,6 +74,9 @@ int avatar_config_parse(struct avatar_config *c, const char *json,
  * "model".  Errors name the file. */
 int avatar_config_load(struct avatar_config *c, const char *path,
                        struct error *err);
+/* What it was trained without, as a bit of enum avatar_without
+ * (lib/avatar/branch.h), or 0. */
+unsigned avatar_config_without(const struct avatar_config *c);
 /* What the names of the refiner's tensors begin with. */
 const char *avatar_config_refiner(const struct avatar_config *c);
 /* As JSON, one line; the caller frees.  NULL when memory is short. */

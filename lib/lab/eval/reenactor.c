@@ -145,7 +145,8 @@ int reenactor_source(struct reenactor *r, const struct data_frame *f,
     struct person *p = &r->person;
 
     reenactor_drop_source(r);
-    r->baker.avatar.without = without;
+    r->baker.avatar.without =
+        without | avatar_config_without(&r->model->config);
     if (data_source(p, f, r->model->config.size, err) ||
         reenactor_shape(r, f, err) ||
         reenactor_motion(r, &st, f, f->crop, err))
