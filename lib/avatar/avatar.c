@@ -209,23 +209,36 @@ static void avatar_light(float l[3], const float *from, const float *cam)
     memcpy(l, now, 3 * sizeof *l);
 }
 
+/* What is white between the lips of the picture just looked at, in light l (3). */
+static void avatar_mouth_white(float white[3], const struct avatar *a,
+                               const float l[3])
+{
+    const bool dynamic = !(a->without & WITHOUT_DYNAMIC);
+
+    for (int c = 0; c < 3; c++)
+        white[c] = lip_lining_share(l) * (dynamic ? a->dynamic.white[c] : GREY);
+}
+
 /* What further pictures show is noted before the first one is baked; where it is
  * not known how they are lit, as the first one. */
 static void avatar_look_further(struct avatar *a,
                                 const struct avatar_source *src)
 {
     a->dynamic.has_more = false;
+    mouth_branch_begin(&a->mouth);
     if (!src->nmore || !a->config.rgb_skip || a->without & WITHOUT_DYNAMIC)
         return;
     avatar_look(a, src);
     dynamic_branch_begin(&a->picture, &a->source, &a->dynamic);
     for (size_t k = 0; k < src->nmore; k++) {
         const struct avatar_source *more = src->more + k;
-        float light[3];
+        float light[3], white[3];
 
         avatar_light(light, more->light ? more->light : src->light, more->cam);
         avatar_look(a, more);
         dynamic_branch_add(&a->picture, &a->source, light, &a->dynamic);
+        avatar_mouth_white(white, a, light);
+        mouth_branch_add(&a->picture, &a->source, white, &a->mouth);
     }
 }
 
@@ -269,9 +282,7 @@ void avatar_bake(struct avatar *a, const struct avatar_source *src)
                            &a->dynamic);
     static_branch_forward(&plane, a->features, &a->picture, &a->source,
                           &a->plane);
-    for (int c = 0; c < 3; c++)
-        white[c] = lip_lining_share(a->light) *
-                   (dynamic.n ? a->dynamic.white[c] : GREY);
+    avatar_mouth_white(white, a, a->light);
     mouth_branch_forward(&mouth, a->features, &a->picture, &a->source, white,
                          &a->mouth);
     memset(a->reach, 0, a->all.n * sizeof *a->reach);

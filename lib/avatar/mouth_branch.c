@@ -105,6 +105,7 @@ int mouth_branch_plan(struct mouth_branch *b, struct nn_options opt,
         {&b->place, 2 * M, false}, {&b->sampled, M * b->feature, false},
         {&b->teeth, M * sizeof *b->teeth / sizeof(float), false},
         {&b->jaw, 3 * M, false}, {&b->pixel, 4 * M, false},
+        {&b->more, 4 * M, false},
         {&b->shown, M, false}, {&b->reach, M, false},
         {&b->likeness, M, false}, {&b->around, M, false}, {&b->own, M, false},
         {&b->in, M * b->inputs, false},
@@ -176,22 +177,31 @@ static void mouth_branch_smooth_likeness(struct mouth_branch *b)
     }
 }
 
-/* The prior: extra columns of the decoder's input, and the colours it starts
- * from; r: the grid's radius, mm: a millimetre. */
-static void mouth_branch_start(float r, float mm, struct mouth_branch *b)
+/* How far the picture shows each cell, and its colour is the cell's; r: the
+ * grid's radius. */
+static void mouth_branch_judge(float r, struct mouth_branch *b)
 {
     for (size_t k = 0; k < b->count; k++)
         b->likeness[k] = branch_likeness(b->pixel + 4 * k, b->teeth[k].color);
     mouth_branch_smooth_likeness(b);
     for (size_t k = 0; k < b->count; k++) {
-        const float *pixel = b->pixel + 4 * k, *own = b->teeth[k].color;
-        float *extra = b->in + (k + 1) * b->inputs - MOUTH_BRANCH_EXTRA;
-        const float likeness = b->around[k];
-
         b->shown[k] = teeth_hidden(b->teeth, b->K, k)
                     ? 0 : mouth_branch_opening(b, k, r);
-        b->reach[k] = mouth_branch_reach(&b->teeth[k], mm, likeness);
-        const float w = b->own[k] = extra[0] = b->shown[k] * likeness;
+        b->own[k] = b->shown[k] * b->around[k];
+    }
+}
+
+/* The prior: extra columns of the decoder's input, and the colours it starts
+ * from; mm: a millimetre. */
+static void mouth_branch_start(float r, float mm, struct mouth_branch *b)
+{
+    mouth_branch_judge(r, b);
+    for (size_t k = 0; k < b->count; k++) {
+        const float *pixel = b->pixel + 4 * k, *own = b->teeth[k].color;
+        float *extra = b->in + (k + 1) * b->inputs - MOUTH_BRANCH_EXTRA;
+        const float w = extra[0] = b->own[k];
+
+        b->reach[k] = mouth_branch_reach(&b->teeth[k], mm, b->around[k]);
         extra[1] = b->lips.gap / r;
         for (int c = 0; c < 3; c++)
             b->logit[3 * k + c] = attribute_logit(w * pixel[c] +
@@ -254,9 +264,12 @@ static void mouth_branch_place(const struct source_picture *picture,
     head_mouth(&rest, mesh->head, mesh->rest);
     teeth_make(b->teeth, mesh->head, &rest, b->lips.chin, lift, b->K);
     for (size_t k = 0; k < b->count; k++) {
+        const float *more = b->more + 4 * k;
+        float *color = b->teeth[k].color;
+
         memcpy(b->grid + 3 * k, b->teeth[k].mean, sizeof b->teeth[k].mean);
         for (size_t c = 0; c < 3; c++)
-            b->teeth[k].color[c] *= white[c];
+            color[c] = white[c] * (color[c] + more[3] * (more[c] - color[c]));
         for (size_t c = 0; c < 2; c++)
             b->uv[2 * k + c] = (b->grid[3 * k + c] - b->lips.centre[c]) / r;
     }
@@ -278,8 +291,38 @@ static void mouth_branch_teeth(const struct source_picture *picture,
         b->shown[k] = mouth_branch_opening(b, k, r) *
                       branch_likeness(b->pixel + 4 * k, b->teeth[k].color);
     teeth_light(light, b->teeth, b->shown, b->pixel, b->K);
-    mouth_branch_place(picture, light, r,
-                       teeth_lift(b->teeth, b->shown, b->K), mesh, b);
+    const float lift = teeth_lift(b->teeth, b->shown, b->K);
+    if (lift != 0)
+        b->lift = lift;
+    mouth_branch_place(picture, light, r, b->lift, mesh, b);
+}
+
+/* ---- further pictures ---------------------------------------------------- */
+
+void mouth_branch_begin(struct mouth_branch *b)
+{
+    memset(b->more, 0, 4 * b->count * sizeof *b->more);
+    b->lift = 0;
+}
+
+void mouth_branch_add(const struct source_picture *picture,
+                      const struct source_mesh *mesh, const float white[3],
+                      struct mouth_branch *b)
+{
+    head_mouth(&b->lips, mesh->head, mesh->posed);
+    const float r = mouth_branch_radius(b);
+
+    mouth_branch_teeth(picture, white, r, mesh, b);
+    mouth_branch_judge(r, b);
+    for (size_t k = 0; k < b->count; k++) {
+        float *more = b->more + 4 * k;
+
+        if (!(b->own[k] > more[3]))
+            continue;
+        for (size_t c = 0; c < 3; c++)
+            more[c] = fminf(b->pixel[4 * k + c] / fmaxf(white[c], 1e-3f), 1);
+        more[3] = b->own[k];
+    }
 }
 
 /* The decoder's input rows [F at g, u, v]. */

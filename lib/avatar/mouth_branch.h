@@ -50,6 +50,11 @@ struct mouth_branch {
     float *own;                         /* (K,K) share of the picture's colour,
                                          * not the template's */
     float *pixel;                       /* (K,K,4) the picture there */
+    float *more;                        /* (K,K,4) what further pictures show
+                                         * of the cells: the colour under white
+                                         * light, and how far */
+    float lift;                         /* how much shorter the upper crowns
+                                         * are there (teeth.h), or 0 */
     float *in, *din;                    /* (K,K,inputs) */
     float *logit;                       /* (K,K,3) RGB to start from */
     float *q, *dq;                      /* (K,K,3) as the decoder gave it */
@@ -67,6 +72,15 @@ int mouth_branch_plan(struct mouth_branch *b, struct nn_options opt,
                       struct error *err);
 /* Free what it holds; zeroed then. */
 void mouth_branch_release(struct mouth_branch *b);
+
+/* Nothing is known of further pictures. */
+void mouth_branch_begin(struct mouth_branch *b);
+/* What a further picture shows between its open lips, teeth above all: cells that
+ * the source does not show get their colours from the one that shows them best.
+ * Arguments as of the forward. */
+void mouth_branch_add(const struct source_picture *picture,
+                      const struct source_mesh *mesh, const float white[3],
+                      struct mouth_branch *b);
 
 /* out: all K*K Gaussians (nothing but lips and cap when out->n is 0), from
  * features F (n,n,Cf), the picture and the mesh on it; white (3): what is white

@@ -129,3 +129,34 @@ PY
     has "7 further pictures already"
     [ ! -e x.spid ]
 }
+
+@test "teeth that the first picture hides have the colour that another shows" {
+    need_numpy
+    command -v ffmpeg >/dev/null || skip "no ffmpeg (apt: ffmpeg)"
+    spid-synth -q --size 512 --effects 0 -s 5 --frames 6 --fps 1 --turn 0 --without mesh -o say%d.png
+    spid-motion -q $window say0.png -o wide.spid
+    # say1: lips closed; say5: upper teeth, as they are and yellow
+    ffmpeg -v error -i say5.png -f rawvideo -pix_fmt rgb24 -y a.raw
+    "$PYTHON" - <<'PY'
+import numpy as np
+a = np.fromfile('a.raw', np.uint8).reshape(512, 512, 3)
+teeth = a[320:337, 232:281]
+teeth[teeth.min(2) > 90] = teeth[teeth.min(2) > 90] * [1, 0.98, 0.85]
+a.tofile('yellow.raw')
+PY
+    ffmpeg -v error -f rawvideo -pix_fmt rgb24 -s 512x512 -i yellow.raw yellow.png
+    for more in say5 yellow; do
+        spid-shape -q $window say1.png $more.png -o $more.spid
+        spid animate -q --absolute --star $more.spid wide.spid -o ${more}_%d.png
+        ffmpeg -v error -i ${more}_0.png -f rawvideo -pix_fmt rgb24 $more.made
+    done
+    "$PYTHON" - <<'PY'
+import numpy as np
+a, b = (np.fromfile(f + '.made', np.uint8).reshape(512, 512, 3)[326:340, 226:278].astype(float)
+        for f in ('say5', 'yellow'))
+teeth = a.min(2) > 90
+blue = [p[teeth][:, 2].mean() / p[teeth][:, 0].mean() for p in (a, b)]
+print(teeth.sum(), blue)
+assert teeth.sum() > 150 and blue[1] < 0.97 * blue[0]
+PY
+}

@@ -12,7 +12,6 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from PIL import Image, ImageDraw
 
 LOWER = [78, 95, 88, 178, 87, 14, 317, 402, 318, 324, 308]
 UPPER = [78, 191, 80, 81, 82, 13, 312, 311, 310, 415, 308]
@@ -44,31 +43,45 @@ def numbers(value):
 
 
 def into_window(run, name):
-    """Corner and scale of reenact.sh's window, in the clip's pixels."""
+    """Corner and scale of reenact.sh's window, in the clip's pixels; its side."""
     x, y, side = numbers(conf(run / f"person/{name}.whole.spid")["window"])
     size = numbers(conf(run / f"truth/{name}.spid")["camera"])[0]
     side = int(side / 2) * 2
-    return np.array([int(x - side / 2 + 0.5), int(y - side / 2 + 0.5)]), size / side
+    return np.array([int(x - side / 2 + 0.5), int(y - side / 2 + 0.5)]), size / side, int(size)
 
 
-def picture(path):
-    return np.asarray(Image.open(path).convert("RGB"), float)
+def pictures(folder, size):
+    """All of a folder's frames (n,size,size,3)."""
+    raw = subprocess.run(["ffmpeg", "-v", "error", "-pattern_type", "glob", "-i",
+                          f"{folder}/*.png", "-f", "rawvideo", "-pix_fmt", "rgb24", "-"],
+                         check=True, capture_output=True).stdout
+    return np.frombuffer(raw, np.uint8).reshape(-1, size, size, 3)
+
+
+def inside(polygon, size):
+    """Rows and columns of the pixels whose centres lie in it: an odd number of
+    its edges to their right."""
+    (x0, y0), (x1, y1) = polygon.min(0).astype(int), polygon.max(0).astype(int) + 1
+    y, x = np.mgrid[max(y0, 0):min(y1, size), max(x0, 0):min(x1, size)]
+    odd = np.zeros(x.shape, bool)
+    for (ax, ay), (bx, by) in zip(polygon, np.roll(polygon, -1, 0)):
+        if ay != by:
+            cross = ax + (y + 0.5 - ay) * (bx - ax) / (by - ay)
+            odd ^= ((ay > y + 0.5) != (by > y + 0.5)) & (x + 0.5 < cross)
+    return y[odd], x[odd]
 
 
 def clip(run, name, points, every):
-    corner, scale = into_window(run, name)
+    corner, scale, size = into_window(run, name)
     square, count, rows = 0, 0, {}
-    made = sorted((run / "self" / name).glob("*.png"))
-    for i, (true, ours) in enumerate(zip(sorted((run / "truth" / name).glob("*.png")), made)):
+    frames = zip(pictures(run / "truth" / name, size), pictures(run / "self" / name, size))
+    for i, (a, b) in enumerate(frames):
         p = (points[f"{name}#{i * every}"] - corner) * scale
         gap = np.linalg.norm(p[13] - p[14]) / np.linalg.norm(p[33] - p[263])
         if gap < OPENINGS[0]:
             continue
-        a, b = picture(true), picture(ours)
-        mask = Image.new("L", a.shape[1::-1])
-        ImageDraw.Draw(mask).polygon([tuple(q) for q in p[LOWER + UPPER[:0:-1]]], fill=1)
-        y, x = np.nonzero(np.asarray(mask))
-        a, b = a[y, x], b[y, x]
+        y, x = inside(p[LOWER + UPPER[-2:0:-1]], size)
+        a, b = a[y, x].astype(float), b[y, x].astype(float)
         square, count = square + ((a - b) ** 2).sum(), count + a.size
         top, bottom = (np.interp(x, p[lip, 0], p[lip, 1]) for lip in (UPPER, LOWER))
         down = (y - top) / np.maximum(bottom - top, 1)
