@@ -27,6 +27,7 @@ import sys
 
 import numpy as np
 
+from meshview import nearest, project, surface
 from spidstream import read_stream
 
 STYLES = 6
@@ -38,29 +39,12 @@ SKIN = [1, 10, 11]      # of spid-synth's labels: skin, neck, ears
 HAIR = 5
 
 
-def project(points, cam, size):
-    """Pixel of size x size that each point falls in, and its depth."""
-    p = points @ cam[:, :3].T + cam[:, 3]
-    at = np.floor(size / 2 + 6 * size * p[:, :2] / p[:, 2:]).astype(int)
-    at = at.clip(0, size - 1)
-    return at[:, 1] * size + at[:, 0], p[:, 2]
-
-
-def filled(verts, faces):
-    """Points all over the mesh."""
-    a, b, c = (verts[faces[:, k]] for k in range(3))
-    return np.concatenate([a + u * (b - a) + v * (c - a)
-                           for u in (.1, .4, .7) for v in (.1, .4, .7)
-                           if u + v < 1])
-
-
 def shown(verts, faces, cam):
     """Which vertices no part of the mesh lies before."""
-    cell, depth = project(filled(verts, faces), cam, GRID)
-    near = np.full(GRID * GRID, np.inf)
-    np.minimum.at(near, cell, depth)
-    cell, depth = project(verts, cam, GRID)
-    return depth < near[cell] + CLOSE
+    cell, _, p = project(surface(verts, faces, (.1, .4, .7)), cam, GRID)
+    near, _ = nearest(cell, p[:, 2], GRID * GRID)
+    cell, _, p = project(verts, cam, GRID)
+    return p[:, 2] < near[cell] + CLOSE
 
 
 def look(rgb, mean):

@@ -16,52 +16,36 @@ import sys
 
 import numpy as np
 
+sys.path.insert(0, os.path.join(os.path.dirname(__file__), "../../examples"))
+from meshview import nearest, project, surface  # noqa: E402
+
 FACE = [1, 2, 3, 4, 12, 13, 14]
 HAIR = 5
 FEW = 200               # pixels that are too few to judge by
 GRID = 256              # side of the depth maps
+STEPS = 7               # points along an edge of a face
 GRAZING = 0.15          # cosine under which the photograph hardly shows skin
 CLOSE = 0.03            # head units: two points at one depth
 
 
-def surface(verts, faces):
-    """Points all over the mesh, and their faces' normals."""
-    a, b, c = (verts[faces[:, k]] for k in range(3))
-    normal = np.cross(b - a, c - a)
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True) + 1e-12
-    n = 7
-    weight = [((i + .5) / n, (j + .5) / n) for i in range(n) for j in range(n)
-              if i + j < n]
-    point = np.concatenate([a + u * (b - a) + v * (c - a) for u, v in weight])
-    return point, np.tile(normal, (len(weight), 1))
-
-
-def project(point, cam):
-    p = point @ cam[:, :3].T + cam[:, 3]
-    focal = 6 * GRID
-    xy = np.floor(GRID / 2 + focal * p[:, :2] / p[:, 2:]).astype(int)
-    inside = ((xy >= 0) & (xy < GRID)).all(1)
-    return np.where(inside, xy[:, 1] * GRID + xy[:, 0], -1), p
-
-
-def nearest(cell, depth):
-    """Depth of the nearest point of each cell, and which it is (-1: none)."""
-    order = np.argsort(-depth)
-    order = order[cell[order] >= 0]
-    near, which = np.full(GRID * GRID, np.inf), np.full(GRID * GRID, -1)
-    near[cell[order]] = depth[order]
-    which[cell[order]] = order
-    return near, which
+def mesh_points(verts, faces, cam):
+    """Of points all over the mesh: cell, whether in the picture, and place for the
+    camera; then depth and number of the nearest of each cell."""
+    point = surface(verts, faces, (np.arange(STEPS) + .5) / STEPS)
+    cell, inside, p = project(point, cam, GRID)
+    return cell, inside, p, nearest(np.where(inside, cell, -1), p[:, 2],
+                                    GRID * GRID)
 
 
 def hidden_points(verts, faces, cam):
     """Which surface points this camera does not see."""
-    point, normal = surface(verts, faces)
-    cell, p = project(point, cam)
-    near, _ = nearest(cell, p[:, 2])
+    cell, inside, p, (near, _) = mesh_points(verts, faces, cam)
+    a, b, c = (verts[faces[:, k]] for k in range(3))
+    normal = np.cross(b - a, c - a)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True) + 1e-12
+    normal = np.tile(normal, (len(p) // len(normal), 1))
     away = ((normal @ cam[:, :3].T) * p).sum(1) / np.linalg.norm(p, axis=1)
-    behind = (cell < 0) | (p[:, 2] > near[np.maximum(cell, 0)] + CLOSE)
-    return (-away < GRAZING) | behind
+    return (-away < GRAZING) | ~inside | (p[:, 2] > near[cell] + CLOSE)
 
 
 def pictures(folder, count):
@@ -111,8 +95,7 @@ def person(folder, k):
     where = window(f"{run}/person/scan{k}.whole.spid")
     lost, rows = hidden_points(verts[0], faces, cams[0]), []
     for i in range(1, len(verts)):
-        cell, p = project(surface(verts[i], faces)[0], cams[i])
-        _, which = nearest(cell, p[:, 2])
+        which = mesh_points(verts[i], faces, cams[i])[3][1]
         small = label[i][1::2, 1::2].ravel()
         skin = np.isin(small, FACE) & (which >= 0)
         unseen = (which >= 0) & lost[which]
