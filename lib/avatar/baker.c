@@ -138,7 +138,6 @@ static int baker_bake_gagavatar(struct baker *b, const struct avatar_source *s,
 static int baker_bake_lam(struct baker *b, const struct avatar_source *s,
                           struct person *p, struct error *err)
 {
-    const size_t n = 3 * b->head->V;
     struct head_motion pose = p->source.pose;
     float *picture = baker_picture(b, s, 1, err);
     struct identity id;
@@ -147,12 +146,9 @@ static int baker_bake_lam(struct baker *b, const struct avatar_source *s,
         return -1;
     lam_bake(&b->lam, picture, s->rest, b->head->scale);
     free(picture);
-    p->offset = malloc((n + 1) * sizeof *p->offset);
-    if (!p->offset)
-        return error_set(err, EX_OSERR, "no memory for a mesh");
-    memcpy(p->offset, b->lam.offset, n * sizeof *p->offset);
     p->noffset = b->head->V;
-    if (person_fold(&id, b->head, p, err))
+    if (person_copy(&p->offset, b->lam.offset, 3 * p->noffset, err) ||
+        person_fold(&id, b->head, p, err))
         return -1;
     pose.exp = p->source.exp;
     head_pose(b->lam.mean, &id, &pose);

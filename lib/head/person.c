@@ -35,9 +35,7 @@ static int person_read_conf(struct person *p, const struct record *rec)
     return 1;
 }
 
-/* *out (freed first) = a copy of n numbers, or NULL. */
-static int person_copy(float **out, const float *x, size_t n,
-                       struct error *err)
+int person_copy(float **out, const float *x, size_t n, struct error *err)
 {
     free(*out);
     *out = x ? malloc((n ? n : 1) * sizeof *x) : NULL;

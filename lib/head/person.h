@@ -44,6 +44,9 @@ struct person {
                                  * "model_hash"; "" when it has none */
 };
 
+/* *out, the shape or offset of a person, freed first, = a copy of n numbers, or
+ * NULL. */
+int person_copy(float **out, const float *x, size_t n, struct error *err);
 /* Whether an SRCI record is of a further picture: it has its own motion. */
 bool person_is_further(const struct record *srci);
 /* Take what one record holds; 1: it was part of an identity, 0: another

@@ -4,10 +4,7 @@ load helper
 load animate
 
 prepare() {
-    animate_files
-    MAKER=$TOP/${BUILD:-build}/tests/unit/gagavatar_model
-    [ -x "$MAKER" ] || skip "no checkpoint maker built (make tests)"
-    cat >small.json <<'J'
+    checkpoint_files gagavatar_model <<'J'
 {"system": "gagavatar", "size": 128, "plane": 24, "channels": 8, "feature": 16,
  "backbone": {"type": "dinov2", "embed": 24, "depth": 4, "heads": 2, "patch": 14, "image": 84},
  "static": {"width": 16}, "dynamic": {"width": 16, "head": 8, "vertex": 8},

@@ -4,10 +4,7 @@ load helper
 load animate
 
 prepare() {
-    animate_files
-    MAKER=$TOP/${BUILD:-build}/tests/unit/lam_model
-    [ -x "$MAKER" ] || skip "no checkpoint maker built (make tests)"
-    cat >small.json <<'J'
+    checkpoint_files lam_model <<'J'
 {"system": "lam", "size": 128, "channels": 3, "feature": 24,
  "backbone": {"type": "dinov2", "embed": 24, "depth": 4, "heads": 2, "patch": 14, "image": 84, "registers": 2},
  "dynamic": {"width": 32, "head": 16}, "transformer": {"layers": 2, "heads": 2}, "refiner": null}

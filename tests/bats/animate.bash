@@ -23,6 +23,15 @@ animate_files() {
     ln -s "$dir"/{model,drive.y4m,source.png,me.spid,avatar.spid} .
 }
 
+# checkpoint_files UNIT: small.json from standard input, and $MAKER, a test program
+# that makes a checkpoint of such a model.
+checkpoint_files() {
+    cat >small.json
+    MAKER=$TOP/${BUILD:-build}/tests/unit/$1
+    [ -x "$MAKER" ] || skip "no checkpoint maker built (make tests)"
+    animate_files
+}
+
 # camera [OPTION ...]: the clip of four pictures over and over ($LOOPS times
 # more, 2 when it is not set; -1: for ever), ten a second, or two where a
 # sanitizer watches, as ffmpeg gives it with these options.
