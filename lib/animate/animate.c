@@ -217,21 +217,16 @@ static int animate_deliver(struct animate_worker *w, struct driver_frame *f,
     struct animate *a = w->owner;
     const struct framesink_frame g = animate_worker_frame(w, &f->picture);
     struct error err = {0};
-    int rc = 0;
 
-    pthread_mutex_lock(&a->out);
-    while (a->next_out != ticket && !a->failed)
-        pthread_cond_wait(&a->turn, &a->out);
-    if (a->failed)
-        rc = -1;
-    double begun = cpu_seconds();
-    if (rc == 0 && framesink_write(a->sink, &g, &err)) {
-        a->err = err;
-        a->failed = true;
-        rc = -1;
+    if (!animate_wait(a, &a->next_out, ticket))
+        return -1;
+    const double begun = cpu_seconds();
+    if (framesink_write(a->sink, &g, &err)) {
+        animate_fail(a, &err);
+        return -1;
     }
     t->encode = cpu_seconds() - begun;
-    if (rc == 0 && a->done) {
+    if (a->done) {
         struct animate_frame r = {
             .index = f->picture.index, .time = f->picture.time,
             .track = &f->r, .color = pipeline_picture(&w->pipeline).color, .t = *t,
@@ -239,10 +234,8 @@ static int animate_deliver(struct animate_worker *w, struct driver_frame *f,
         };
         a->done(a->ctx, &r);
     }
-    a->next_out++;
-    pthread_cond_broadcast(&a->turn);
-    pthread_mutex_unlock(&a->out);
-    return rc;
+    animate_pass_on(a, &a->next_out);
+    return 0;
 }
 
 /* A frame, refined when those before it are; -1 also when one of them failed. */

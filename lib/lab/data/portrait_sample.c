@@ -9,7 +9,7 @@
 #include "lib/lab/data/clutter.h"
 
 /* Layers of the window, n x n pixels each. */
-struct portrait {
+struct portrait_layers {
     size_t n;
     float *memory;
     float *picture;     /* (n,n,4) colours and mask */
@@ -21,11 +21,11 @@ struct portrait {
 };
 
 /* All planes in one block. */
-static int portrait_init(struct portrait *p, size_t n, struct error *err)
+static int portrait_init(struct portrait_layers *p, size_t n, struct error *err)
 {
     const size_t plane = 4 * n * n;
 
-    *p = (struct portrait){.n = n};
+    *p = (struct portrait_layers){.n = n};
     p->memory = malloc((4 * plane + 3 * n * n + 3 * n) * sizeof *p->memory);
     if (!p->memory)
         return error_set(err, EX_OSERR, "out of memory (portrait of %zu)", n);
@@ -112,7 +112,7 @@ static int portrait_cut(float *layer, size_t n, const struct data_frame *f,
 /* ---- what stands behind ------------------------------------------------- */
 
 /* A colour that the person wears or is. */
-static void portrait_own_colour(float own[3], const struct portrait *p,
+static void portrait_own_colour(float own[3], const struct portrait_layers *p,
                                 struct random *r)
 {
     const uint32_t pixels = (uint32_t)(p->n * p->n);
@@ -129,7 +129,7 @@ static void portrait_own_colour(float own[3], const struct portrait *p,
 }
 
 /* Colours that slope and ripple a little. */
-static void portrait_plain_wall(struct portrait *p, const float own[3],
+static void portrait_plain_wall(struct portrait_layers *p, const float own[3],
                                 struct random *r)
 {
     const size_t n = p->n;
@@ -157,7 +157,7 @@ static void portrait_plain_wall(struct portrait *p, const float own[3],
 }
 
 /* `behind`, shifted, turned over or beside itself. */
-static void portrait_picture_wall(struct portrait *p, struct random *r)
+static void portrait_picture_wall(struct portrait_layers *p, struct random *r)
 {
     const size_t n = p->n;
     size_t shift = random_below(r, (uint32_t)n);
@@ -172,7 +172,7 @@ static void portrait_picture_wall(struct portrait *p, struct random *r)
 }
 
 /* Plain, a picture, or clutter; every other one out of focus. */
-static void portrait_draw_wall(struct portrait *p, struct random *r)
+static void portrait_draw_wall(struct portrait_layers *p, struct random *r)
 {
     const struct clutter_patch patch = {p->behind, p->n, 4};
     double kind = random_uniform(r);
@@ -196,7 +196,7 @@ static void portrait_draw_wall(struct portrait *p, struct random *r)
 
 /* Clothes dyed: what is below the chin and about as coloured as a pixel at the
  * bottom becomes another colour, striped one time in three. */
-static void portrait_recolour_clothes(struct portrait *p, float chin,
+static void portrait_recolour_clothes(struct portrait_layers *p, float chin,
                                       struct random *r)
 {
     const size_t n = p->n;
@@ -257,7 +257,7 @@ static float portrait_light_on(const struct light *l, float x, float m,
 
 /* The portrait's picture into p->picture: the person before the wall, and
  * what hides them as it was. */
-static void portrait_compose(struct portrait *p, const struct light *l)
+static void portrait_compose(struct portrait_layers *p, const struct light *l)
 {
     for (size_t i = 0; i < p->n * p->n; i++) {
         const float *own = p->person + 4 * i, *truth = p->truth + 4 * i;
@@ -273,7 +273,8 @@ static void portrait_compose(struct portrait *p, const struct light *l)
 
 /* The photograph ends where its frame does, or sooner, while the person goes
  * on: beyond it are its last pixels. */
-static void portrait_end(struct portrait *p, bool sooner, struct random *r)
+static void portrait_end(struct portrait_layers *p, bool sooner,
+                         struct random *r)
 {
     const size_t n = p->n, room = n * 28 / 100;
     struct extent e = {{n, 0}, {n, 0}};
@@ -302,9 +303,9 @@ static void portrait_end(struct portrait *p, bool sooner, struct random *r)
 }
 
 /* p->picture with its colours changed: rgb (n,n,3). */
-static int portrait_finish(float *rgb, const struct portrait *p, bool mirror,
-                           const struct data_augment *how, struct random *r,
-                           struct error *err)
+static int portrait_finish(float *rgb, const struct portrait_layers *p,
+                           bool mirror, const struct data_augment *how,
+                           struct random *r, struct error *err)
 {
     const struct data_augment colours = {.colour = how->colour};
     const size_t n = p->n;
@@ -332,7 +333,7 @@ static int portrait_finish(float *rgb, const struct portrait *p, bool mirror,
 
 /* Coverage, and 0 for the weight of pixels whose truth is not known. */
 static void portrait_truth(float *alpha, float *weight,
-                           const struct portrait *p, bool mirror)
+                           const struct portrait_layers *p, bool mirror)
 {
     const size_t n = p->n;
 
@@ -356,7 +357,7 @@ int portrait_sample(float *rgb, float *alpha, float *weight, size_t n,
                                0.5 * (double)behind->size,
                                (double)behind->size};
     bool mirror = random_chance(r, 0.5);
-    struct portrait p;
+    struct portrait_layers p;
     struct light l;
     int rc = -1;
 
