@@ -43,6 +43,8 @@ static bool params_grow(struct params *ps)
 size_t params_add(struct params *ps, const char *name, int ndim,
                   const size_t *dims, enum param_init init, float gain)
 {
+    if (ps->w)
+        return params_find(ps, name);
     if (!params_grow(ps))
         return 0;
     struct param *t = &ps->tensor[ps->count];

@@ -46,7 +46,8 @@ void params_init(struct params *ps);
 void params_release(struct params *ps);
 
 /* Declare a tensor (before params_allocate); returns its index.  Names are
- * the checkpoint's, e.g. "motion.blocks.1.0.conv_pw.weight". */
+ * the checkpoint's, e.g. "motion.blocks.1.0.conv_pw.weight".  After it, the one
+ * of that name, which must be there: a second network on the same weights. */
 size_t params_add(struct params *ps, const char *name, int ndim,
                   const size_t *dims, enum param_init init, float gain);
 /* Index of the tensor of that name, or (size_t)-1. */

@@ -17,7 +17,6 @@ int encoder_task_init(struct encoder_task *e, struct task *t, size_t outputs,
     const size_t B = (size_t)t->config->micro;
 
     memset(e, 0, sizeof *e);
-    params_init(&e->copy);
     e->batch = B;
     e->outputs = outputs;
     e->item = arena_take(&t->memory, B, sizeof *e->item);
@@ -98,19 +97,4 @@ int encoder_task_fill(struct task *t, struct error *err)
         return -1;
     params_randomise(&t->ps, (uint64_t)t->config->seed);
     return 0;
-}
-
-int encoder_task_allocate_copy(struct encoder_task *e, const struct task *t,
-                               struct error *err)
-{
-    if (params_allocate(&e->copy, err))
-        return -1;
-    encoder_task_copy(e, t);
-    return 0;
-}
-
-void encoder_task_copy(struct encoder_task *e, const struct task *t)
-{
-    memcpy(e->copy.w, t->ps.w, t->ps.total * sizeof *t->ps.w);
-    nn_plans_update(&t->plans, true);
 }

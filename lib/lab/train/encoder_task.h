@@ -1,5 +1,5 @@
 /* What training E_m alone and training E_beta alone have in common: a pass's
- * crops with their items, and a copy of the weights for validation. */
+ * crops with their items, and a sheet of crops. */
 #ifndef SPID_LAB_TRAIN_ENCODER_TASK_H
 #define SPID_LAB_TRAIN_ENCODER_TASK_H
 
@@ -28,11 +28,9 @@ struct encoder_task {
     struct encoder_item *item;  /* (B) */
     float *rgb;                 /* (B,224,224,3) */
     float *out, *dout;          /* (B,outputs) and its gradient */
-    struct params copy;         /* of the validation network, as task.ps */
 };
 
-/* Memory for a pass of t, which owns it, and an encoder of so many outputs; the
- * caller releases e->copy. */
+/* Memory for a pass of t, which owns it, and an encoder of so many outputs. */
 int encoder_task_init(struct encoder_task *e, struct task *t, size_t outputs,
                       struct error *err);
 
@@ -45,12 +43,8 @@ int encoder_task_draw(struct encoder_task *e, const struct task *t,
 int encoder_task_sheet(struct task *t, struct contact_sheet *sh,
                        struct error *err);
 
-/* After the task's tensors were declared: gradients and random weights. */
+/* After the task's tensors were declared: gradients and random weights.  What is
+ * declared from here on, for validation, is on the same tensors. */
 int encoder_task_fill(struct task *t, struct error *err);
-/* After the validation network was declared in copy: room for its weights. */
-int encoder_task_allocate_copy(struct encoder_task *e, const struct task *t,
-                               struct error *err);
-/* copy = the task's weights as they are, and all plans are told. */
-void encoder_task_copy(struct encoder_task *e, const struct task *t);
 
 #endif

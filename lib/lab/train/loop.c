@@ -171,6 +171,23 @@ static int loop_save(struct run *r, struct error *err)
     return rc;
 }
 
+/* The averaged weights, for what judges them: networks planned for training
+ * move their running statistics then, too. */
+static void loop_begin_judging(struct run *r)
+{
+    loop_swap_average(r);
+    loop_statistics(r, STATISTICS_KEEP, 0);
+    nn_plans_update(&r->l->task->plans, true);
+}
+
+/* The weights that learn again. */
+static void loop_end_judging(struct run *r)
+{
+    loop_statistics(r, STATISTICS_RESTORE, 0);
+    loop_swap_average(r);
+    nn_plans_update(&r->l->task->plans, true);
+}
+
 /* Figures of the averaged weights on people never trained on. */
 static int loop_validate(struct run *r, struct error *err)
 {
@@ -179,10 +196,9 @@ static int loop_validate(struct run *r, struct error *err)
 
     if (l->group->rank || !l->task->nvalidation)
         return 0;
-    loop_swap_average(r);
+    loop_begin_judging(r);
     rc = l->task->type->validate(l->task, l->figures, err);
-    loop_swap_average(r);
-    nn_plans_update(&l->task->plans, true);
+    loop_end_judging(r);
     if (rc)
         return -1;
     fprintf(r->figures, "%" PRIu64, l->step);
@@ -205,10 +221,9 @@ static int loop_draw_sheet(struct run *r, struct error *err)
         return 0;
     snprintf(name, sizeof name, "sheet-%06" PRIu64 ".png", l->step);
     loop_path(path, sizeof path, l, name);
-    loop_swap_average(r);
+    loop_begin_judging(r);
     rc = l->task->type->sheet(l->task, &sh, err);
-    loop_swap_average(r);
-    nn_plans_update(&l->task->plans, true);
+    loop_end_judging(r);
     if (!rc)
         return contact_sheet_save(&sh, path, err);
     contact_sheet_release(&sh);

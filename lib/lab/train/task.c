@@ -97,7 +97,7 @@ void task_release(struct task *t)
 {
     for (size_t i = 0; i < t->nvalidation; i++)
         data_person_release(&t->validation[i]);
-    if (t->impl)
+    if (t->impl && t->type->release)
         t->type->release(t);
     params_release(&t->ps);
     nn_plans_release(&t->plans);

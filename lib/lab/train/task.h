@@ -29,14 +29,15 @@ struct task_type {
     int nparts, nfigures;
     const char *const *part_name, *const *figure_name;
     int (*init)(struct task *t, struct error *err);
-    void (*release)(struct task *t);
+    void (*release)(struct task *t);    /* NULL: nothing is left */
     /* Pass `micro` of a step: adds losses to parts, divided by the number of
      * passes, and gradients to ps->g (and opponent->g) likewise. */
     int (*pass)(struct task *t, double *parts, uint64_t step, size_t micro,
                 struct error *err);
-    /* Figures on people never trained on: names in figure_name. */
+    /* Figures on people never trained on, of the weights in ps, which all plans
+     * were told of: names in figure_name. */
     int (*validate)(struct task *t, double *figures, struct error *err);
-    /* A contact sheet of what it does, released by the caller. */
+    /* A contact sheet of what they do, released by the caller. */
     int (*sheet)(struct task *t, struct contact_sheet *sh, struct error *err);
 };
 

@@ -2,7 +2,6 @@
  * (stage "avatar"), or with the motion encoder's, through which the gradient
  * then flows back into it (stage "all"). */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 
@@ -303,8 +302,6 @@ out:
     return rc;
 }
 
-/* Running statistics move when a network planned for training runs: keep the
- * weights of frozen tensors across what does not belong to training. */
 static int avatar_task_validate(struct task *t, double *figures,
                                 struct error *err)
 {
@@ -312,26 +309,17 @@ static int avatar_task_validate(struct task *t, double *figures,
     size_t n = 3 * m->tr.image * m->tr.image;
     struct arena a = {0};
     float *tmp = arena_take(&a, 3 * n, sizeof *tmp);
-    float *keep = arena_take(&a, t->ps.total, sizeof *keep);
     int rc = arena_check(&a, "validation", err);
 
-    if (rc)
-        goto out;
-    memcpy(keep, t->ps.w, t->ps.total * sizeof *keep);
     memset(figures, 0, FIGURE_COUNT * sizeof *figures);
-    nn_plans_update(&t->plans, true);
     for (size_t i = 0; i < t->nvalidation && !rc; i++)
         rc = avatar_task_validate_person(t, figures, &t->validation[i], tmp,
                                          err);
     for (int k = 0; k < FIGURE_COUNT; k++)
         figures[k] /= (double)(t->nvalidation * VALIDATION_FRAMES);
-    memcpy(t->ps.w, keep, t->ps.total * sizeof *keep);
-out:
     arena_release(&a);
     return rc;
 }
-
-/* ---- contact sheet ------------------------------------------------------ */
 
 /* source, target, coarse, final, difference */
 static int avatar_task_sheet_row(struct contact_sheet *sh, struct task *t,
@@ -372,19 +360,10 @@ static int avatar_task_sheet(struct task *t, struct contact_sheet *sh,
 {
     struct impl *m = t->impl;
     size_t rows = t->nvalidation < 6 ? t->nvalidation : 6;
-    float *keep = malloc((t->ps.total + 1) * sizeof *keep);
-    int rc = 0;
+    int rc = contact_sheet_init(sh, rows, 5, m->tr.image, err);
 
-    if (!keep || contact_sheet_init(sh, rows, 5, m->tr.image, err)) {
-        free(keep);
-        return error_set(err, EX_OSERR, "out of memory");
-    }
-    memcpy(keep, t->ps.w, t->ps.total * sizeof *keep);
-    nn_plans_update(&t->plans, true);
     for (size_t i = 0; i < rows && !rc; i++)
         rc = avatar_task_sheet_row(sh, t, &t->validation[i], i, err);
-    memcpy(t->ps.w, keep, t->ps.total * sizeof *keep);
-    free(keep);
     return rc;
 }
 

@@ -9,6 +9,7 @@
 #include "lib/base/crop.h"
 #include "lib/net/mobilenet.h"
 #include "lib/net/confidence_head.h"
+#include "lib/lab/train/encoder_task.h"
 #include "lib/lab/train/task.h"
 
 #define CROP ((size_t)CROP_NET * CROP_NET * 3)
@@ -181,11 +182,9 @@ static int confidence_task_networks(struct task *t, struct error *err)
     for (size_t i = 0; i < t->ps.count; i++)
         t->ps.tensor[i].frozen = true;
     confidence_head_init(&m->head, &t->ps, "motion.", m->net.features);
-    if (params_allocate(&t->ps, err) ||
-        params_allocate_gradients(&t->ps, err))
-        return -1;
-    params_randomise(&t->ps, (uint64_t)t->config->seed);
-    return mobilenet_plan(&m->net, m->batch, CROP_NET, CROP_NET, opt, err);
+    return encoder_task_fill(t, err) ||
+           mobilenet_plan(&m->net, m->batch, CROP_NET, CROP_NET, opt, err)
+               ? -1 : 0;
 }
 
 static int confidence_task_init(struct task *t, struct error *err)

@@ -17,13 +17,6 @@ struct impl {
     struct light_net net;
 };
 
-static void light_task_release(struct task *t)
-{
-    struct impl *m = t->impl;
-
-    params_release(&m->e.copy);
-}
-
 /* People without a known light teach nothing. */
 static int light_task_pass(struct task *t, double *parts, uint64_t step,
                            size_t micro, struct error *err)
@@ -87,6 +80,6 @@ static int light_task_init(struct task *t, struct error *err)
 static const char *const light_task_part[] = {"light"};
 const struct task_type light_task = {
     sizeof(struct impl), 0, 1, FIGURE_COUNT, light_task_part, figure_name,
-    light_task_init, light_task_release, light_task_pass,
+    light_task_init, NULL, light_task_pass,
     light_task_validate, encoder_task_sheet
 };

@@ -1,7 +1,6 @@
 /* The matte network (lib/net/matte_net.h): cross entropy of every pixel
  * against the coverage of people whose mask is known. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "lib/lab/data/contact_sheet.h"
@@ -19,8 +18,7 @@ static const char *const figure_name[FIGURE_COUNT] = {"iou", "mean_error"};
 
 struct impl {
     struct matte_net net;
-    struct matte_net validator; /* in copy, for inference */
-    struct params copy;
+    struct matte_net validator; /* on the same weights, for inference */
     size_t batch;
     float *rgb;                 /* (B,side,side,3) */
     float *alpha, *weight;      /* (B,side,side) */
@@ -33,7 +31,6 @@ static void matte_task_release(struct task *t)
 
     matte_net_release(&m->net);
     matte_net_release(&m->validator);
-    params_release(&m->copy);
 }
 
 /* Item i of the batch from what r draws: somebody of the pool. */
@@ -92,12 +89,6 @@ static int matte_task_predict(struct task *t, size_t p, size_t k,
     return 0;
 }
 
-static void matte_task_copy(struct impl *m, const struct task *t)
-{
-    memcpy(m->copy.w, t->ps.w, t->ps.total * sizeof *t->ps.w);
-    nn_plans_update(&t->plans, true);
-}
-
 /* Over every frame of the validation people: intersection over union of the
  * halves, and the mean absolute error of the mattes. */
 static int matte_task_validate(struct task *t, double *figures,
@@ -107,7 +98,6 @@ static int matte_task_validate(struct task *t, double *figures,
     size_t both = 0, either = 0, count = 0;
     double error = 0;
 
-    matte_task_copy(m, t);
     for (size_t p = 0; p < t->nvalidation; p++)
         for (size_t k = 0; k < t->validation[p].count; k++) {
             if (matte_task_predict(t, p, k, err))
@@ -137,7 +127,6 @@ static int matte_task_sheet(struct task *t, struct contact_sheet *sh,
 
     if (contact_sheet_init(sh, 2 * SHEET_ROWS, SHEET_COLS, MATTE_SIDE, err))
         return -1;
-    matte_task_copy(m, t);
     for (size_t i = 0; i < SHEET_ROWS * SHEET_COLS && i < t->nvalidation;
          i++) {
         if (matte_task_predict(t, i, 0, err))
@@ -154,18 +143,17 @@ static int matte_task_sheet(struct task *t, struct contact_sheet *sh,
     return 0;
 }
 
-/* The network, and its copy for validation. */
+/* The network, and once more for validation. */
 static int matte_task_networks(struct task *t, struct error *err)
 {
     struct nn_options opt = {NN_TRAIN, NN_BF16};
     struct impl *m = t->impl;
 
     matte_net_init(&m->net, &t->ps, "matte.", MATTE_SIDE, MATTE_WIDTH);
-    matte_net_init(&m->validator, &m->copy, "matte.", MATTE_SIDE,
-                   MATTE_WIDTH);
-    if (encoder_task_fill(t, err) || params_allocate(&m->copy, err) ||
+    if (encoder_task_fill(t, err) ||
         matte_net_plan(&m->net, m->batch, opt, err))
         return -1;
+    matte_net_init(&m->validator, &t->ps, "matte.", MATTE_SIDE, MATTE_WIDTH);
     opt.mode = NN_INFER;
     return matte_net_plan(&m->validator, 1, opt, err);
 }
@@ -174,7 +162,6 @@ static int matte_task_init(struct task *t, struct error *err)
 {
     struct impl *m = t->impl;
 
-    params_init(&m->copy);
     m->batch = (size_t)t->config->micro;
     m->rgb = arena_take(&t->memory, m->batch * PIXELS * 7, sizeof *m->rgb);
     if (arena_check(&t->memory, "a batch", err))

@@ -20,7 +20,7 @@
 struct impl {
     struct encoder_task e;
     struct motion_encoder net;
-    struct motion_encoder validator; /* in e.copy, for inference */
+    struct motion_encoder validator; /* on the same weights, for inference */
     struct motion_loss loss;
     struct motion_error *error; /* (micro), where pairs are drawn */
     struct identity *id; /* one for each slot of the pool ... */
@@ -45,7 +45,6 @@ static void motion_task_release(struct task *t)
     motion_loss_release(&m->loss);
     for (size_t i = 0; m->id && i < (size_t)t->config->pool; i++)
         identity_release(&m->id[i]);
-    params_release(&m->e.copy);
 }
 
 /* ---- a pass ------------------------------------------------------------- */
@@ -212,7 +211,6 @@ static int motion_task_validate_person(struct task *t, struct score *s,
 static int motion_task_validate(struct task *t, double *figures,
                                 struct error *err)
 {
-    struct impl *m = t->impl;
     struct score s = {0};
     double *curves;
     int rc = 0;
@@ -226,7 +224,6 @@ static int motion_task_validate(struct task *t, double *figures,
         s.jaw[k] = curves + (size_t)k * s.room;
         s.lid[k] = curves + (size_t)(2 + k) * s.room;
     }
-    encoder_task_copy(&m->e, t);
     for (size_t i = 0; i < t->nvalidation && !rc; i++)
         rc = motion_task_validate_person(t, &s, &t->validation[i], err);
     for (int k = 0; k < FIGURE_COUNT; k++)
@@ -265,11 +262,9 @@ static int motion_task_sheet_cell(struct contact_sheet *sh, struct task *t,
 static int motion_task_sheet(struct task *t, struct contact_sheet *sh,
                              struct error *err)
 {
-    struct impl *m = t->impl;
     size_t rows = t->nvalidation < SHEET_ROWS ? t->nvalidation : SHEET_ROWS;
     int rc = contact_sheet_init(sh, rows ? rows : 1, SHEET_COLS, N, err);
 
-    encoder_task_copy(&m->e, t);
     for (size_t i = 0; i < rows && rc == 0; i++) {
         struct identity id = {0};
         const struct data_person *p = &t->validation[i];
@@ -286,7 +281,7 @@ static int motion_task_sheet(struct task *t, struct contact_sheet *sh,
 
 /* ---- making it ---------------------------------------------------------- */
 
-/* Declare, fill and plan the network and its copy for validation. */
+/* Declare, fill and plan the network, and once more for validation. */
 static int motion_task_networks(struct task *t, struct error *err)
 {
     const struct train_config *c = t->config;
@@ -300,8 +295,7 @@ static int motion_task_networks(struct task *t, struct error *err)
         return -1;
     motion_encoder_init_weights(&m->net);
     if (motion_encoder_plan(&m->net, m->e.batch, opt, err) ||
-        motion_encoder_init(&m->validator, &m->e.copy, "motion.", net, err) ||
-        encoder_task_allocate_copy(&m->e, t, err))
+        motion_encoder_init(&m->validator, &t->ps, "motion.", net, err))
         return -1;
     opt = (struct nn_options){NN_INFER, NN_F32};
     return motion_encoder_plan(&m->validator, 1, opt, err);

@@ -1,7 +1,6 @@
 /* E_beta alone (Section 3.3): supervised by the true shapes of rendered
  * crops, half of them mirrored. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "lib/net/shape_encoder.h"
@@ -16,7 +15,7 @@
 struct impl {
     struct encoder_task e;
     struct shape_encoder net;
-    struct shape_encoder validator; /* in e.copy, for inference */
+    struct shape_encoder validator; /* on the same weights, for inference */
     struct shape_tta tta; /* the validator's; its signs for a pass, too */
     struct shape_loss vertex, landmark;
     float *truth; /* (B,OUT) */
@@ -32,7 +31,6 @@ static void shape_task_release(struct task *t)
     shape_encoder_release(&m->validator);
     shape_loss_release(&m->vertex);
     shape_loss_release(&m->landmark);
-    params_release(&m->e.copy);
 }
 
 /* ---- a pass ------------------------------------------------------------- */
@@ -117,7 +115,6 @@ static int shape_task_validate(struct task *t, double *figures,
     float zero[OUT] = {0}, *out = m->e.out;
     double mm = 1000 / ((double)t->head->scale * (double)t->nvalidation);
 
-    encoder_task_copy(&m->e, t);
     memset(figures, 0, FIGURE_COUNT * sizeof *figures);
     for (size_t i = 0; i < t->nvalidation; i++) {
         const struct data_person *p = &t->validation[i];
@@ -140,7 +137,7 @@ static int shape_task_validate(struct task *t, double *figures,
 
 /* ---- making it ---------------------------------------------------------- */
 
-/* Declare, fill and plan the network and its copy for validation. */
+/* Declare, fill and plan the network, and once more for validation. */
 static int shape_task_networks(struct task *t, struct error *err)
 {
     const struct train_config *c = t->config;
@@ -153,8 +150,7 @@ static int shape_task_networks(struct task *t, struct error *err)
     if (shape_encoder_init(&m->net, &t->ps, "shape.", net, err) ||
         encoder_task_fill(t, err) ||
         shape_encoder_plan(&m->net, m->e.batch, opt, err) ||
-        shape_encoder_init(&m->validator, &m->e.copy, "shape.", net, err) ||
-        encoder_task_allocate_copy(&m->e, t, err))
+        shape_encoder_init(&m->validator, &t->ps, "shape.", net, err))
         return -1;
     opt = (struct nn_options){NN_INFER, NN_F32};
     if (shape_encoder_plan(&m->validator, 1, opt, err))
