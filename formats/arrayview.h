@@ -4,10 +4,6 @@
 #ifndef SPID_FORMATS_ARRAYVIEW_H
 #define SPID_FORMATS_ARRAYVIEW_H
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 #include <stdbool.h>
 #include <stddef.h>
 
@@ -52,7 +48,4 @@ struct array_view array_view_tensor(const struct st_tensor *t);
 void *array_view_to_stream(enum dtype *dtype, const struct array_view *v,
                            const void *data, struct error *err);
 
-#ifdef __cplusplus
-}
-#endif
 #endif

@@ -10,10 +10,6 @@
 
 #include "lib/base/error.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 #define GLB_JOINTS 5          /* root, neck, jaw, left eye, right eye */
 #define GLB_MAX_TARGETS 200
 
@@ -82,7 +78,4 @@ int glb_read_splats(struct glb_splats *s, void **block, const char *path,
 int glb_read_posed(float *verts, int32_t *faces, size_t V, size_t F,
                    const char *path, struct error *err);
 
-#ifdef __cplusplus
-}
-#endif
 #endif

@@ -8,7 +8,9 @@
 
 #include <tiny_gltf.h>
 
+extern "C" {
 #include "lib/base/error.h"
+}
 
 /* Exceptions (out of memory, JSON) stop at the C border. */
 template <typename F>

@@ -1,6 +1,8 @@
 /* The first frame of an animated glTF head, computed as a viewer would: morph
  * targets, joints, skinning; for checking what glb_write.cc wrote. */
+extern "C" {
 #include "formats/glb.h"
+}
 
 #include <sysexits.h>
 

@@ -1,6 +1,8 @@
 /* glTF files read back: Gaussians of KHR_gaussian_splatting, and what a viewer
  * would trip over (spid-export --lint). */
+extern "C" {
 #include "formats/glb.h"
+}
 
 #include <sysexits.h>
 
@@ -11,7 +13,9 @@
 #include <string>
 
 #include "formats/glb_guard.hh"
+extern "C" {
 #include "lib/base/file.h"
+}
 
 using namespace tinygltf;
 

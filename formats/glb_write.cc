@@ -1,6 +1,8 @@
 /* glTF 2.0 written through tinygltf: Gaussians, and the skinned, morphed,
  * animated head. */
+extern "C" {
 #include "formats/glb.h"
+}
 
 #include <sysexits.h>
 
@@ -14,7 +16,9 @@
 #include <vector>
 
 #include "formats/glb_guard.hh"
+extern "C" {
 #include "formats/outfile.h"
+}
 
 using namespace tinygltf;
 

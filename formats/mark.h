@@ -5,10 +5,6 @@
 #ifndef SPID_FORMATS_MARK_H
 #define SPID_FORMATS_MARK_H
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 #include "lib/base/error.h"
 
 /* Off for the rest of the process: --no-mark, and programs that draw upon
@@ -24,7 +20,4 @@ const char *mark_xmp(void);
  * not come last: left as it was; -1: it could not be written. */
 int mark_video(const char *path, struct error *err);
 
-#ifdef __cplusplus
-}
-#endif
 #endif

@@ -2,10 +2,6 @@
 #ifndef SPID_FORMATS_NPY_H
 #define SPID_FORMATS_NPY_H
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 #include <stdbool.h>
 
 #include "formats/arrayview.h"
@@ -62,7 +58,4 @@ int npy_append(struct npy_writer *w, const void *data, struct error *err);
 int npy_finish(struct npy_writer *w, struct error *err);
 void npy_abandon(struct npy_writer *w);      /* nothing is left; NULL is fine */
 
-#ifdef __cplusplus
-}
-#endif
 #endif

@@ -1,5 +1,7 @@
 /* The ONNX format by its own protocol buffers. */
+extern "C" {
 #include "formats/onnx.h"
+}
 
 #include <cstdlib>
 #include <cstring>
@@ -14,8 +16,8 @@
 #include <onnx/onnx_pb.h>
 #pragma GCC diagnostic pop
 
-#include "formats/outfile.h"
 extern "C" {
+#include "formats/outfile.h"
 #include "lib/base/half.h"
 }
 

@@ -8,10 +8,6 @@
 
 #include "lib/base/error.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 #define ONNX_OPSET 14           /* HardSwish is of 14 */
 #define ONNX_DIMS 5
 #define ONNX_ARGUMENTS 9        /* inputs of an operator */
@@ -70,9 +66,5 @@ uint8_t *onnx_pack(size_t *bytes, const struct onnx_graph *g,
 /* The same into a file that takes its name when it is complete. */
 int onnx_write(const char *path, const struct onnx_graph *g,
                struct error *err);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif

@@ -6,10 +6,6 @@
 
 #include "lib/base/error.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 struct outfile {
     FILE *file;
     char *path, *part;      /* part NULL: written in place */
@@ -27,7 +23,4 @@ void outfile_abandon(struct outfile *o);
 /* "path: cannot write: why" from errno, EX_IOERR; returns -1. */
 int outfile_error(const struct outfile *o, struct error *err);
 
-#ifdef __cplusplus
-}
-#endif
 #endif

@@ -2,10 +2,6 @@
 #ifndef SPID_BASE_ERROR_H
 #define SPID_BASE_ERROR_H
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 /* The text is one line, lower case, no full stop: "what is wrong (what was
  * expected)", with the file, frame and field the callee knows in front.
  * code is one of sysexits.h; 0 means no error. */
@@ -23,7 +19,4 @@ int error_set(struct error *e, int code, const char *format, ...)
 int error_prefix(struct error *e, const char *format, ...)
     __attribute__((format(printf, 2, 3)));
 
-#ifdef __cplusplus
-}
-#endif
 #endif

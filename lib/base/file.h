@@ -3,10 +3,6 @@
 #ifndef SPID_BASE_FILE_H
 #define SPID_BASE_FILE_H
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 #include <stdbool.h>
 #include <stddef.h>
 
@@ -48,7 +44,4 @@ char *file_read(size_t *bytes, const char *path, size_t max, struct error *err);
 /* The same of a text, without a 0 inside, or EX_DATAERR. */
 char *file_read_text(const char *path, size_t max, struct error *err);
 
-#ifdef __cplusplus
-}
-#endif
 #endif

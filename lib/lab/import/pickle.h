@@ -8,10 +8,6 @@
 #ifndef SPID_LAB_IMPORT_PICKLE_H
 #define SPID_LAB_IMPORT_PICKLE_H
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -141,7 +137,4 @@ const char *pickle_kind_name(const struct pickle_value *v);
 /* "argparse.Namespace", printable. */
 void pickle_full_name(char out[PICKLE_FULL_NAME], const struct pickle_name *n);
 
-#ifdef __cplusplus
-}
-#endif
 #endif

@@ -3,10 +3,6 @@
 #ifndef SPID_LAB_IMPORT_PICKLE_MACHINE_H
 #define SPID_LAB_IMPORT_PICKLE_MACHINE_H
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 #include "lib/lab/import/pickle.h"
 
 #define PICKLE_LINE 4096        /* longest line that holds a number */
@@ -194,7 +190,4 @@ int pickle_op_text_line(struct pickle_machine *m, int kind, size_t n);
 /* A literal of Python 2, in quotes. */
 int pickle_op_string_line(struct pickle_machine *m, int kind, size_t n);
 
-#ifdef __cplusplus
-}
-#endif
 #endif

@@ -7,10 +7,6 @@
 #ifndef SPID_LAB_IMPORT_TENSORFILE_H
 #define SPID_LAB_IMPORT_TENSORFILE_H
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 #include <stddef.h>
 
 #include "formats/arrayview.h"
@@ -68,7 +64,4 @@ const char *tensorfile_other(const struct tensorfile *f,
                              enum tensorfile_sort sort, size_t i,
                              const char **kind);
 
-#ifdef __cplusplus
-}
-#endif
 #endif

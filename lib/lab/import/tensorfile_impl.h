@@ -2,10 +2,6 @@
 #ifndef SPID_LAB_IMPORT_TENSORFILE_IMPL_H
 #define SPID_LAB_IMPORT_TENSORFILE_IMPL_H
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 #include "lib/base/arena.h"
 #include "lib/lab/import/pickle.h"
 #include "lib/lab/import/tensorfile.h"
@@ -97,7 +93,4 @@ int tensorfile_torch_zip(struct tensorfile *f, size_t i, struct error *err);
 int tensorfile_torch_legacy(struct tensorfile *f, size_t used,
                             struct error *err);
 
-#ifdef __cplusplus
-}
-#endif
 #endif

@@ -5,10 +5,6 @@
 #ifndef SPID_LAB_IMPORT_ZIPARCHIVE_H
 #define SPID_LAB_IMPORT_ZIPARCHIVE_H
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 #include <stddef.h>
 #include <stdint.h>
 
@@ -42,7 +38,4 @@ int ziparchive_peek(void *out, size_t bytes, size_t *have,
 int ziparchive_read(void *out, struct ziparchive *z, size_t i,
                     struct error *err);
 
-#ifdef __cplusplus
-}
-#endif
 #endif
