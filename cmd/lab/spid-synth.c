@@ -145,9 +145,7 @@ static int synth_write_frame(struct stream_writer *w, const struct head *head,
                              const struct synth_frame *f, uint64_t number,
                              struct error *err)
 {
-    const struct synth_motion *t = f->motion;
     double time = (double)number / fps;
-    struct motion m = {0};
     float cam[12];
     struct array marks[2] = {
         motion_landmarks(f->lmk),
@@ -158,19 +156,10 @@ static int synth_write_frame(struct stream_writer *w, const struct head *head,
         .mask = f->mask, .label = f->label, .alone = f->alone
     };
 
-    memcpy(m.R, t->rot, sizeof m.R);
-    memcpy(m.t, t->trans, sizeof m.t);
-    memcpy(m.exp, t->exp, head->nexp * sizeof *m.exp);
-    memcpy(m.pose.jaw, t->jaw, sizeof m.pose.jaw);
-    memcpy(m.pose.lid, t->lid, sizeof m.pose.lid);
-    memcpy(m.pose.eye, t->eye, sizeof m.pose.eye);
-    memcpy(m.crop, f->crop, sizeof m.crop);
-    memcpy(m.light, f->light, sizeof m.light);
-    m.lit = true;
-    if (motion_write(w, number, time, &m, head->nexp, marks,
+    if (motion_write(w, number, time, f->motion, head->nexp, marks,
                      f->points ? 2 : 1, err))
         return -1;
-    motion_camera(cam, &m);
+    motion_camera(cam, f->motion);
     if (f->verts && mesh_write(w, number, time, head, f->verts, cam,
                                number == 0, NULL, 0, err))
         return -1;
@@ -248,9 +237,6 @@ int main(int argc, char **argv)
     struct error err = {0};
     if (option_head_load(&head, head_path, &err))
         die_error(&err);
-    if (head.nexp > HEAD_MAX_EXP || head.nexp > MOTION_EXP_MAX)
-        die(EX_DATAERR, "head has %zu expression directions (expected at "
-            "most %d)", head.nexp, HEAD_MAX_EXP);
     struct synth_options opt = {
         .seed = (uint64_t)seed, .first = (uint64_t)first,
         .people = (uint64_t)people, .frames = (uint64_t)frames,

@@ -15,8 +15,8 @@ static struct data_frame make_frame(struct random *r)
 {
     struct data_frame f = {
         .size = SIZE, .width = SIZE, .height = SIZE, .rgba = rgba,
-        .motion = {.rot = {1, 0, 0, 0, -1, 0, 0, 0, -1},
-                   .trans = {0.1f, -0.2f, 12}}
+        .motion = {.R = {1, 0, 0, 0, -1, 0, 0, 0, -1},
+                   .t = {0.1f, -0.2f, 12}}
     };
 
     for (int i = 0; i < SIZE * SIZE * 4; i++)
@@ -33,7 +33,7 @@ static void turn_project(float uv[2], const struct data_frame *f)
     const float x[3] = {0.3f, 0.5f, 0.4f};
     float cam[12];
 
-    camera_make(cam, f->motion.rot, f->motion.trans);
+    camera_make(cam, f->motion.R, f->motion.t);
     camera_project(uv, NULL, cam, SIZE, x, 1);
 }
 

@@ -83,7 +83,7 @@ static int truth_around(const int *cover, int i, int largest)
  * precision. */
 struct shot {
     struct scan_scene scene;
-    struct synth_motion m;
+    struct motion m;
     float lmk[68][2];
     double *x, *uv;             /* (V,3), (V,2) */
     double cam[12];
@@ -106,8 +106,8 @@ static void truth_shoot(struct shot *o, struct scan_worker *w,
                                   time, NULL, &err), "%s", err.text);
     for (int k = 0; k < 3; k++) {
         for (int c = 0; c < 3; c++)
-            o->cam[4 * k + c] = (double)o->m.rot[3 * k + c];
-        o->cam[4 * k + 3] = (double)o->m.trans[k];
+            o->cam[4 * k + c] = (double)o->m.R[3 * k + c];
+        o->cam[4 * k + 3] = (double)o->m.t[k];
     }
     for (size_t i = 0; i < 3 * h->V; i++)
         o->x[i] = (double)w->verts[i];
@@ -240,10 +240,13 @@ static uint64_t truth_run(const struct head *h, int threads)
     int rc;
 
     while ((rc = s ? synth_next(s, &f, &err) : -1) > 0) {
-        const void *part[] = {f.rgb, f.mask, f.label, f.verts, f.motion,
-                              f.lmk, f.beta, f.alone};
+        struct motion m;
+        const void *part[] = {f.rgb, f.mask, f.label, f.verts, &m, f.lmk,
+                              f.beta, f.alone};
         size_t size[] = {64 * 64 * 3, 64 * 64, 64 * 64, 12 * h->V,
-                         sizeof *f.motion, 68 * 8, 4 * f.nbeta, 64 * 64 * 3};
+                         sizeof m, 68 * 8, 4 * f.nbeta, 64 * 64 * 3};
+        memcpy(&m, f.motion, sizeof m);
+        m.pose.exp = NULL;      /* its own place */
         for (int k = 0; k < 8; k++)
             for (size_t i = 0; i < size[k]; i++)
                 hash = (hash ^ ((const uint8_t *)part[k])[i])

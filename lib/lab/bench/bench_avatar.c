@@ -34,17 +34,11 @@ static int bench_make_clip(struct bench_person *p, struct error *err)
         if (synth_next(synth, &f, err) != 1)
             goto fail;
         memcpy(p->rgb + i * 3 * pixels, f.rgb, 3 * pixels);
-        memcpy(m->R, f.motion->rot, sizeof m->R);
-        memcpy(m->t, f.motion->trans, sizeof m->t);
-        memcpy(m->exp, f.motion->exp, p->head.nexp * sizeof *m->exp);
-        memcpy(m->pose.jaw, f.motion->jaw, sizeof m->pose.jaw);
-        memcpy(m->pose.lid, f.motion->lid, sizeof m->pose.lid);
-        memcpy(m->pose.eye, f.motion->eye, sizeof m->pose.eye);
+        *m = *f.motion;
         m->pose.exp = m->exp;
         if (i)
             continue;
         memcpy(p->mask, f.mask, pixels);
-        memcpy(p->crop, f.crop, sizeof p->crop);
         if (head_fold(&p->id, &p->head, f.beta, f.nbeta, err))
             goto fail;
     }

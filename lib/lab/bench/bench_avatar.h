@@ -24,7 +24,6 @@ struct bench_person {
     struct motion motion[PERSON_FRAMES];    /* true */
     uint8_t *rgb;           /* (PERSON_FRAMES,PERSON_SIZE,PERSON_SIZE,3) */
     uint8_t *mask;          /* (PERSON_SIZE,PERSON_SIZE) of the first */
-    float crop[3];
     size_t at;              /* next frame */
     struct model model;
     struct baker baker;

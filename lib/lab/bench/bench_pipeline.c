@@ -213,7 +213,7 @@ static int pipeline_start_track(struct pipe *p, const struct variant *v,
                                 struct error *err)
 {
     const double middle = PERSON_SIZE / 2.0;
-    const float *crop = p->l->person.crop;
+    const float *crop = p->l->person.motion[0].crop;
     const struct track_options track = {
         .size = PERSON_SIZE, .has_crop = true, .has_window = true,
         .crop = {(double)crop[0], (double)crop[1], (double)crop[2]},

@@ -12,7 +12,6 @@
 #include "lib/base/file.h"
 #include "lib/base/names.h"
 #include "lib/base/list.h"
-#include "lib/head/motion.h"
 #include "lib/stream/records.h"
 #include "lib/stream/stream.h"
 
@@ -139,24 +138,14 @@ static int data_take_shape(struct data_reader *r, const struct record *rec,
 static int data_take_motion(struct data_reader *r, const struct record *rec,
                             struct error *err)
 {
-    struct data_motion *to = &r->next.motion;
-    struct motion m;
     int found;
 
-    if (motion_read(&m, rec, DATA_EXP, err) ||
+    if (motion_read(&r->next.motion, rec, DATA_EXP, err) ||
         (found = motion_read_landmarks(r->next.lmk, rec, err)) < 0)
         return -1;
     if (!found)
         return error_set(err, EX_DATAERR, "MOTN has no array 'lmk' (expected "
                          "f32[68,2])");
-    memcpy(to->rot, m.R, sizeof to->rot);
-    memcpy(to->trans, m.t, sizeof to->trans);
-    memcpy(to->exp, m.exp, sizeof to->exp);
-    memcpy(to->jaw, m.pose.jaw, sizeof to->jaw);
-    memcpy(to->lid, m.pose.lid, sizeof to->lid);
-    memcpy(to->eye, m.pose.eye, sizeof to->eye);
-    memcpy(to->light, m.light, sizeof to->light);
-    to->lit = m.lit;
     r->next.crop = crop_from_landmarks(&r->next.lmk[0][0], 68);
     r->have_motion = true;
     return 0;

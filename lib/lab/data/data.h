@@ -13,23 +13,17 @@
 #include "lib/lab/data/box.h"
 #include "lib/base/crop.h"
 #include "lib/head/lbs.h"
+#include "lib/head/motion.h"
 #include "lib/head/person.h"
 
 #define DATA_SHAPE 300
 #define DATA_EXP 100
 
-/* The true motion of a frame, as in a MOTN record. */
-struct data_motion {
-    float rot[9], trans[3], exp[DATA_EXP], jaw[3], lid[2], eye[6];
-    float light[3];         /* camera frame; with lit */
-    bool lit;
-};
-
 /* A frame: its picture (or the part of it around the face) and its truth.
  * Positions are pixels of the whole picture, which has `size` pixels a side;
  * rgba covers x0 .. x0+width, y0 .. y0+height of it. */
 struct data_frame {
-    struct data_motion motion;
+    struct motion motion;   /* the true one; data_truth sets its pose.exp */
     float lmk[68][2];       /* true landmarks, pixels */
     struct square crop;     /* the face crop they ask for, pixels */
     size_t size, x0, y0, width, height;

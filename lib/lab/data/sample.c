@@ -32,8 +32,7 @@ struct square data_jitter(const struct data_frame *f, float jitter,
 void data_net_translation(double tnet[3], const struct data_frame *f,
                           struct square q)
 {
-    double t[3] = {f->motion.trans[0], f->motion.trans[1],
-                   f->motion.trans[2]};
+    double t[3] = {f->motion.t[0], f->motion.t[1], f->motion.t[2]};
 
     crop_translation_inverse(tnet, t, q, (double)f->size,
                              camera_focal((float)f->size));

@@ -13,12 +13,9 @@
 void data_truth(struct head_motion *m, float cam[12],
                 const struct data_frame *f)
 {
-    memset(m, 0, sizeof *m);
+    *m = f->motion.pose;
     m->exp = f->motion.exp;
-    memcpy(m->jaw, f->motion.jaw, sizeof m->jaw);
-    memcpy(m->eye, f->motion.eye, sizeof m->eye);
-    memcpy(m->lid, f->motion.lid, sizeof m->lid);
-    camera_make(cam, f->motion.rot, f->motion.trans);
+    motion_camera(cam, &f->motion);
 }
 
 void data_turn(struct data_frame *out, const struct data_frame *f,
@@ -30,14 +27,13 @@ void data_turn(struct data_frame *out, const struct data_frame *f,
     *out = *f;
     out->turn = f->turn + angle;
     for (int i = 0; i < 3; i++) {
-        out->motion.rot[i] = c * f->motion.rot[i] - s * f->motion.rot[3 + i];
-        out->motion.rot[3 + i] = s * f->motion.rot[i] +
-                                 c * f->motion.rot[3 + i];
+        out->motion.R[i] = c * f->motion.R[i] - s * f->motion.R[3 + i];
+        out->motion.R[3 + i] = s * f->motion.R[i] + c * f->motion.R[3 + i];
     }
     out->motion.light[0] = c * f->motion.light[0] - s * f->motion.light[1];
     out->motion.light[1] = s * f->motion.light[0] + c * f->motion.light[1];
-    out->motion.trans[0] = c * f->motion.trans[0] - s * f->motion.trans[1];
-    out->motion.trans[1] = s * f->motion.trans[0] + c * f->motion.trans[1];
+    out->motion.t[0] = c * f->motion.t[0] - s * f->motion.t[1];
+    out->motion.t[1] = s * f->motion.t[0] + c * f->motion.t[1];
     for (int i = 0; i < 68; i++) {
         float x = f->lmk[i][0] - middle, y = f->lmk[i][1] - middle;
 

@@ -129,7 +129,7 @@ static double people_eye_pixels(const struct people *e,
     head_landmarks(x, e->s->head, e->rest);
     for (int k = 0; k < 3; k++)
         d += pow((double)x[3 * 36 + k] - x[3 * 45 + k], 2);
-    return sqrt(d) * camera_focal((float)f->size) / f->motion.trans[2];
+    return sqrt(d) * camera_focal((float)f->size) / f->motion.t[2];
 }
 
 /* Motion figures of what the encoder found in a frame. */
@@ -144,7 +144,7 @@ static void people_motion(struct people *e, const struct driven *st,
     double mean = 0;
 
     metric_euler_degrees(found, st->motion.R);
-    metric_euler_degrees(true_, f->motion.rot);
+    metric_euler_degrees(true_, f->motion.R);
     for (int k = 0; k < 3; k++) {
         double d = fabs(remainder(found[k] - true_[k], 360));
         people_add(e, "SpiD", angle[k], -1, d);
@@ -152,7 +152,7 @@ static void people_motion(struct people *e, const struct driven *st,
     }
     people_add(e, "SpiD", "pose_deg", -1, mean);
     people_add(e, "SpiD", "geodesic_deg", -1,
-               metric_rotation_degrees(st->motion.R, f->motion.rot));
+               metric_rotation_degrees(st->motion.R, f->motion.R));
     head_landmarks(x, h, st->verts);
     camera_project(&uv[0][0], NULL, st->cam, (float)f->size, x, 68);
     metric_points(&p, (const float(*)[2])f->lmk, (const float(*)[2])uv);
@@ -165,9 +165,10 @@ static void people_motion(struct people *e, const struct driven *st,
                100 * p.akd / metric_eye_distance((const float(*)[2])f->lmk));
     if (e->n < e->room) {
         e->curve[0][e->n] = metric_jaw_open(st->motion.pose.jaw);
-        e->curve[1][e->n] = metric_jaw_open(f->motion.jaw);
+        e->curve[1][e->n] = metric_jaw_open(f->motion.pose.jaw);
         e->curve[2][e->n] = 0.5 * (st->motion.pose.lid[0] + st->motion.pose.lid[1]);
-        e->curve[3][e->n++] = 0.5 * (f->motion.lid[0] + f->motion.lid[1]);
+        e->curve[3][e->n++] = 0.5 * (f->motion.pose.lid[0] +
+                                     f->motion.pose.lid[1]);
     }
 }
 
@@ -260,7 +261,7 @@ static size_t people_widest(const struct data_person *p, size_t count)
     size_t best = 1;
 
     for (size_t i = 1; i < count; i++)
-        if (p->frame[i].motion.jaw[0] > p->frame[best].motion.jaw[0])
+        if (p->frame[i].motion.pose.jaw[0] > p->frame[best].motion.pose.jaw[0])
             best = i;
     return best;
 }
@@ -370,7 +371,7 @@ static int people_visit_cross(struct people *e, const struct driven *st,
     people_add(e, "cross", "colour_to_driver", 1,
                people_colour_distance(result, driver));
     people_add(e, "cross", "pose_deg", -1,
-               metric_rotation_degrees(st->motion.R, f->motion.rot));
+               metric_rotation_degrees(st->motion.R, f->motion.R));
     return 0;
 }
 

@@ -166,17 +166,6 @@ int reenactor_source(struct reenactor *r, const struct data_frame *f,
 
 /* ---- Phase B ------------------------------------------------------------ */
 
-/* The motion that the data know. */
-static void reenactor_true_motion(struct motion *m,
-                                  const struct data_frame *f)
-{
-    float cam[12];
-
-    data_truth(&m->pose, cam, f);
-    memcpy(m->R, f->motion.rot, sizeof m->R);
-    memcpy(m->t, f->motion.trans, sizeof m->t);
-}
-
 int reenactor_motion(struct reenactor *r, struct driven *st,
                      const struct data_frame *f, struct square q,
                      struct error *err)
@@ -184,16 +173,16 @@ int reenactor_motion(struct reenactor *r, struct driven *st,
     struct motion *m = &st->motion;
     float out[MOTION_OUT];
 
-    memset(m, 0, sizeof *m);
     if (r->truth & REENACTOR_TRUE_MOTION) {
-        reenactor_true_motion(m, f);
+        *m = f->motion;
     } else {
+        memset(m, 0, sizeof *m);
         if (data_sample(r->crop, N, f, q, NULL, NULL, err))
             return -1;
         motion_tta_forward(out, &r->motion_tta, r->crop);
         motion_code_decode(m->R, m->t, &m->pose, out, q, (double)f->size);
+        memcpy(m->exp, m->pose.exp, r->head->nexp * sizeof *m->exp);
     }
-    memcpy(m->exp, m->pose.exp, r->head->nexp * sizeof *m->exp);
     m->pose.exp = m->exp;
     motion_camera(st->cam, m);
     head_pose(st->verts, &r->id, &m->pose);

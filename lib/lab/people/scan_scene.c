@@ -157,19 +157,19 @@ static void scene_camera_step(float rot[9], float trans[3], const float *verts,
 
 /* The true motion as the toolkit's camera has it: exact for a far camera, the
  * nearest fit for a near one. */
-static void scene_find_camera(struct synth_motion *m, const float *verts,
+static void scene_find_camera(struct motion *m, const float *verts,
                               const struct head *h, const struct figure *f,
                               const struct scan_view *v)
 {
     float nearer = 2 * v->focal / CAMERA_FOCAL;
 
-    memcpy(m->rot, v->rot, sizeof m->rot);
-    copy3(m->trans, v->trans);
+    memcpy(m->R, v->rot, sizeof m->R);
+    copy3(m->t, v->trans);
     if (f->look.camera.distance == f->look.rest[2])
         return;
-    m->trans[2] /= nearer;
+    m->t[2] /= nearer;
     for (int i = 0; i < 6; i++)
-        scene_camera_step(m->rot, m->trans, verts, h, v);
+        scene_camera_step(m->R, m->t, verts, h, v);
 }
 
 /* The head's motion during the exposure, pixels. */
@@ -201,10 +201,10 @@ static void scene_project(float xy[2], const float p[3],
  * processor. */
 static void scene_pose_head(struct scan_worker *worker,
                             const struct scan_scene *c,
-                            const struct synth_motion *m)
+                            const struct motion *m)
 {
     const struct head *h = c->id.head;
-    double beta[SCENE_SHAPES], exp[MOTION_EXP_MAX];
+    double beta[SCENE_SHAPES], exp[HEAD_MAX_EXP];
     struct head_motion_d d = {.beta = beta, .exp = exp};
 
     for (size_t k = 0; k < h->nshape; k++)
@@ -212,17 +212,17 @@ static void scene_pose_head(struct scan_worker *worker,
     for (size_t k = 0; k < h->nexp; k++)
         exp[k] = (double)m->exp[k];
     for (int k = 0; k < 3; k++)
-        d.pose[3 * JOINT_JAW + k] = (double)m->jaw[k];
+        d.pose[3 * JOINT_JAW + k] = (double)m->pose.jaw[k];
     for (int k = 0; k < 6; k++)
-        d.pose[3 * JOINT_EYE_LEFT + k] = (double)m->eye[k];
+        d.pose[3 * JOINT_EYE_LEFT + k] = (double)m->pose.eye[k];
     for (int k = 0; k < 2; k++)
-        d.lid[k] = (double)m->lid[k];
+        d.lid[k] = (double)m->pose.lid[k];
     head_pose_d(worker->exact, NULL, h, &d);
     for (size_t i = 0; i < 3 * h->V; i++)
         worker->verts[i] = (float)worker->exact[i];
 }
 
-int scan_scene_render(const struct scan_print *out, struct synth_motion *m,
+int scan_scene_render(const struct scan_print *out, struct motion *m,
                float lmk[68][2], float (*points)[2],
                struct scan_worker *worker,
                const struct scan_scene *c, uint64_t frame, double time,
@@ -236,7 +236,9 @@ int scan_scene_render(const struct scan_print *out, struct synth_motion *m,
 
     memset(m, 0, sizeof *m);
     act_at(&act, &f->assets->act, &f->look.act, time, turn);
-    arkit_to_motion(m->exp, (int)h->nexp, m->jaw, m->lid, m->eye, act.weight);
+    m->pose.exp = m->exp;
+    arkit_to_motion(m->exp, (int)h->nexp, m->pose.jaw, m->pose.lid,
+                    m->pose.eye, act.weight);
     scene_pose_head(worker, c, m);
     scene_place_body(&v, f, &act);
     scene_find_camera(m, worker->verts, h, f, &v);

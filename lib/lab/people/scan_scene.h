@@ -3,18 +3,10 @@
 #define SPID_LAB_PEOPLE_SCAN_SCENE_H
 
 #include "lib/head/lbs.h"
+#include "lib/head/motion.h"
 #include "lib/lab/people/scan_film.h"
 
 #define SCENE_SHAPES 512        /* of any head; those past the scans are 0 */
-
-#define MOTION_EXP_MAX 512
-
-/* How a synthetic person's head and face stand in one frame. */
-struct synth_motion {
-    float rot[9], trans[3];      /* camera: x_cam = rot x + trans */
-    float exp[MOTION_EXP_MAX];
-    float jaw[3], lid[2], eye[6];
-};
 
 /* A person ready to be rendered, with the background behind them. */
 struct scan_scene {
@@ -53,7 +45,7 @@ void scan_scene_release(struct scan_scene *c);
  * the print, the true motion, the head's 68
  * landmarks and the labels' LANDMARK_FACE on the scans' own skin in pixels,
  * and the driven vertices (worker->verts). */
-int scan_scene_render(const struct scan_print *out, struct synth_motion *m,
+int scan_scene_render(const struct scan_print *out, struct motion *m,
                float lmk[68][2], float (*points)[2],
                struct scan_worker *worker,
                const struct scan_scene *c, uint64_t frame, double time,

@@ -18,10 +18,9 @@ struct synth_scene {            /* a person and the background behind them */
 
 struct synth_picture {          /* a finished frame */
     uint64_t number;            /* person * frames + frame */
-    struct synth_motion motion;
+    struct motion motion;
     struct synth_scene *scene;
     float lmk[68][2], points[LANDMARK_FACE][2];
-    float crop[3];
     float *verts;
     uint8_t *rgb, *mask, *label, *alone;
 };
@@ -134,9 +133,9 @@ static void synth_picture_crop(struct synth_picture *t)
 {
     struct square q = crop_from_landmarks(&t->lmk[0][0], 68);
 
-    t->crop[0] = (float)q.x;
-    t->crop[1] = (float)q.y;
-    t->crop[2] = (float)q.size;
+    t->motion.crop[0] = (float)q.x;
+    t->motion.crop[1] = (float)q.y;
+    t->motion.crop[2] = (float)q.size;
 }
 
 /* Where the head is to turn in a frame of a person; NULL: as it would. */
@@ -160,6 +159,8 @@ static int synth_picture_render(struct synth *s, struct synth_picture *t,
                           err))
         return -1;
     synth_picture_crop(t);
+    light_slope(t->motion.light, &t->scene->scan.figure.light);
+    t->motion.lit = true;
     if (t->verts)
         memcpy(t->verts, worker->verts, 3 * s->head->V * sizeof(float));
     return 0;
@@ -221,7 +222,5 @@ int synth_next(struct synth *s, struct synth_frame *frame, struct error *err)
         .points = s->opt.assets->plain ? NULL : &t->points[0][0],
         .rgb = t->rgb, .mask = t->mask, .label = t->label
     };
-    memcpy(frame->crop, t->crop, sizeof t->crop);
-    light_slope(frame->light, &t->scene->scan.figure.light);
     return 1;
 }

@@ -35,9 +35,7 @@ struct synth_frame {
     uint64_t person, frame;     /* frame counts within the person */
     const float *beta;          /* (nbeta) */
     size_t nbeta;
-    const struct synth_motion *motion;
-    float light[3];             /* l, camera frame, see light_slope */
-    float crop[3];              /* face crop: x, y, size, pixels */
+    const struct motion *motion;        /* its light: see light_slope */
     const float *lmk;           /* (68,2) pixels of the picture */
     const float *points;        /* (LANDMARK_FACE,2) where the labels'
                                  * landmarks lie on the scans' skin, pixels;

@@ -181,7 +181,7 @@ static double motion_loss_mesh(float *dverts, float dcam[12],
     double weight = w->term[TERM_MESH], mean;
     float cam[12];
 
-    camera_make(cam, f->motion.rot, f->motion.trans);
+    motion_camera(cam, &f->motion);
     camera_project(l->uv_truth, NULL, cam, (float)f->size, l->truth, V);
     camera_project(l->uv, NULL, s->cam, (float)f->size, s->verts, V);
     mean = motion_loss_distance(l->uv, l->uv_truth, V, f->size, false,
@@ -225,13 +225,11 @@ static void motion_loss_features(float *dverts, double *parts,
 
 /* l->truth = the head as it truly is posed. */
 static void motion_loss_pose_truth(struct motion_loss *l,
-                                   const struct data_motion *m)
+                                   const struct motion *m)
 {
-    struct head_motion truth = {.exp = m->exp};
+    struct head_motion truth = m->pose;
 
-    memcpy(truth.jaw, m->jaw, sizeof truth.jaw);
-    memcpy(truth.eye, m->eye, sizeof truth.eye);
-    memcpy(truth.lid, m->lid, sizeof truth.lid);
+    truth.exp = m->exp;
     head_pose(l->truth, l->id, &truth);
 }
 
@@ -250,18 +248,18 @@ void motion_error(struct motion_error *e, const float *out,
                   const struct data_frame *f, struct square q,
                   struct motion_loss *l)
 {
-    const struct data_motion *m = &f->motion;
+    const struct motion *m = &f->motion;
     struct motion_state s = {.verts = l->verts};
     float translation[3];
 
     motion_decode(&s, out, f, q, l->id);
     motion_loss_true_translation(translation, f, q);
-    motion_error_numbers(e->rotation, s.R, m->rot, 9);
+    motion_error_numbers(e->rotation, s.R, m->R, 9);
     motion_error_numbers(e->translation, out + MOTION_TRANS, translation, 3);
-    motion_error_numbers(e->eye, out + MOTION_EYE, m->eye, 6);
+    motion_error_numbers(e->eye, out + MOTION_EYE, m->pose.eye, 6);
     motion_error_numbers(e->exp, out + MOTION_EXP, m->exp, DATA_EXP);
-    motion_error_numbers(e->jaw, out + MOTION_JAW, m->jaw, 3);
-    motion_error_numbers(e->lid, out + MOTION_LID, m->lid, 2);
+    motion_error_numbers(e->jaw, out + MOTION_JAW, m->pose.jaw, 3);
+    motion_error_numbers(e->lid, out + MOTION_LID, m->pose.lid, 2);
     if (l->id->head->has_landmarks) {
         float x[68 * 3], found[EXPRESSION_FEATURES], truth[EXPRESSION_FEATURES];
 
@@ -278,7 +276,7 @@ static void motion_loss_code(float *dout, double *parts, const float *out,
                              const struct motion_weights *w, double scale,
                              const struct motion_error *p)
 {
-    const struct data_motion *m = &f->motion;
+    const struct motion *m = &f->motion;
     float translation[3];
 
     motion_loss_true_translation(translation, f, q);
@@ -286,13 +284,13 @@ static void motion_loss_code(float *dout, double *parts, const float *out,
                         out + MOTION_TRANS, translation, 3,
                         p ? p->translation : NULL, w, scale);
     motion_loss_numbers(dout + MOTION_EYE, parts, TERM_EYE, out + MOTION_EYE,
-                        m->eye, 6, p ? p->eye : NULL, w, scale);
+                        m->pose.eye, 6, p ? p->eye : NULL, w, scale);
     motion_loss_numbers(dout + MOTION_EXP, parts, TERM_EXP, out + MOTION_EXP,
                         m->exp, DATA_EXP, p ? p->exp : NULL, w, scale);
     motion_loss_numbers(dout + MOTION_JAW, parts, TERM_JAW, out + MOTION_JAW,
-                        m->jaw, 3, p ? p->jaw : NULL, w, scale);
+                        m->pose.jaw, 3, p ? p->jaw : NULL, w, scale);
     motion_loss_numbers(dout + MOTION_LID, parts, TERM_LID, out + MOTION_LID,
-                        m->lid, 2, p ? p->lid : NULL, w, scale);
+                        m->pose.lid, 2, p ? p->lid : NULL, w, scale);
 }
 
 double motion_loss(float *dout, double *parts, struct motion_state *s,
@@ -300,7 +298,7 @@ double motion_loss(float *dout, double *parts, struct motion_state *s,
                    struct square q, const struct motion_weights *w,
                    double scale, struct motion_loss *l)
 {
-    const struct data_motion *m = &f->motion;
+    const struct motion *m = &f->motion;
     const struct motion_error *p = l->partner;
     const struct head *h = l->id->head;
     float dcam[12] = {0}, dR[9] = {0};
@@ -316,7 +314,7 @@ double motion_loss(float *dout, double *parts, struct motion_state *s,
     parts[TERM_VERTEX] += motion_loss_mean(
         l->dverts, s->verts, l->truth, 3 * h->V, w->term[TERM_VERTEX], scale,
         w->huber * motion_loss_unit[TERM_VERTEX] * h->scale);
-    motion_loss_numbers(dR, parts, TERM_ROTATION, s->R, m->rot, 9,
+    motion_loss_numbers(dR, parts, TERM_ROTATION, s->R, m->R, 9,
                         p ? p->rotation : NULL, w, scale);
     for (int i = 0; i < 9; i++)
         dcam[i / 3 * 4 + i % 3] += dR[i];

@@ -33,15 +33,15 @@ void predicted_shape_close(struct predicted_shape *s)
 }
 
 /* t* of R (size x + place) + t* = size (R x + t). */
-static void predicted_shape_move(struct data_motion *m, double size,
+static void predicted_shape_move(struct motion *m, double size,
                                  const double place[3])
 {
     for (int i = 0; i < 3; i++) {
         double rotated = 0;
 
         for (int j = 0; j < 3; j++)
-            rotated += (double)m->rot[3 * i + j] * place[j];
-        m->trans[i] = (float)(size * (double)m->trans[i] - rotated);
+            rotated += (double)m->R[3 * i + j] * place[j];
+        m->t[i] = (float)(size * (double)m->t[i] - rotated);
     }
 }
 

@@ -26,7 +26,7 @@ static int light_task_pass(struct task *t, double *parts, uint64_t step,
     if (encoder_task_draw(&m->e, t, step, micro, err))
         return -1;
     for (size_t i = 0; i < m->e.batch; i++) {
-        const struct data_motion *truth = &m->e.item[i].frame->motion;
+        const struct motion *truth = &m->e.item[i].frame->motion;
 
         if (truth->lit)
             parts[0] += light_net_loss(truth->light, m->e.rgb + i * N * N * 3,

@@ -142,9 +142,9 @@ static void motion_task_score_add(struct score *s, const float *out,
     double e[3], et[3], eye = metric_eye_distance((const float(*)[2])f->lmk);
     struct metric_points p;
 
-    s->sum[FIGURE_POSE] += metric_rotation_degrees(st->R, f->motion.rot);
+    s->sum[FIGURE_POSE] += metric_rotation_degrees(st->R, f->motion.R);
     metric_euler_degrees(e, st->R);
-    metric_euler_degrees(et, f->motion.rot);
+    metric_euler_degrees(et, f->motion.R);
     for (int k = 0; k < 3; k++)
         s->sum[FIGURE_YAW + k] += fabs(remainder(e[k] - et[k], 360));
     head_landmarks(x, h, st->verts);
@@ -156,9 +156,10 @@ static void motion_task_score_add(struct score *s, const float *out,
                                  (h->scale * (double)(3 * h->V));
     if (s->n < s->room) {
         s->jaw[0][s->n] = metric_jaw_open(out + MOTION_JAW);
-        s->jaw[1][s->n] = metric_jaw_open(f->motion.jaw);
+        s->jaw[1][s->n] = metric_jaw_open(f->motion.pose.jaw);
         s->lid[0][s->n] = 0.5 * (out[MOTION_LID] + out[MOTION_LID + 1]);
-        s->lid[1][s->n] = 0.5 * (f->motion.lid[0] + f->motion.lid[1]);
+        s->lid[1][s->n] = 0.5 * (f->motion.pose.lid[0] +
+                                 f->motion.pose.lid[1]);
     }
     s->n++;
 }
