@@ -173,31 +173,28 @@ static double bench_pose_error(struct bench_person *p)
 
 int bench_flame(struct bench *b, struct error *err)
 {
-    struct bench_person *p = calloc(1, sizeof *p);
+    struct bench_person p;
     struct bench_times t;
     char config[96];
-    int rc = p ? bench_person_open(p, b, err)
-               : error_set(err, EX_OSERR, "no memory");
+    int rc = bench_person_open(&p, b, err);
 
     if (rc == 0) {
         /* every direction active, as a network's output has it */
         for (size_t i = 0; i < PERSON_FRAMES; i++)
-            for (size_t k = 0; k < p->head.nexp; k++)
-                if (p->motion[i].exp[k] == 0)
-                    p->motion[i].exp[k] = 1e-3f;
-        double worst = bench_pose_error(p);
+            for (size_t k = 0; k < p.head.nexp; k++)
+                if (p.motion[i].exp[k] == 0)
+                    p.motion[i].exp[k] = 1e-3f;
+        double worst = bench_pose_error(&p);
         snprintf(config, sizeof config, "V=%zu, %zu expressions, jaw, eyes, "
-                 "lids", p->head.V, p->head.nexp);
-        rc = bench_time(&t, b->seconds / 4, 300, bench_call_pose, p, err);
+                 "lids", p.head.V, p.head.nexp);
+        rc = bench_time(&t, b->seconds / 4, 300, bench_call_pose, &p, err);
         if (rc == 0) {
             bench_add(b, "flame", config, "default", 1, &t, worst, NAN);
             bench_note(b, "flame: %.3f micrometres from the double "
-                       "reference", worst / p->head.scale * 1e6);
+                       "reference", worst / p.head.scale * 1e6);
         }
     }
-    if (p)
-        bench_person_close(p);
-    free(p);
+    bench_person_close(&p);
     return rc;
 }
 
@@ -353,22 +350,19 @@ static int bench_baking_paper(struct bench_person *p, struct error *err)
 
 int bench_branches(struct bench *b, struct error *err)
 {
-    struct bench_person *p = calloc(1, sizeof *p);
+    struct bench_person p;
     double *truth = NULL;
-    int rc = p ? bench_person_open(p, b, err)
-               : error_set(err, EX_OSERR, "no memory");
+    const int rc = bench_person_open(&p, b, err) ||
+                   bench_baking(&p, NN_F32, &truth, err) ||
+                   bench_baking(&p, NN_FAST, &truth, err) ||
+                   bench_driving(&p, err) || bench_baking_paper(&p, err)
+                       ? -1 : 0;
 
-    if (rc == 0)
-        rc = bench_baking(p, NN_F32, &truth, err) ||
-             bench_baking(p, NN_FAST, &truth, err) ||
-             bench_driving(p, err) || bench_baking_paper(p, err) ? -1 : 0;
     if (rc == 0)
         bench_note(b, "branches: the error of a bake is of its colours "
                    "against f32, of an update of its centres against double "
                    "(head units)");
     free(truth);
-    if (p)
-        bench_person_close(p);
-    free(p);
+    bench_person_close(&p);
     return rc;
 }

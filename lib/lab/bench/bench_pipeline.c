@@ -465,12 +465,10 @@ static int pipeline_all(struct pipe_rows *l, struct error *err)
 int bench_pipeline(struct bench *b, struct error *err)
 {
     const size_t first = b->rows;
-    struct pipe_rows *l = calloc(1, sizeof *l);
-    int rc = l ? bench_person_open(&l->person, b, err)
-               : error_set(err, EX_OSERR, "no memory");
+    struct pipe_rows l = {0};
+    const int rc = bench_person_open(&l.person, b, err) ||
+                   pipeline_all(&l, err) ? -1 : 0;
 
-    if (rc == 0)
-        rc = pipeline_all(l, err);
     if (rc == 0) {
         bench_note(b, "pipeline: errors are of the finished pictures against "
                    "the first row of the same kind: all networks in f32, "
@@ -478,11 +476,8 @@ int bench_pipeline(struct bench *b, struct error *err)
                    "they are of the video made, read back");
         bench_pareto(b, first);
     }
-    if (l) {
-        bench_person_close(&l->person);
-        free(l->truth[0]);
-        free(l->truth[1]);
-    }
-    free(l);
+    bench_person_close(&l.person);
+    free(l.truth[0]);
+    free(l.truth[1]);
     return rc;
 }

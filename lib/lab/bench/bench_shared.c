@@ -177,22 +177,19 @@ static int shared_run(struct shared *s, struct error *err)
  * one. */
 static int shared_open(struct shared *s, struct error *err)
 {
-    struct bench_person *p = calloc(1, sizeof *p);
+    struct bench_person p;
 
     bench_programs(s->programs, sizeof s->programs);
-    int rc = !p ? error_set(err, EX_OSERR, "no memory")
-             : bench_person_open(p, s->b, err) || bench_folder(s->dir, err)
+    int rc = bench_person_open(&p, s->b, err) || bench_folder(s->dir, err)
                  ? -1 : 0;
     snprintf(s->clip, sizeof s->clip, "%s/clip.mp4", s->dir);
     snprintf(s->photo, sizeof s->photo, "%s/photo.png", s->dir);
     if (rc == 0)
-        rc = bench_person_write(p, s->clip, FRAMES, err) ||
-                     bench_person_write(p, s->photo, 1, err)
+        rc = bench_person_write(&p, s->clip, FRAMES, err) ||
+                     bench_person_write(&p, s->photo, 1, err)
                  ? -1
                  : 0;
-    if (p)
-        bench_person_close(p);
-    free(p);
+    bench_person_close(&p);
     return rc;
 }
 
