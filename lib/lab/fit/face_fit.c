@@ -8,18 +8,10 @@
 #include "lib/base/parallel.h"
 #include "lib/base/sort.h"
 #include "lib/base/camera.h"
+#include "lib/lab/people/label_rows.h"
 
 #define N LANDMARK_FACE
 #define FIT_CALM 4              /* a quarter of the frames is calm */
-
-/* What a full expression is on the labels' scale: their blinks end at 0.6 or
- * 0.7, talking jaws at 0.4. */
-static double fit_gain(int k)
-{
-    if (k == ARKIT_EYE_BLINK_L || k == ARKIT_EYE_BLINK_R)
-        return 1.5;
-    return k == ARKIT_JAW_OPENED ? 1.25 : 1.1;
-}
 
 /* ---- beginning ----------------------------------------------------------- */
 
@@ -85,7 +77,7 @@ static void fit_find_calm(struct fit_frame *frame, size_t n, double *scratch)
     for (size_t i = 0; i < n; i++)
         for (int k = 0; k < ARKIT_COUNT; k++)
             frame[i].prior[k] = fmin(fmax(
-                fit_gain(k) * (frame[i].label->blend[k] -
+                label_gain(k) * (frame[i].label->blend[k] -
                                base[k] / (double)calm), 0), 1);
 }
 

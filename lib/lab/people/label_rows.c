@@ -90,3 +90,10 @@ void label_rows_release(struct label_rows *r)
 {
     arena_release(&r->memory);
 }
+
+double label_gain(int k)
+{
+    if (k == ARKIT_EYE_BLINK_L || k == ARKIT_EYE_BLINK_R)
+        return 1.5;
+    return k == ARKIT_JAW_OPENED ? 1.25 : 1.1;
+}

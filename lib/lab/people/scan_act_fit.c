@@ -21,15 +21,6 @@ struct act_seen {               /* weights of pictures, one after another */
     size_t n;
 };
 
-/* How the labels' scale differs from a weight of 1: their full blink is 0.6,
- * talking jaws 0.4. */
-static float act_label_gain(int k)
-{
-    if (k == ARKIT_EYE_BLINK_L || k == ARKIT_EYE_BLINK_R)
-        return 1.5f;
-    return k == ARKIT_JAW_OPENED ? 1.25f : 1.1f;
-}
-
 /* Pictures of one person or clip share the name before '#', or, of photographs,
  * before '_'. */
 static size_t act_stem(const char *name)
@@ -56,7 +47,7 @@ static void act_take_calm(struct act_seen *s, size_t first)
         sort_floats(s->column, n);
         const float calm = s->column[n / 20];
         for (size_t i = 0; i < n; i++)
-            w[i][k] = clampf(act_label_gain(k) * (w[i][k] - calm), 0, 1);
+            w[i][k] = clampf((float)label_gain(k) * (w[i][k] - calm), 0, 1);
     }
 }
 

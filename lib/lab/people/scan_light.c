@@ -8,8 +8,6 @@
 #include "formats/panorama.h"
 #include "lib/lab/people/vec.h"
 
-#define PI_F 3.14159265f
-
 /* Exponents of the cosine lobe of each level; level 0 mirrors. */
 static const int lobe[LIGHT_LEVELS] = {0, 90, 22, 5};
 static const int level_width[LIGHT_LEVELS] = {512, 64, 48, 32};

@@ -6,8 +6,6 @@
 #include "lib/lab/people/scan_figure.h"
 #include "lib/lab/people/vec.h"
 
-#define PI_F 3.14159265f
-
 /* ---- tubes -------------------------------------------------------------- */
 
 #define TUBE_SIDES 6
@@ -206,21 +204,28 @@ static int made_add_lenses(struct figure *f, struct error *err)
     return 0;
 }
 
-/* ---- layers of short hair ----------------------------------------------- */
+/* ---- brows and layers of short hair ------------------------------------- */
+
+enum fur { FUR_BROW, FUR_BEARD, FUR_HAIR };
 
 #define LAYERS 4
+#define FUR_MIN 0.02f           /* density of a face that has some */
 
-/* How densely short hair grows on a corner: beard below, cropped hair above;
- * its length, head units. */
-static float made_fur_density(const struct figure *f, size_t c, bool beard)
+/* How densely short hair grows on a corner: brows in their place, beard
+ * below, cropped hair above. */
+static float made_fur_density(const struct figure *f, size_t c, enum fur kind)
 {
     const struct scan_assets *a = f->assets;
     const struct scan_person *l = &f->look;
 
-    if (!beard)
+    if (kind == FUR_HAIR)
         return a->hairy[f->bind[4 * c]] * ramp(0, 0.12f, l->buzz);
     int x = (int)(f->uv[2 * c] * SKIN_SIZE);
     int y = (int)((1 - f->uv[2 * c + 1]) * SKIN_SIZE);
+    if (kind == FUR_BROW) {
+        x = x >= SKIN_SIZE / 2 ? SKIN_SIZE - 1 - x : x;
+        return x >= BROW_X && y >= BROW_Y && y < BROW_Y + BROW_H;
+    }
     if (x < 0 || y < 0 || x >= SKIN_SIZE || y >= SKIN_SIZE
         || f->bind[4 * c] >= FACE_SKIN_END)
         return 0;
@@ -231,111 +236,65 @@ static float made_fur_density(const struct figure *f, size_t c, bool beard)
     return m * lerpf(l->beard, l->moustache, above);
 }
 
-#define FUR_MIN 0.02f            /* density of a face that has some */
-
-/* d <- the density of fur at the corners of a face; the largest. */
-static float made_fur_corners(float d[3], const struct figure *f,
-                              const int32_t *face, bool beard)
+/* d = the density of fur at the corners of a face; whether it has some. */
+static bool made_has_fur(float d[3], const struct figure *f,
+                         const int32_t *face, enum fur kind)
 {
     for (int k = 0; k < 3; k++)
-        d[k] = made_fur_density(f, (size_t)face[k], beard);
-    return maxf(maxf(d[0], d[1]), d[2]);
+        d[k] = made_fur_density(f, (size_t)face[k], kind);
+    /* brows end where their picture does */
+    return kind == FUR_BROW ? d[0] + d[1] + d[2] == 3
+                            : maxf(maxf(d[0], d[1]), d[2]) > FUR_MIN;
 }
 
-/* Corner c of layer `layer`: a copy of corner `from`, lifted off the skin. */
+/* Corner c of layer `layer` of so many: a copy of corner `from`, lifted off
+ * the skin. */
 static void made_lift_fur(struct figure *f, size_t c, size_t from, int layer,
-                          float density, bool beard, float length)
+                          int layers, float density, float length)
 {
     const int32_t vertex = f->bind[4 * from];
 
     mad3(f->place + 3 * c, f->rest + 3 * vertex, f->normal + 3 * vertex,
-         0.002f + length * (float)(layer + 1) / LAYERS
+         0.002f + length * (float)(layer + 1) / (float)layers
                   * clampf(2 * density, 0.1f, 1));
-    f->uv[2 * c] = f->uv[2 * from] + (beard ? 0 : 2);
-    f->uv[2 * c + 1] = f->uv[2 * from + 1];
+    memcpy(f->uv + 2 * c, f->uv + 2 * from, 2 * sizeof *f->uv);
     f->bind[4 * c] = vertex;
     f->weight[4 * c] = 1;
     f->extra[c] = (float)layer + 0.99f * clampf(density, 0, 1);
 }
 
-/* The faces of the scans' skin and scalp whose corners grow hair, lifted in
- * layers.  u, v: as below; extra: the layer plus its density. */
-static int made_add_fur(struct figure *f, bool beard, float length,
+/* The faces of the scans' skin, but for brows of their scalp, too, whose
+ * corners grow hair, lifted in layers.  u, v: as below, u of hair + 2; extra:
+ * the layer plus its density. */
+static int made_add_fur(struct figure *f, enum fur kind, float length,
                         const float color[3], struct error *err)
 {
+    static const uint8_t label[] = {LABEL_BROW, LABEL_BEARD, LABEL_HAIR};
+    const bool brow = kind == FUR_BROW;
+    const int layers = brow ? 1 : LAYERS;
+    const size_t last = f->parts[!brow].f1;     /* skin, then scalp */
     size_t n = 0;
-    size_t last = f->parts[1].f1;       /* skin, then scalp */
     float d[3];
 
     for (size_t i = 0; i < last; i++)
-        n += made_fur_corners(d, f, f->faces + 3 * i, beard) > FUR_MIN;
-    struct figure_part *p = figure_grow(f, 3 * n * LAYERS, n * LAYERS,
-                                        STUFF_FUR, RIDE_SKIN,
-                                        beard ? LABEL_BEARD : LABEL_HAIR,
-                                        err);
+        n += made_has_fur(d, f, f->faces + 3 * i, kind) ? (size_t)layers : 0;
+    struct figure_part *p = figure_grow(f, 3 * n, n,
+                                        brow ? STUFF_BROW : STUFF_FUR,
+                                        RIDE_SKIN, label[kind], err);
     if (!p)
         return -1;
     copy3(p->tint, color);
-    size_t c = p->c0, at = p->f0;
+    size_t c = p->c0;
     for (size_t i = 0; i < last; i++) {
         const int32_t *v = f->faces + 3 * i;
-        if (made_fur_corners(d, f, v, beard) <= FUR_MIN)
+        if (!made_has_fur(d, f, v, kind))
             continue;
-        for (int l = 0; l < LAYERS; l++, at++)
+        for (int l = 0; l < layers; l++)
             for (int k = 0; k < 3; k++, c++) {
-                made_lift_fur(f, c, (size_t)v[k], l, d[k], beard, length);
-                f->faces[3 * at + (size_t)k] = (int32_t)c;
+                made_lift_fur(f, c, (size_t)v[k], l, layers, d[k], length);
+                f->uv[2 * c] += kind == FUR_HAIR ? 2 : 0;
+                f->faces[3 * p->f0 + c - p->c0] = (int32_t)c;
             }
-    }
-    return 0;
-}
-
-/* ---- brows -------------------------------------------------------------- */
-
-#define BROW_LIFT 0.004f        /* head units over the skin */
-
-/* Whether hair of a brow may grow on a face of the skin. */
-static bool made_has_brow(const struct figure *f, const int32_t *face)
-{
-    int seen = 0;
-
-    for (int k = 0; k < 3; k++) {
-        const float *uv = f->uv + 2 * face[k];
-        int x = (int)(uv[0] * SKIN_SIZE), y = (int)((1 - uv[1]) * SKIN_SIZE);
-
-        x = x >= SKIN_SIZE / 2 ? SKIN_SIZE - 1 - x : x;
-        seen += x >= BROW_X && y >= BROW_Y && y < BROW_Y + BROW_H;
-    }
-    return seen == 3;
-}
-
-/* The faces of the skin that brows grow on, lifted. */
-static int made_add_brows(struct figure *f, struct error *err)
-{
-    size_t n = 0, last = f->parts[0].f1;
-
-    for (size_t i = 0; i < last; i++)
-        n += made_has_brow(f, f->faces + 3 * i);
-    struct figure_part *p = figure_grow(f, 3 * n, n, STUFF_BROW, RIDE_SKIN,
-                                        LABEL_BROW, err);
-    if (!p)
-        return -1;
-    copy3(p->tint, f->look.brow_color);
-    size_t c = p->c0, at = p->f0;
-    for (size_t i = 0; i < last; i++) {
-        const int32_t *v = f->faces + 3 * i;
-
-        for (int k = 0; made_has_brow(f, v) && k < 3; k++, c++) {
-            const int32_t vertex = f->bind[4 * v[k]];
-
-            mad3(f->place + 3 * c, f->rest + 3 * vertex,
-                 f->normal + 3 * vertex, BROW_LIFT);
-            memcpy(f->uv + 2 * c, f->uv + 2 * v[k], 2 * sizeof *f->uv);
-            f->bind[4 * c] = vertex;
-            f->weight[4 * c] = 1;
-            f->faces[3 * at + (size_t)k] = (int32_t)c;
-        }
-        at += made_has_brow(f, v);
     }
     return 0;
 }
@@ -395,14 +354,15 @@ int figure_add_veils(struct figure *f, struct error *err)
 {
     const struct scan_person *l = &f->look;
 
-    if (made_add_brows(f, err))
+    if (made_add_fur(f, FUR_BROW, 0.002f, l->brow_color, err))
         return -1;
     if ((l->beard > 0 || l->moustache > 0)
-        && made_add_fur(f, true, 0.006f + 0.035f * l->beard_length
-                                 * l->beard_length, l->brow_color, err))
+        && made_add_fur(f, FUR_BEARD, 0.006f + 0.035f * l->beard_length
+                                      * l->beard_length, l->brow_color,
+                        err))
         return -1;
     if (l->hair < 0 && l->buzz > 0.12f
-        && made_add_fur(f, false, 0.004f + 0.05f * l->buzz * l->buzz,
+        && made_add_fur(f, FUR_HAIR, 0.004f + 0.05f * l->buzz * l->buzz,
                         l->hair_color, err))
         return -1;
     return l->glasses ? made_add_lenses(f, err) : 0;

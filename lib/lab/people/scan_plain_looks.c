@@ -12,7 +12,6 @@
 
 #define N SKIN_SIZE
 #define M SKIN_SLOW
-#define PI_F 3.14159265f
 
 void plain_uv(float uv[2], const float *p, float eye)
 {

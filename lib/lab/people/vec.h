@@ -7,6 +7,8 @@
 
 #include "lib/base/rotation.h"
 
+#define PI_F 3.14159265f
+
 /* As fmaxf and fminf, which are calls; b where a is not a number. */
 static inline float maxf(float a, float b)
 {
