@@ -52,8 +52,8 @@ struct prepared {
     bool damaged;               /* the picture is, see struct image */
 };
 
-/* head NULL: head.safetensors beside the model.  The flags of p are set by
- * the caller before. */
+/* Open the files of a model and its head.  The flags of p are set by the
+ * caller before. */
 int prepare_open(struct prepare *p, const char *model, const char *head,
                  struct error *err);
 /* Free what it holds; zeroed then. */

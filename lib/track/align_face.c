@@ -12,8 +12,9 @@
 
 /* Standard deviations of E_m's error: */
 #define SPREAD 0.15f            /* of a component of the expression */
-#define LID_SPREAD 0.06f        /* of a lid: 0.05 on people of scans (tests/bench/
-                                 * README.md, "Lids") */
+#define LID_SPREAD 0.06f        /* of a lid: 1.25 times the mean of 0.045 (tests/
+                                 * bench/README.md, "Lids"), as normal errors
+                                 * have */
 #define GAP_SPREAD 3e-4f        /* metres, of the mouth's opening */
 #define PRIOR 16.0              /* factor of the prior: errors of neighbouring
                                  * points are correlated, so they count less */

@@ -3,7 +3,7 @@
 #include <math.h>
 
 #include "formats/image.h"
-#include "lib/track/encoders.h"
+#include "lib/animate/prepare.h"
 #include "lib/track/pass.h"
 #include "tests/check.h"
 
@@ -13,9 +13,7 @@
 
 int main(void)
 {
-    static struct model model;
-    static struct head head;
-    static struct encoders nets;
+    static struct prepare models = {.precision = NN_FAST};
     static struct track t;
     const struct track_options opt = {.size = 512, .still = true};
     const double guess[] = {0.55, 0.7, 1.4, 1.7};
@@ -25,11 +23,9 @@ int main(void)
     struct error err = {0};
     double off = 0;
 
-    REQUIRE(!head_load(&head, HEAD_NAME, &err) &&
-            !model_open(&model, MODEL_NAME, &err) &&
-            !encoders_open(&nets, &model, false, NN_FAST, &err) &&
-            !head_fold(&mean, &head, NULL, 0, &err) &&
-            !track_init(&t, &mean, &nets.motion, &opt, &err) &&
+    REQUIRE(!prepare_open(&models, MODEL_NAME, HEAD_NAME, &err) &&
+            !head_fold(&mean, &models.head, NULL, 0, &err) &&
+            !track_init(&t, &mean, &models.nets.motion, &opt, &err) &&
             !image_read(&im, PHOTO, &err), "%s", err.text);
     const struct frame f = {.rgb = im.rgb, .width = im.width,
                             .height = im.height};
@@ -45,8 +41,6 @@ int main(void)
     image_release(&im);
     track_release(&t);
     identity_release(&mean);
-    encoders_release(&nets);
-    model_close(&model);
-    head_release(&head);
+    prepare_release(&models);
     return check_status();
 }

@@ -4,8 +4,8 @@
 #include <string.h>
 
 #include "formats/image.h"
+#include "lib/animate/prepare.h"
 #include "lib/base/crop.h"
-#include "lib/track/encoders.h"
 #include "lib/track/tta.h"
 #include "tests/check.h"
 
@@ -43,18 +43,14 @@ static void tta_cut(void)
 
 int main(void)
 {
-    static struct model model;
-    static struct head head;
-    static struct encoders nets;
+    static struct prepare models = {.precision = NN_FAST};
     struct error err = {0};
     struct motion_tta t;
     float both[MOTION_OUT], out[MOTION_OUT], alone[MOTION_OUT];
 
-    REQUIRE(!head_load(&head, HEAD_NAME, &err) &&
-            !model_open(&model, MODEL_NAME, &err) &&
-            !encoders_open(&nets, &model, false, NN_FAST, &err) &&
-            !motion_tta_init(&t, &nets.motion, 1, &head, true, false, &err),
-            "%s", err.text);
+    REQUIRE(!prepare_open(&models, MODEL_NAME, HEAD_NAME, &err) &&
+            !motion_tta_init(&t, &models.nets.motion, 1, &models.head, true,
+                             false, &err), "%s", err.text);
     tta_cut();
     motion_tta_follow(both, &t, rgb);
     check_that("the first picture's mirror image is looked at", t.looked);
@@ -74,8 +70,6 @@ int main(void)
     motion_tta_forward(both, &t, other);
     check("and both are averaged", tta_apart(out, both), 1e-5);
     motion_tta_release(&t);
-    encoders_release(&nets);
-    model_close(&model);
-    head_release(&head);
+    prepare_release(&models);
     return check_failures != 0;
 }
