@@ -95,18 +95,30 @@ static void completion_apply(float *out, const struct completion *c,
     }
 }
 
-/* b (N,3) and the weights from the photograph's colours rgb (N,3). */
-static void completion_wants(float *b, struct completion *c, const float *rgb,
-                             const float *trust, const float *layer,
-                             const size_t *mirror)
+/* mean (3): of colours rgb (N,3), by the trust in them (layers,N); where there is
+ * none, it stays. */
+static void completion_mean(float mean[3], const float *rgb, const float *trust,
+                            size_t layers, size_t N)
 {
-    float mean[3] = {0}, total = 1e-6f;
+    float total = 1e-3f;
 
-    for (size_t i = 0; i < c->N; i++) {
+    for (size_t k = 0; k < 3; k++)
+        mean[k] *= total;
+    for (size_t i = 0; i < layers * N; i++) {
         for (size_t k = 0; k < 3; k++)
-            mean[k] += trust[i] * rgb[3 * i + k];
+            mean[k] += trust[i] * rgb[3 * (i % N) + k];
         total += trust[i];
     }
+    for (size_t k = 0; k < 3; k++)
+        mean[k] /= total;
+}
+
+/* b (N,3) and the weights from the photograph's colours rgb (N,3); mean (3): theirs
+ * where nothing is. */
+static void completion_wants(float *b, struct completion *c, const float *rgb,
+                             const float *trust, const float *layer,
+                             const float mean[3], const size_t *mirror)
+{
     for (size_t i = 0; i < c->N; i++) {
         const float own = KEEP * trust[i];
         const float across = ANCHOR * (1 - trust[i]) * trust[mirror[i]];
@@ -115,7 +127,7 @@ static void completion_wants(float *b, struct completion *c, const float *rgb,
         for (size_t k = 0; k < 3; k++)
             b[3 * i + k] = own * rgb[3 * i + k] +
                            across * rgb[3 * mirror[i] + k] +
-                           FLOOR * mean[k] / total;
+                           FLOOR * mean[k];
     }
     for (size_t h = 0; h < 2 * c->d->E; h++) {
         const size_t i = (size_t)c->d->edge[h], j = c->d->V + h / 2;
@@ -154,16 +166,19 @@ static void completion_precondition(float *z, const float *r,
         z[i] = r[i] / c->weight[i / 3];
 }
 
-/* rgb (N,3) complete, of one layer: how far each point belongs to it (N). */
+/* rgb (N,3) complete, of one layer: how far each point belongs to it (N); mean (3)
+ * where it is not seen. */
 static void completion_layer(float *rgb, const float *trust, const float *layer,
-                             const size_t *mirror, const struct densify *d,
-                             float *scratch)
+                             const float mean[3], const size_t *mirror,
+                             const struct densify *d, float *scratch)
 {
     const size_t N = d->V + d->E, n = 3 * d->V;
+    float own[3] = {mean[0], mean[1], mean[2]};
     struct completion c = {d, N, scratch, scratch + N};
     float *r = c.tie + 2 * d->E, *z = r + 3 * N, *p = z + n, *Ap = p + n;
 
-    completion_wants(r, &c, rgb, trust, layer, mirror);
+    completion_mean(own, rgb, trust, 1, N);
+    completion_wants(r, &c, rgb, trust, layer, own, mirror);
     completion_eliminate(r, &c);
     completion_apply(Ap, &c, rgb);
     for (size_t i = 0; i < n; i++)
@@ -199,19 +214,22 @@ static void completion_layer(float *rgb, const float *trust, const float *layer,
         rgb[i] = fminf(fmaxf(rgb[i], 0), 1);
 }
 
-void completion_solve(float *rgb, const float *skin, const float *strands,
-                      const float *hair, const size_t *mirror,
-                      const struct densify *d, float *scratch)
+void completion_solve(float *rgb, const float *trust, const float *chance,
+                      const size_t *mirror, const struct densify *d,
+                      float *scratch)
 {
     const size_t N = d->V + d->E;
-    float *other = scratch, *bald = other + 3 * N;
+    float *seen = scratch, *layer = seen + 3 * N;
+    float mean[3] = {0};
 
-    scratch = bald + N;
-    memcpy(other, rgb, 3 * N * sizeof *rgb);
-    for (size_t i = 0; i < N; i++)
-        bald[i] = 1 - hair[i];
-    completion_layer(rgb, skin, bald, mirror, d, scratch);
-    completion_layer(other, strands, hair, mirror, d, scratch);
-    for (size_t i = 0; i < 3 * N; i++)
-        rgb[i] += hair[i / 3] * (other[i] - rgb[i]);
+    memcpy(seen, rgb, 3 * N * sizeof *rgb);
+    completion_mean(mean, seen, trust, MATERIALS, N);
+    memset(rgb, 0, 3 * N * sizeof *rgb);
+    for (size_t m = 0; m < MATERIALS; m++) {
+        memcpy(layer, seen, 3 * N * sizeof *layer);
+        completion_layer(layer, trust + m * N, chance + m * N, mean, mirror, d,
+                         layer + 3 * N);
+        for (size_t i = 0; i < 3 * N; i++)
+            rgb[i] += chance[m * N + i / 3] * layer[i];
+    }
 }

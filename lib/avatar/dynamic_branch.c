@@ -10,8 +10,8 @@
 #include "lib/avatar/coverage.h"
 #include "lib/avatar/eyes.h"
 #include "lib/avatar/further.h"
-#include "lib/avatar/hairstyle.h"
 #include "lib/avatar/lip_lining.h"
+#include "lib/avatar/material.h"
 #include "lib/avatar/tilt.h"
 #include "lib/avatar/white_point.h"
 #include "lib/base/gaussians.h"
@@ -34,8 +34,8 @@
 #define ON_TEETH_MM 1.5f        /* the same where it shows teeth in their place */
 /* Cosines between which the photograph is trusted where a surface lies, and wholly:
  * 1 and 8 mm from the outline of a head 75 mm in radius; with its colours elsewhere,
- * too, hair's from there on, skin's, which is darker there and has hair beside
- * it, from 6 mm, as much as the pose may be off (SOURCE_MESH_OFF), and 15.
+ * too, hair's and cloth's from there on, skin's, which is darker there and has hair
+ * beside it, from 6 mm, as much as the pose may be off (SOURCE_MESH_OFF), and 15.
  * tests/bench/README.md, "How long the photograph holds". */
 #define SIDEWAYS 0.15f
 #define SQUARE 0.45f
@@ -105,8 +105,8 @@ int dynamic_branch_plan(struct dynamic_branch *b, size_t points,
         {&b->pixel, 4 * D, false}, {&b->h, D * b->width, false},
         {&b->in, D * b->inputs, false}, {&b->din, D * b->inputs, true},
         {&b->logit, 3 * D, false}, {&b->trust, D, false},
-        {&b->held, D, false}, {&b->skin, D, false},
-        {&b->strands, D, false}, {&b->hair, D, false}, {&b->hull, D, false},
+        {&b->held, D, false}, {&b->as, MATERIALS * D, false},
+        {&b->chance, MATERIALS * D, false}, {&b->hull, D, false},
         {&b->seam, D, false}, {&b->on_teeth, D, false},
         {&b->first, 4 * D, false}, {&b->more, FURTHER_SUMS * D, false},
         {&b->tmp, COMPLETION_SCRATCH(D), false}
@@ -233,7 +233,8 @@ PARALLEL(dynamic_branch_start_part, k, struct dynamic_branch *, b, float *, eye,
                   (1 - b->seam[k]) * (1 - b->fold[k]);
     b->held[k] = b->trust[k] * branch_ramp(nv, SIDEWAYS, SQUARE);
     b->trust[k] *= branch_ramp(nv, SKIN_SIDEWAYS, SKIN_SQUARE);
-    b->trust[k] += b->hair[k] * (b->held[k] - b->trust[k]);
+    b->trust[k] += (1 - b->chance[MATERIAL_SKIN * b->count + k]) *
+                   (b->held[k] - b->trust[k]);
     memcpy(rgb + 3 * k, pixel, 3 * sizeof *rgb);
     b->start.visible[k] = 1 - mesh->weights->lining[k];
     b->start.scale_shift[k] =
@@ -253,10 +254,10 @@ static void dynamic_branch_look(const struct source_picture *picture,
                                 struct dynamic_branch *b)
 {
     const struct white_point_colors seen = {b->pixel, b->trust, b->tmp};
+    const struct material_share all = material_all(mesh->weights);
     float eye[3], *rgb = b->logit;
 
-    hairstyle_expect(b->hair, mesh->weights->hair_share, mesh->weights,
-                     b->dense);
+    material_expect(b->chance, &all, mesh->weights, b->dense);
     camera_origin(eye, mesh->cam);
     coverage_seen(b->seen, b->verts, b->count, mesh->depth, mesh->n,
                   mesh->cam, SLACK);
@@ -325,8 +326,8 @@ static void dynamic_branch_complete(float *rgb, const struct source_mesh *mesh,
     static const float none[3] = {0};
 
     dynamic_branch_relight(rgb, 3, b->light, none, b);
-    completion_solve(rgb, b->skin, b->strands, b->hair,
-                     mesh->weights->mirror, b->dense, b->tmp);
+    completion_solve(rgb, b->as, b->chance, mesh->weights->mirror, b->dense,
+                     b->tmp);
     dynamic_branch_relight(rgb, 3, none, b->light, b);
     for (size_t i = 0; i < 3 * b->count; i++)
         rgb[i] = fminf(rgb[i], 1);
@@ -339,19 +340,21 @@ static void dynamic_branch_start(const struct source_picture *picture,
 {
     const struct eyes_photo photo = {b->pixel, b->trust, b->white};
     const struct white_point_colors seen = {b->pixel, b->trust, b->tmp};
-    const struct hairstyle_layers layers = {b->skin, b->strands, b->hair};
     float *rgb = b->logit;
 
     dynamic_branch_look(picture, mesh, b);
     dynamic_branch_hull(picture, mesh, b);
     if (b->has_more)
         further_take(b->pixel, b->trust, rgb, b->facing, b->more, b->count);
-    hairstyle_layers(&layers, &seen, b->held, mesh->head, b->dense);
+    material_layers(b->as, b->chance, b->tmp + b->count, &seen, b->held,
+                    mesh->head, b->dense);
     dynamic_branch_complete(rgb, mesh, b);
     for (size_t i = 0; i < 3 * b->count; i++) {
         const size_t k = i / 3;
-        const float hair = b->hair[k];
-        const float went_on = (1 - hair) * b->skin[k] + hair * b->strands[k];
+        float went_on = 0;
+
+        for (size_t m = 0; m < MATERIALS; m++)
+            went_on += b->chance[m * b->count + k] * b->as[m * b->count + k];
 
         rgb[i] += (b->trust[k] - went_on) * (b->pixel[4 * k + i % 3] - rgb[i]);
     }

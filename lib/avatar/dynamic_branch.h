@@ -57,8 +57,8 @@ struct dynamic_branch {
                                          * before _forward */
     float *held;                        /* (D) trust in the picture there, */
     float *trust;                       /* (D) in its colour elsewhere, too, */
-    float *skin, *strands;              /* (D) and as skin's or hair's */
-    float *hair;                        /* (D) the chance of hair there */
+    float *as;                          /* (MATERIALS,D) and as each material's */
+    float *chance;                      /* (MATERIALS,D) of each material */
     float *first;                       /* (D,4) colour and trust of the first
                                          * picture */
     float *more;                        /* (D,FURTHER_SUMS) of further ones

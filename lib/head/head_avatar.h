@@ -23,8 +23,8 @@
 #include "lib/base/error.h"
 #include "lib/base/neck_blend.h"
 
-#define HAIR_STYLES 6
-#define HAIR_LOOKS 5    /* numbers of a colour (hairstyle_likeness) */
+#define HEAD_STYLES 6   /* of hair, and of cloth */
+#define HEAD_LOOKS 5    /* numbers of a colour (material_odds) */
 
 enum mouth_layer { MOUTH_UPPER, MOUTH_LOWER, MOUTH_BACK };
 
@@ -61,11 +61,14 @@ struct head_avatar {
                              * light */
     float *moving;          /* (V) 1 and more where expressions, jaw, lids or
                              * gaze move the skin, 0 on the skull */
-    float *hair;            /* (V,HAIR_STYLES) chance of hair in each of these
+    float *hair;            /* (V,HEAD_STYLES) chance of hair in each of these
                              * ways to wear it, and */
-    float *hair_share;      /* (HAIR_STYLES) of people who do */
-    float *hair_look;       /* (HAIR_LOOKS) how a colour speaks for skin and
-                             * against hair (all three: examples/hair.py) */
+    float *hair_share;      /* (HEAD_STYLES) of people who do */
+    float *cloth;           /* (V,HEAD_STYLES) chance of cloth where no hair is */
+    float *cloth_share;     /* (HEAD_STYLES) */
+    float *look;            /* (2,HEAD_LOOKS) how a colour speaks for skin and
+                             * against hair, and against cloth (all five:
+                             * examples/materials.py) */
     float *neck_blend;      /* (5) pivot, top and bottom of struct neck_blend */
 
     /* The mouth (T,T), from the inner lips' centroid of a face at rest. */

@@ -1,12 +1,12 @@
 /* What the photograph does not show: colours of the head's hidden half from the
- * mirror image, without a seam, hair's from hair (completion.h, hairstyle.h); the
- * slope of what is seen (tilt.h). */
+ * mirror image, without a seam, hair's from hair and a collar's from cloth
+ * (completion.h, material.h); the slope of what is seen (tilt.h). */
 #include <math.h>
 #include <string.h>
 
 #include "lib/avatar/completion.h"
 #include "lib/avatar/dynamic_branch.h"
-#include "lib/avatar/hairstyle.h"
+#include "lib/avatar/material.h"
 #include "lib/avatar/tilt.h"
 #include "lib/base/camera.h"
 #include "lib/base/gaussians.h"
@@ -18,8 +18,8 @@
 enum { WIDE = 24, V = 2 * WIDE, F = 2 * (WIDE - 1), MAX = 6 * V };
 
 static int32_t faces[3 * F];
-static float rgb[3 * MAX], trust[MAX], scratch[COMPLETION_SCRATCH(MAX)];
-static float strands[MAX], hair[MAX];   /* zeros: skin all over */
+static float rgb[3 * MAX], scratch[COMPLETION_SCRATCH(MAX)];
+static float trust[MATERIALS * MAX], chance[MATERIALS * MAX];
 static size_t mirror[MAX];
 
 static void completion_strip(struct densify *d)
@@ -66,6 +66,7 @@ static void completion_mirrors(void)
     for (size_t i = 0; i < N; i++) {
         const double x = completion_place(&d, i);
 
+        chance[i] = 1;                  /* skin all over */
         /* diagonals have none across */
         pairs = pairs && (mirror[i] == i || mirror[mirror[i]] == i);
         trust[i] = x <= WIDE / 2 ? 1 : 0;
@@ -73,7 +74,7 @@ static void completion_mirrors(void)
             rgb[3 * i + c] = trust[i] > 0 ? completion_colour(x, 0.5) : 0.9f;
     }
     check_that("mirror images are pairs", pairs);
-    completion_solve(rgb, trust, strands, hair, mirror, &d, scratch);
+    completion_solve(rgb, trust, chance, mirror, &d, scratch);
     for (size_t i = 0; i < V; i++) {
         const double x = completion_place(&d, i);
         const double off = fabs(rgb[3 * i] - completion_colour(x, 0.5));
@@ -94,99 +95,112 @@ static void completion_mirrors(void)
         for (size_t c = 0; c < 3; c++)
             rgb[3 * i + c] = i < 2 ? 0.25f : 0.9f;
     }
-    completion_solve(rgb, trust, strands, hair, mirror, &d, scratch);
+    completion_solve(rgb, trust, chance, mirror, &d, scratch);
     check("from one end to the other", fabs(rgb[3 * (V - 1)] - 0.25), 1e-3);
     densify_release(&d);
 }
 
-/* Of a strip whose far half is a scalp two vertices on it are seen, brown, and one
- * of a forehead; the end is brown, though the forehead is as near. */
+/* A strip of three materials, of which two are seen at one place each, side by side:
+ * each goes on by itself to its end, though the other is as near, and the third is
+ * about as both are. */
 static void completion_layers(void)
 {
+    static const float colour[MATERIALS] = {0.8f, 0.2f};
     struct densify d;
-    double scalp = 0, face = 0;
+    double off[MATERIALS] = {0};
 
     completion_strip(&d);
-    for (size_t i = 0; i < d.V + d.E; i++) {
+    const size_t N = d.V + d.E;
+    memset(trust, 0, sizeof trust);
+    memset(chance, 0, sizeof chance);
+    for (size_t i = 0; i < N; i++) {
         const double x = completion_place(&d, i);
+        const size_t m = x < WIDE / 3 ? MATERIAL_SKIN
+                       : x < 2 * WIDE / 3 ? MATERIAL_HAIR : MATERIAL_CLOTH;
 
         mirror[i] = i;
-        hair[i] = x >= WIDE / 2 ? 1 : 0;
-        trust[i] = x == WIDE / 2 - 1 ? 1 : 0;
-        strands[i] = x == WIDE / 2 ? 1 : 0;
+        chance[m * N + i] = 1;
+        trust[m * N + i] = x == WIDE / 3 - 1 || x == WIDE / 3 ? 1 : 0;
         for (size_t c = 0; c < 3; c++)
-            rgb[3 * i + c] = strands[i] > 0 ? 0.2f : 0.8f;
+            rgb[3 * i + c] = colour[m];
     }
-    completion_solve(rgb, trust, strands, hair, mirror, &d, scratch);
-    for (size_t i = 0; i < d.V + d.E; i++) {
-        if (hair[i] > 0)
-            scalp = fmax(scalp, fabs(rgb[3 * i] - 0.2));
-        else
-            face = fmax(face, fabs(rgb[3 * i] - 0.8));
-    }
-    check("hair goes on from hair", scalp, 0.01);
-    check("and skin from skin", face, 0.01);
+    completion_solve(rgb, trust, chance, mirror, &d, scratch);
+    for (size_t i = 0; i < N; i++)
+        for (size_t m = 0; m < MATERIALS; m++)
+            if (chance[m * N + i] > 0)
+                off[m] = fmax(off[m], fabs(rgb[3 * i] - (m < MATERIAL_CLOTH
+                                                         ? colour[m] : 0.5)));
+    check("hair goes on from hair", off[MATERIAL_HAIR], 0.01);
+    check("and skin from skin", off[MATERIAL_SKIN], 0.01);
+    check("what is not seen is as all is", off[MATERIAL_CLOTH], 0.01);
     densify_release(&d);
 }
 
-/* ---- who has hair where ---------------------------------------------------- */
+/* ---- who wears hair and cloth where ----------------------------------------- */
 
 /* Ten vertices of a brow, ten of an ear and ten behind it, which is not seen: half
- * of all people cover their ears, and then what is behind them. */
-static void hairstyle_ears(void)
+ * of all people cover their ears, and then what is behind them; the other half wear
+ * cloth there. */
+static void material_ears(void)
 {
     enum { PART = 10, ALL = 3 * PART };
-    float chance[ALL * HAIR_STYLES] = {0}, shares[HAIR_STYLES] = {0.5f, 0.5f};
-    float seen[ALL] = {0}, like[ALL], share[HAIR_STYLES], out[ALL];
-    const struct head_avatar a = {.V = ALL, .hair = chance,
-                                  .hair_share = shares};
+    float hair[ALL * HEAD_STYLES] = {0}, cloth[ALL * HEAD_STYLES] = {0};
+    float shares[HEAD_STYLES] = {0.5f, 0.5f}, one[HEAD_STYLES] = {1};
+    float seen[ALL] = {0}, odds[MATERIALS * ALL], out[MATERIALS * ALL];
+    const float *behind = out + ALL - 1;
+    const struct head_avatar a = {.V = ALL, .hair = hair, .hair_share = shares,
+                                  .cloth = cloth, .cloth_share = one};
     const struct densify d = {.V = ALL};
+    struct material_share share = material_all(&a);
 
     for (size_t v = 0; v < ALL; v++) {
-        chance[HAIR_STYLES * v + 1] = v < PART ? 0 : 0.9f;
+        hair[HEAD_STYLES * v + 1] = v < PART ? 0 : 0.9f;
+        cloth[HEAD_STYLES * v] = v < 2 * PART ? 0 : 1;
         seen[v] = v < 2 * PART ? 1 : 0;
-        like[v] = 1;
+        odds[MATERIALS * v] = 1;
+        odds[MATERIALS * v + 1] = odds[MATERIALS * v + 2] = 0;
     }
-    hairstyle_expect(out, shares, &a, &d);
-    expect("before: what all people have", out[ALL - 1], 0.45, 1e-6);
-    hairstyle_find(share, seen, like, &a);
-    hairstyle_expect(out, share, &a, &d);
-    check("a bare ear: none behind it", out[ALL - 1], 0.05);
+    material_expect(out, &share, &a, &d);
+    expect("before: what all people have", behind[ALL], 0.45, 1e-6);
+    share = material_find(seen, odds, &a);
+    material_expect(out, &share, &a, &d);
+    check("a bare ear: no hair behind it", behind[ALL], 0.05);
+    check_range("but cloth", behind[2 * ALL], 0.95, 1);
     for (size_t v = PART; v < 2 * PART; v++)
-        like[v] = 0;
-    hairstyle_find(share, seen, like, &a);
-    hairstyle_expect(out, share, &a, &d);
-    check_range("a covered one: hair behind it", out[ALL - 1], 0.8, 0.9);
-    expect("shares are of all", share[0] + share[1], 1, 1e-5);
-    for (size_t v = 0; v < ALL; v++)
-        seen[v] = 0;
-    hairstyle_find(share, seen, like, &a);
-    expect("nothing seen: as before", share[1], 0.5, 1e-6);
-    check("a forehead is no hair", hairstyle_posterior(0.1f, 1), 0.01);
-    check_range("a bald scalp is what scalps are",
-                hairstyle_posterior(1, 1), 1, 1);
+        odds[MATERIALS * v + MATERIAL_HAIR] = 1e4f;
+    share = material_find(seen, odds, &a);
+    material_expect(out, &share, &a, &d);
+    check_range("a covered one: hair behind it", behind[ALL], 0.8, 0.9);
+    expect("shares are of all", share.hair[0] + share.hair[1], 1, 1e-5);
+    expect("chances, too", behind[0] + behind[ALL] + behind[2 * ALL], 1, 1e-5);
+    memset(seen, 0, sizeof seen);
+    share = material_find(seen, odds, &a);
+    expect("nothing seen: as before", share.hair[1], 0.5, 1e-6);
 }
 
-/* Log odds of skin 1 - 20 hue + 10 hue^2 + light - 2 light^2, by double. */
-static void hairstyle_colours(void)
+/* Log odds of skin 1 - 20 hue + 10 hue^2 + light - 2 light^2, by double, over hair;
+ * over cloth 0. */
+static void material_colours(void)
 {
-    float look[HAIR_LOOKS] = {1, -20, 10, 1, -2};
-    const struct head_avatar a = {.hair_look = look};
+    float look[2 * HEAD_LOOKS] = {1, -20, 10, 1, -2}, odds[MATERIALS];
+    const struct head_avatar a = {.look = look};
     const float face[3] = {0.6f, 0.45f, 0.35f}, brown[3] = {0.3f, 0.2f, 0.1f};
     const float black[3] = {0};
     const double hue = fabs(0.3 / 0.601 - 0.6 / 1.401) +
                        fabs(0.2 / 0.601 - 0.45 / 1.401) +
                        fabs(0.1 / 0.601 - 0.35 / 1.401);
     const double light = log(0.601 / 1.401);
-    const double odds = 1 - 20 * hue + 10 * hue * hue + light -
+    const double skin = 1 - 20 * hue + 10 * hue * hue + light -
                         2 * light * light;
 
-    expect("the face's own colour", hairstyle_likeness(face, face, &a),
-           1 / (1 + exp(-1)), 1e-6);
-    expect("another hue, darker", hairstyle_likeness(brown, face, &a),
-           1 / (1 + exp(-odds)), 1e-5);
-    check_range("black counts as little as what is nearly so",
-                hairstyle_likeness(black, face, &a), 0, 1e-6);
+    material_odds(odds, face, face, &a);
+    expect("the face's own colour", odds[MATERIAL_HAIR], exp(-1), 1e-6);
+    expect("cloth of any", odds[MATERIAL_CLOTH], 1, 1e-6);
+    material_odds(odds, brown, face, &a);
+    expect("another hue, darker", odds[MATERIAL_HAIR] / exp(-skin), 1, 1e-5);
+    material_odds(odds, black, face, &a);
+    check_range("black counts as much as what is nearly so",
+                odds[MATERIAL_HAIR], 1e6, 1e12);
 }
 
 /* ---- the photograph's edge ---------------------------------------------- */
@@ -292,8 +306,8 @@ int main(void)
     tilt_hidden();
     completion_mirrors();
     completion_layers();
-    hairstyle_ears();
-    hairstyle_colours();
+    material_ears();
+    material_colours();
     picture_edge();
     tilt_slopes();
     return check_status();

@@ -1,6 +1,7 @@
 /* A head's template avatar made, and written into its file. */
 #include "lib/lab/head/avatar_make.h"
 
+#include <stdbool.h>
 #include <string.h>
 #include <sysexits.h>
 
@@ -13,17 +14,22 @@
 enum { TENSORS = 64, META = 32 };
 #define PREFIX "avatar."
 
-/* How people wear hair, for a head of the same mesh; else all on its scalp. */
-static void avatar_copy_hair(struct head_avatar *to, const struct head *h,
-                             const struct head_avatar *from)
+/* How people wear hair and cloth, for a head of the same mesh; else all hair is on
+ * its scalp, and no cloth on its neck. */
+static void avatar_copy_styles(struct head_avatar *to, const struct head *h,
+                               const struct head_avatar *from)
 {
-    const size_t n = HAIR_STYLES * to->V;
+    const size_t n = HEAD_STYLES * to->V;
+    const bool same = from->V == to->V;
 
-    memcpy(to->hair_share, from->hair_share, HAIR_STYLES * sizeof(float));
-    memcpy(to->hair_look, from->hair_look, HAIR_LOOKS * sizeof(float));
-    for (size_t i = 0; i < n; i++)
-        to->hair[i] = from->V == to->V ? from->hair[i]
-                      : h->hair ? h->hair[i / HAIR_STYLES] : 0;
+    memcpy(to->hair_share, from->hair_share, HEAD_STYLES * sizeof(float));
+    memcpy(to->cloth_share, from->cloth_share, HEAD_STYLES * sizeof(float));
+    memcpy(to->look, from->look, 2 * HEAD_LOOKS * sizeof(float));
+    for (size_t i = 0; i < n; i++) {
+        to->hair[i] = same ? from->hair[i]
+                      : h->hair ? h->hair[i / HEAD_STYLES] : 0;
+        to->cloth[i] = same ? from->cloth[i] : 0;
+    }
 }
 
 /* The mouth's arrays: a mouth is anybody's. */
@@ -54,7 +60,7 @@ int avatar_make(struct head *h, const struct head_avatar *from,
     if (rc == 0) {
         avatar_eyes_make(&h->avatar, h, &d);
         avatar_copy_mouth(&h->avatar, from);
-        avatar_copy_hair(&h->avatar, h, from);
+        avatar_copy_styles(&h->avatar, h, from);
     }
     densify_release(&d);
     return rc;

@@ -1,24 +1,25 @@
 #!/usr/bin/env python3
-r"""Where people have hair, for a head's template avatar.
+r"""Where people have hair and cloth, for a head's template avatar.
 
-    hair.py HEAD STREAM...
+    materials.py HEAD STREAM
 
-STREAM: a person of scans of the training split, turned to several sides.  The
-head that ships has 48 of them:
+STREAM: people of scans of the training split, each turned to SIDES sides.  The
+head that ships has these:
 
-    spid-synth --assets ASSETS --seed 61000 --first 0 (to 47) --frames 5 \
-        --size 192 --turn 0,45,90,-45,-90 -o 0.spid
+    spid-synth --assets ASSETS --seed 61000 -n 160 --frames 5 --size 192 \
+        --turn 0,45,90,-45,-90 -o people.spid
 
-HEAD: a head's safetensors file, of which the tensors avatar.hair, avatar.hair_share
-and avatar.hair_look (lib/head/head_avatar.h) are written anew: STYLES ways to wear
-hair, each the chance of hair at every vertex, both sides alike, and how many wear
-it so.  They are a mixture of independent vertices (EM from people in the order of
-how much hair they show); the mean of all people counts as one more of each style,
-and the scalp's density (hair) as one more of all.  The bald are left out: their
+HEAD: a head's safetensors file, of which the tensors avatar.hair, avatar.cloth,
+avatar.hair_share, avatar.cloth_share and avatar.look (lib/head/head_avatar.h) are
+written anew: STYLES ways to wear hair, each the chance of hair at every vertex,
+both sides alike, and how many wear it so; and as many of cloth where there is no
+hair.  They are mixtures of independent vertices (EM from people in the order of how
+much they show of it); the mean of all people counts as one more of each style, and
+the scalp's density (hair) as one more of all.  Of hair the bald are left out: their
 scalp goes on as hair does, in its own colour, and fair hair is easily taken for
-one.  And what tells hair from skin by its colour beside the face's mean: logistic
-regression on hue and brightness, hair of each person weighing as much as skin.
-Needs NumPy.
+one.  And what tells skin from either by its colour beside the face's mean: logistic
+regressions on hue and brightness, hair or cloth of each person weighing as much as
+skin.  Needs NumPy.
 """
 import json
 import os
@@ -30,13 +31,14 @@ import numpy as np
 from meshview import nearest, project, surface
 from spidstream import read_stream
 
+SIDES = 5
 STYLES = 6
 TURNS = 60              # of EM
 GRID = 128              # side of the depth map
 CLOSE = 0.03            # head units: two points at one depth
 FACE, LIPS, SCALP = 1, 2, .5   # of the head's regions, and density of hair
 SKIN = [1, 10, 11]      # of spid-synth's labels: skin, neck, ears
-HAIR = 5
+HAIR, CLOTH = 5, 8
 
 
 def shown(verts, faces, cam):
@@ -55,39 +57,48 @@ def look(rgb, mean):
     return np.stack([np.ones_like(a), hue, hue ** 2, light, light ** 2], 1)
 
 
-def count(path, faces, region, scalp, sums):
-    """Adds to sums (2,V) how often hair, and skin, is what each vertex shows.
-    Returns looks of hair and of skin."""
-    picture, looks = {}, ([], [])
+def count(path, faces, region, scalp):
+    """How often hair, cloth and skin is what each vertex shows (people,3,V), and
+    looks of them, three lists of people's."""
+    picture, sums, looks = {}, [], ([], [], [])
+    pictures = 0
     with open(path, "rb") as f:
         for rec in read_stream(f):
             if rec.type in ("MESH", "IMAG"):
                 picture[rec.type] = rec.arrays
             if len(picture) < 2:
                 continue
+            if pictures % SIDES == 0:
+                sums.append(np.zeros((3, len(scalp))))
+                for of_all in looks:
+                    of_all.append([np.zeros((0, 5))])
+            pictures += 1
             verts, cam = (picture["MESH"][k].numpy() for k in ("verts", "cam"))
             label = picture["IMAG"]["label"].numpy()
             seen = shown(verts, faces, cam)
             at = label.ravel()[project(verts, cam, len(label))[0]]
-            hair, skin = seen & (at == HAIR), seen & np.isin(at, SKIN)
-            sums += hair, skin
+            hair, cloth = seen & (at == HAIR), seen & (at == CLOTH)
+            skin = seen & np.isin(at, SKIN)
+            sums[-1] += hair, cloth, skin
             face = skin & (region == FACE)
             if face.sum() > 50:
                 rgb = picture["IMAG"]["rgb"].numpy().reshape(-1, 3) / 255
                 rgb = rgb[project(verts, cam, len(label))[0]]
-                for to, part in zip(looks, (hair & (scalp > SCALP),
+                for to, part in zip(looks, (hair & (scalp > SCALP), cloth,
                                             skin & (region != LIPS))):
-                    to.append(look(rgb[part], rgb[face].mean(0)))
+                    to[-1].append(look(rgb[part], rgb[face].mean(0)))
             picture = {}
-    return [np.concatenate(rows) for rows in looks]
+    return (np.array(sums),
+            [[np.concatenate(p) for p in of_all] for of_all in looks])
 
 
-def mixture(shows, scalp):
-    """Shares (STYLES) and chances (STYLES,V) of styles, from (people,2,V)
-    pictures of hair and of skin."""
-    known = shows.sum(1) > 0
-    hair = np.where(known, shows[:, 0] / np.maximum(shows.sum(1), 1), 0)
-    mean = (hair.sum(0) + scalp) / (known.sum(0) + 1)
+def mixture(shows, other, first):
+    """Shares (STYLES) and chances (STYLES,V) of styles, from how often something
+    and anything else is shown (people,V); first (V): chances of one more."""
+    sums = shows + other
+    known = sums > 0
+    hair = np.where(known, shows / np.maximum(sums, 1), 0)
+    mean = (hair.sum(0) + first) / (known.sum(0) + 1)
     order = np.argsort((hair - mean * known).sum(1), kind="stable")
     part = np.zeros((len(shows), STYLES))
     part[order, np.arange(len(order)) * STYLES // len(order)] = 1
@@ -99,11 +110,14 @@ def mixture(shows, scalp):
         log += np.log(share + 1e-9)
         part = np.exp(log - log.max(1, keepdims=True))
         part /= part.sum(1, keepdims=True)
-    return share, chance
+    print("shares of styles, and vertices with it:",
+          *("%.2f %d" % (s, (c > .5).sum()) for s, c in zip(share, chance)))
+    return share[None], chance.T
 
 
 def regression(people):
-    """Weights (5) of log chance of skin over that of hair."""
+    """Weights (5) of log chance of skin over that of what else is shown, from
+    looks of both."""
     people = [p for p in people if min(map(len, p)) > 20]
     x = np.concatenate([np.concatenate(p) for p in people])
     y = np.concatenate([np.repeat((0., 1.), (len(p[0]), len(p[1])))
@@ -116,15 +130,15 @@ def regression(people):
         w += np.linalg.solve(x.T * (by * p * (1 - p)) @ x + 1e-3 * np.eye(5),
                              x.T @ (by * (y - p)) - 1e-3 * w)
     p = 1 / (1 + np.exp(-x @ w))
-    print("taken for skin: of skin %.2f, of hair %.2f" %
+    print("taken for skin: of skin %.2f, of the other %.2f" %
           tuple((by * p * (y == k)).sum() / (by * (y == k)).sum()
                 for k in (1, 0)))
     return w
 
 
 def main():
-    if len(sys.argv) < 3:
-        sys.exit("usage: hair.py HEAD STREAM...")
+    if len(sys.argv) != 3:
+        sys.exit("usage: materials.py HEAD STREAM")
     path = sys.argv[1]
     with open(path, "rb") as f:
         head = json.loads(f.read(struct.unpack("<Q", f.read(8))[0]))
@@ -138,21 +152,21 @@ def main():
 
     faces, scalp = tensor("f"), tensor("hair")
     mirror = tensor("avatar.mirror")[:len(scalp)]
-    shows = np.zeros((len(sys.argv) - 2, 2, len(scalp)))
-    looks = [count(name, faces, tensor("region"), scalp, sums)
-             for name, sums in zip(sys.argv[2:], shows)]
+    shows, looks = count(sys.argv[2], faces, tensor("region"), scalp)
     shows += shows[:, :, mirror]
-    on_scalp = shows[:, :, scalp > SCALP].sum(2)
-    shows = shows[on_scalp[:, 0] > on_scalp[:, 1]]
-    share, chance = mixture(shows, scalp)
-    print("shares of styles, and vertices with hair:",
-          *("%.2f %d" % (s, (c > .5).sum()) for s, c in zip(share, chance)))
-    made = {"avatar.hair": chance.T.astype("<f2"),
-            "avatar.hair_share": share[None].astype("<f2"),
-            "avatar.hair_look": regression(looks)[None].astype("<f2")}
+    hair, cloth, skin = shows.transpose(1, 0, 2)
+    bald = hair[:, scalp > SCALP].sum(1) <= skin[:, scalp > SCALP].sum(1)
+    hair_share, hair_chance = mixture(hair[~bald], (cloth + skin)[~bald], scalp)
+    cloth_share, cloth_chance = mixture(cloth, skin, 0 * scalp)
+    made = {"avatar.hair": hair_chance, "avatar.hair_share": hair_share,
+            "avatar.cloth": cloth_chance, "avatar.cloth_share": cloth_share,
+            "avatar.look": np.stack([regression(list(zip(looks[k], looks[2])))
+                                     for k in (0, 1)]).reshape(1, -1)}
+    made = {name: value.astype("<f2") for name, value in made.items()}
 
     out, block = {"__metadata__": head.pop("__metadata__", {})}, b""
-    for name in [n for n in head if n not in made] + list(made):
+    for name in [n for n in head if n not in made and
+                 n != "avatar.hair_look"] + list(made):
         if name in made:
             kind, shape = "F16", made[name].shape
             part = made[name].tobytes()
