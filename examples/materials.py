@@ -50,7 +50,7 @@ def shown(verts, faces, cam):
 
 
 def look(rgb, mean):
-    """Numbers by which hair and skin differ, as hairstyle.c has them."""
+    """Numbers by which materials differ, as material.c has them."""
     a, b = rgb.sum(1) + .001, mean.sum() + .001
     hue = np.abs(rgb / a[:, None] - mean / b).sum(1).clip(0, .3)
     light = np.log(a / b).clip(-3, 1)
