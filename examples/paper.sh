@@ -154,7 +154,7 @@ trained() {
     if [ ${#clips[@]} -gt 0 ]; then
         tables=()
         SPID_MODEL=$dir/model.safetensors reenacted "$name" -s -c
-        rows self psnr ssim lpips arcface aed akd | sed -n "1p; s,^$name\*,$row,p" |
+        rows self psnr ssim lpips arcface aed akd | sed -n "1p; s|^$name\*|$row|p" |
             stamped "$data" | sed 1d >>"$out/table3.tsv"
     fi
     [ -z "${HELD:-}" ] || awk -F '\t' -v OFS='\t' -v row="$row" '
