@@ -153,7 +153,7 @@ trained() {
             --join "$dir/model.safetensors" "$model" "$dir/run/model.safetensors" || return
     if [ ${#clips[@]} -gt 0 ]; then
         tables=()
-        SPID_MODEL=$dir/model.safetensors reenacted "$name" -s -c
+        LACKS=$1 SPID_MODEL=$dir/model.safetensors reenacted "$name" -s -c
         rows self psnr ssim lpips arcface aed akd | sed -n "1p; s|^$name\*|$row|p" |
             stamped "$data" | sed 1d >>"$out/table3.tsv"
     fi

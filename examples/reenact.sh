@@ -7,6 +7,7 @@
 # another METHOD (the row's name); EVAL: options of spid-eval.
 # WITHOUT names parts of spid-branches, blanks between: self once more for each, as
 # method "w/o PART", whose avatars lack it (the paper's ablations; not trained anew).
+# LACKS says that the model's own avatars lack a part: no face need be found in them.
 # -n takes only the first frames of each clip, all of a shorter one; -e every
 # N-th.  -t (--turned) starts each clip at its most turned frame, as spid-motion
 # finds it, and goes on to the farther end, be it backwards.  --split NAME takes
@@ -139,7 +140,7 @@ drive() {
     fi
     spid-animate -q --absolute ${star:+--star} -b "$background" "$who" \
         "$out/truth/$2.spid" -o "$made/%05d.png" &&
-        { spid-motion -q --window "$window" "$made" -o "$made.spid" || [ -n "${4:-}" ]; }
+        { spid-motion -q --window "$window" "$made" -o "$made.spid" || [ -n "${4:-}${LACKS:-}" ]; }
 }
 
 # inside FRAMES DRIVER: the name of these frames' part inside the driver's clip.
