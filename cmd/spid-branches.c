@@ -10,6 +10,7 @@
 #include "lib/avatar/prune.h"
 #include "lib/avatar/target_light.h"
 #include "lib/head/person.h"
+#include "lib/net/config.h"
 #include "lib/stream/records.h"
 #include "lib/stream/stream.h"
 
@@ -24,10 +25,7 @@ static enum nn_type precision = OPTION_PRECISION_DEFAULT;
 static int branches_parse_without(const char *value, void *dest,
                                   struct error *err)
 {
-    static const char *const names[] = {"dynamic", "static", "mouth",
-                                        "interp", "deform", "neck", NULL};
-
-    return option_words(dest, value, names, err);
+    return option_words(dest, value, avatar_config_parts + 1, err);
 }
 
 static const struct cli_option options[] = {

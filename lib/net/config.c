@@ -101,7 +101,7 @@ static const char *const backbones[] = {
 static const char *const refiners[] = {
     [REFINER_NARROW] = "narrow", [REFINER_STYLE_UNET] = "style_unet", NULL
 };
-static const char *const parts[] = {        /* as enum avatar_without's bits */
+const char *const avatar_config_parts[] = {
     "nothing", "dynamic", "static", "mouth", "interp", "deform", "neck", NULL
 };
 
@@ -135,7 +135,7 @@ static const struct key keys[] = {
     SIZE("transformer.heads", transformer_heads, 1, 64),
     FLAG("rgb_skip", rgb_skip),
     FLAG("public_quirks", public_quirks),
-    WORD("without", without, parts),
+    WORD("without", without, avatar_config_parts),
     WORD("refiner.type", refiner.type, refiners),
     SIZE("refiner.width", refiner.width, 1, 1024),
     FLAG("refiner.turn", refiner.turn),

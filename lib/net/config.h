@@ -74,8 +74,10 @@ int avatar_config_parse(struct avatar_config *c, const char *json,
  * "model".  Errors name the file. */
 int avatar_config_load(struct avatar_config *c, const char *path,
                        struct error *err);
-/* What it was trained without, as a bit of enum avatar_without
- * (lib/avatar/branch.h), or 0. */
+/* The parts' names, behind "nothing" in the order of the bits of enum
+ * avatar_without (lib/avatar/branch.h); NULL behind the last. */
+extern const char *const avatar_config_parts[];
+/* What it was trained without, as such a bit, or 0. */
 unsigned avatar_config_without(const struct avatar_config *c);
 /* What the names of the refiner's tensors begin with. */
 const char *avatar_config_refiner(const struct avatar_config *c);
