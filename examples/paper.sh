@@ -14,7 +14,7 @@
 # checkout).  What fails is named, and makes the exit 1.
 #   METHODS         other models, "GAGAvatar=FILE LAM=FILE ..." (spid-import --as
 #                   gagavatar, lam), with head.safetensors beside each
-#   LPIPS, ARCFACE, MUSIQ   weights for spid-eval, as spid-import makes them
+#   LPIPS, ARCFACE, MUSIQ, TOPIQ   weights for spid-eval, as spid-import makes them
 #   ASSETS          of spid-synth, for people of scans (without, plain figures)
 #   RECORDS         training records (train-real.sh makes pairs.spid, people-1.spid):
 #                   each part's own model, STEPS on from this one, on these, for
@@ -32,7 +32,7 @@ shift
 mkdir -p "$out/run" || exit 73
 rm -f "$out/table3.tsv"
 : >"$out/missing"
-export EVAL="-f tsv ${LPIPS:+--lpips $LPIPS} ${ARCFACE:+--arcface $ARCFACE} ${MUSIQ:+--musiq $MUSIQ}"
+export EVAL="-f tsv ${LPIPS:+--lpips $LPIPS} ${ARCFACE:+--arcface $ARCFACE} ${MUSIQ:+--musiq $MUSIQ} ${TOPIQ:+--topiq $TOPIQ}"
 
 commit=$(git -C "$here" describe --always --dirty 2>/dev/null || spid --version)
 machine=$(sed -n 's/^model name[^:]*: //p' /proc/cpuinfo | head -n 1)

@@ -11,15 +11,16 @@
 static void eval_output_missing(FILE *f, const struct compare_nets *nets,
                                 const char *mark)
 {
-    static const char line[] = "%s%s: not run: needs weights (--%s)\n";
+    const struct {
+        const char *name;
+        const void *net;
+    } column[] = {{"lpips", nets->lpips}, {"arcface", nets->likeness},
+                  {"musiq", nets->musiq}, {"topiq", nets->topiq}};
 
-    if (!nets->lpips)
-        fprintf(f, line, mark, "lpips", "lpips");
-    if (!nets->likeness)
-        fprintf(f, line, mark, "arcface", "arcface");
-    if (!nets->musiq)
-        fprintf(f, line, mark, "musiq", "musiq");
-    fprintf(f, "%stopiq: not run: is not computed here\n", mark);
+    for (size_t i = 0; i < sizeof column / sizeof *column; i++)
+        if (!column[i].net)
+            fprintf(f, "%s%s: not run: needs weights (--%s)\n", mark,
+                    column[i].name, column[i].name);
 }
 
 /* What stands below a table of this format. */

@@ -13,7 +13,7 @@
 
 static struct {
     const char *format, *name, *pairs, *frames_tsv, *people, *sheet, *head;
-    const char *lpips, *arcface, *musiq, *source;
+    const char *lpips, *arcface, *musiq, *topiq, *source;
     unsigned truth;
     bool motion, features, no_ablations, no_cross;
     long count, frames, stride, rows;
@@ -44,6 +44,8 @@ static const struct cli_option options[] = {
                   "weights of an iresnet: adds the column arcface"),
     OPTION_STRING("musiq", 0, &opt.musiq, "FILE",
                   "weights of MUSIQ: adds the column musiq"),
+    OPTION_STRING("topiq", 0, &opt.topiq, "FILE",
+                  "weights of TopIQ: adds the column topiq"),
     OPTION_STRING("source", 0, &opt.source, "PICTURE",
                   "--arcface: who it shall be, adds the column arcface_src"),
     OPTION_STRING("people", 0, &opt.people, "STREAM",
@@ -79,6 +81,7 @@ struct comparison {
     struct lpips lpips;
     struct likeness likeness;
     struct musiq musiq;
+    struct topiq topiq;
     struct compare_nets nets;
     struct outfile tsv;         /* --frames-tsv */
     unsigned protocols;         /* that rows name */
@@ -219,6 +222,11 @@ static void eval_open_comparison(struct comparison *j)
             die_error(&err);
         j->nets.musiq = &j->musiq;
     }
+    if (opt.topiq) {
+        if (topiq_init(&j->topiq, opt.topiq, &err))
+            die_error(&err);
+        j->nets.topiq = &j->topiq;
+    }
     if (opt.arcface) {
         bool found = option_model_open(&model, &err) == 0;
 
@@ -241,6 +249,8 @@ static void eval_close_comparison(struct comparison *j)
         lpips_release(&j->lpips);
     if (j->nets.musiq)
         musiq_release(&j->musiq);
+    if (j->nets.topiq)
+        topiq_release(&j->topiq);
     if (j->nets.likeness)
         likeness_release(&j->likeness);
     head_release(&j->head);

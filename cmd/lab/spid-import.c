@@ -21,13 +21,13 @@ static int import_parse_kind(const char *value, void *dest, struct error *err)
         }
     return error_set(err, EX_USAGE, "not a kind (expected flame, dinov2, "
                      "smirk, gagavatar, lam, lpips, arcface, musiq, "
-                     "squeezenet, fan or model)");
+                     "topiq, squeezenet, fan or model)");
 }
 
 static const struct cli_option options[] = {
     OPTION_CALL("as", 0, &kind, "KIND", import_parse_kind,
                 "flame, dinov2, smirk, gagavatar, lam, lpips, arcface, "
-                "musiq, squeezenet, fan or model"),
+                "musiq, topiq, squeezenet, fan or model"),
     OPTION_STRING("eyelids", 0, &with.eyelids, "FILE",
                   "flame: closing displacements, one file or LEFT,RIGHT"),
     OPTION_STRING("landmarks", 0, &with.landmarks, "FILE",

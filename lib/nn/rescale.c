@@ -1,5 +1,5 @@
 /* Resizing by a sparse matrix per axis, and its transpose for the backward:
- * bilinear, antialiased, Keys' bicubic, and means of areas. */
+ * bilinear, antialiased, Keys' bicubic, and means of areas or of pixels. */
 #include "lib/nn/rescale.h"
 
 #include <math.h>
@@ -63,11 +63,26 @@ static void rescale_antialias(struct rescale_taps *t, enum rescale_mode mode,
         t->weight[i] /= sum;
 }
 
+/* The whole inputs of which output o covers some, alike. */
+static void rescale_touch(struct rescale_taps *t, size_t n, size_t m, size_t o)
+{
+    const size_t from = o * n / m, to = ((o + 1) * n + m - 1) / m;
+
+    for (size_t j = from; j < to && t->n < RESCALE_TAPS; j++) {
+        t->index[t->n] = (long)j;
+        t->weight[t->n++] = 1 / (double)(to - from);
+    }
+}
+
 /* What output o of m reads of n inputs, which lie `scale` apart. */
 static void rescale_find_taps(struct rescale_taps *t, enum rescale_mode mode,
                               size_t n, size_t m, double scale, size_t o)
 {
     t->n = 0;
+    if (mode == RESCALE_TOUCHED) {
+        rescale_touch(t, n, m, o);
+        return;
+    }
     if (mode == RESCALE_ANTIALIAS || mode == RESCALE_BICUBIC_ANTIALIAS ||
         mode == RESCALE_AREA) {
         rescale_antialias(t, mode, n, scale, o);

@@ -13,7 +13,9 @@ enum rescale_mode {
     RESCALE_ANTIALIAS,   /* triangle as wide as an output pixel */
     RESCALE_BICUBIC,     /* A = -0.75, borders clamped, no antialias */
     RESCALE_BICUBIC_ANTIALIAS,  /* A = -0.5, as wide as RESCALE_ANTIALIAS's */
-    RESCALE_AREA         /* means of what an output pixel covers */
+    RESCALE_AREA,        /* means of what an output pixel covers */
+    RESCALE_TOUCHED      /* means of the whole pixels of which it covers some:
+                          * torch's adaptive pooling; not by factors */
 };
 
 /* out[o] = sum_k weight[o][k] in[first[o]+k], and the same transposed:

@@ -10,14 +10,16 @@ load helper
     done
     spid-synth -q -n 2 --frames 2 -s 5 --size 512 --without mesh -o people.spid
     status 0 env CLIP_FRAMES=2 PEOPLE=1 FRAMES=6 BENCH=0.2 RECORDS=people.spid STEPS=1 SEEDS=3 "$TOP/examples/paper.sh" out clip1.mp4 clip2.mp4
-    has "lpips: not run: needs weights (--lpips)"
+    for net in lpips arcface musiq topiq; do
+        has "$net: not run: needs weights (--$net)"
+    done
     has "GAGAvatar: not run: needs its checkpoint"
     has "LAM: not run: needs its checkpoint"
     # the paper's columns in its order, SpiD* and SpiD, whence each row is
     for n in 1 2; do
         [ "$(cut -f 1 out/table$n.tsv | grep -c '^SpiD')" = 2 ]
     done
-    [ "$(head -n 1 out/table1.tsv | cut -f 2-7 | tr '\t' ' ')" = "akd aed apd lpips psnr ssim" ]
+    [ "$(head -n 1 out/table1.tsv | cut -f 2-11 | tr '\t' ' ')" = "akd aed apd lpips psnr ssim msssim l1 musiq topiq" ]
     [ "$(head -n 1 out/table2.tsv | cut -f 2-7 | tr '\t' ' ')" = "psnr ssim msssim lpips l1 musiq" ]
     # truth is nearer to what is driven by itself than by another's motion
     awk -F '\t' '$1 == "SpiD" { print FILENAME == "out/table1.tsv" ? $6 : $2 }' out/table1.tsv out/table2.tsv |

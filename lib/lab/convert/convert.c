@@ -13,12 +13,12 @@
 
 const char *const convert_kinds[] = {
     "flame", "dinov2", "smirk", "gagavatar", "lam", "lpips", "arcface",
-    "musiq", "squeezenet", "fan", "model", NULL};
+    "musiq", "topiq", "squeezenet", "fan", "model", NULL};
 
 static convert_kind *const kind_run[] = {
     convert_flame, convert_dinov2, convert_smirk, convert_gagavatar,
     convert_lam, convert_lpips, convert_arcface, convert_musiq,
-    convert_squeezenet, convert_fan, convert_model};
+    convert_topiq, convert_squeezenet, convert_fan, convert_model};
 
 /* ---- notes and metadata ------------------------------------------------- */
 

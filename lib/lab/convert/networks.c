@@ -9,6 +9,7 @@
 #include "lib/lab/eval/iresnet.h"
 #include "lib/lab/eval/lpips.h"
 #include "lib/lab/eval/squeezenet.h"
+#include "lib/lab/eval/topiq.h"
 #include "lib/net/config.h"
 #include "lib/net/dinov2.h"
 #include "lib/lab/train/fan.h"
@@ -264,6 +265,50 @@ int convert_arcface(struct convert *c, const struct convert_options *o,
     rc = iresnet_declare(net, network_rows, &f, tensorfile_path(f.file), err) ||
          convert_take_params(c, 0, f.prefix, &net->ps, "", "", err) ? -1 : 0;
     iresnet_release(net);
+    return rc;
+}
+
+/* ---- TopIQ -------------------------------------------------------------- */
+
+/* Of the blocks that ask, attention among their own tokens, which the public
+ * code has and never runs. */
+static void network_pass_over_idle(struct convert *c, const char *prefix)
+{
+    for (size_t i = 0; i < tensorfile_count(c->file[0]); i++) {
+        const char *name = tensorfile_at(c->file[0], i)->name;
+
+        if (!strncmp(name, prefix, strlen(prefix)) &&
+            !strncmp(name + strlen(prefix), "attn_blks.", 10) &&
+            strstr(name, ".self_attn."))
+            c->used[0][i] = true;
+    }
+}
+
+int convert_topiq(struct convert *c, const struct convert_options *o,
+                  struct error *err)
+{
+    char prefix[TENSORFILE_NAME];
+    struct topiq net = {0};
+    struct params ps;
+    int rc = 0;
+
+    (void)o;
+    params_init(&ps);
+    topiq_declare(&net, &ps);
+    convert_prefix(prefix, c, 0, "h_emb");
+    for (size_t i = 0; !rc && i < ps.count; i++) {
+        const struct param *p = &ps.tensor[i];
+        char name[sizeof p->name], *at;
+
+        /* "in_proj.weight" of ours is "in_proj_weight" there */
+        memcpy(name, p->name, sizeof name);
+        at = strstr(name, ".in_proj.");
+        if (at)
+            at[strlen(".in_proj")] = '_';
+        rc = convert_take(c, 0, prefix, name, p->name, p->ndim, p->dim, err);
+    }
+    network_pass_over_idle(c, prefix);
+    params_release(&ps);
     return rc;
 }
 

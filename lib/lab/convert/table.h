@@ -49,6 +49,6 @@ typedef int convert_kind(struct convert *c, const struct convert_options *o,
                          struct error *err);
 convert_kind convert_flame, convert_dinov2, convert_smirk, convert_gagavatar,
     convert_lam, convert_lpips, convert_arcface, convert_musiq,
-    convert_squeezenet, convert_fan, convert_model;
+    convert_topiq, convert_squeezenet, convert_fan, convert_model;
 
 #endif

@@ -12,6 +12,7 @@
 #include "lib/head/head.h"
 #include "lib/lab/eval/lpips.h"
 #include "lib/lab/eval/musiq.h"
+#include "lib/lab/eval/topiq.h"
 
 /* Receives a line per frame: name of the pair, frame, values in the order of the
  * columns the call used. */
@@ -31,6 +32,7 @@ struct compare_nets {
     struct lpips *lpips;
     struct likeness *likeness;
     struct musiq *musiq;
+    struct topiq *topiq;
 };
 
 /* Rows that a comparison of frames fills. */
@@ -43,14 +45,14 @@ struct compare_rows {
 /* Compare the frames of a pair's truth and result (see framesource_open):
  * columns psnr ssim msssim l1 flicker and, their weights given, lpips and
  * arcface (likeness of result and truth), arcface_src (of result and the
- * pair's source; NULL: no such column) and musiq (of the result alone).  With a
- * null line also psnr_first
- * (of frame 0), psnr_later (of the others), beats_0_pct (100 where a later
- * frame's psnr is above the null line's, else 0) and edge_ratio (metric_edges
- * of result over truth).  ms-ssim of pictures under 161 pixels counts as
- * failed, as do the psnr of equal frames (infinite) and the likeness of a
- * frame without a face.  -1 when sizes or numbers of frames differ or a file
- * cannot be read; what was measured until then stays in the table. */
+ * pair's source; NULL: no such column), musiq and topiq (of the result alone).
+ * With a null line also psnr_first (of frame 0), psnr_later (of the others),
+ * beats_0_pct (100 where a later frame's psnr is above the null line's, else 0)
+ * and edge_ratio (metric_edges of result over truth).  ms-ssim of pictures under
+ * 161 pixels counts as failed, as do topiq of those under TOPIQ_MIN, the psnr of
+ * equal frames (infinite) and the likeness of a frame without a face.  -1 when
+ * sizes or numbers of frames differ or a file cannot be read; what was measured
+ * until then stays in the table. */
 int compare_frames(struct table *t, const struct compare_rows *rows,
                    const struct pair *p, const struct compare_nets *nets,
                    const struct compare_log *log, struct error *err);

@@ -12,14 +12,14 @@
 
 enum {
     PSNR, SSIM, MSSSIM, L1, FLICKER, LPIPS, ARCFACE, ARCFACE_SRC,
-    PSNR_FIRST, PSNR_LATER, BEATS_0, EDGES, MUSIQ, COUNT
+    PSNR_FIRST, PSNR_LATER, BEATS_0, EDGES, MUSIQ, TOPIQ, COUNT
 };
 static const char *const name[COUNT] = {
     "psnr", "ssim", "msssim", "l1", "flicker", "lpips", "arcface",
     "arcface_src", "psnr_first", "psnr_later", "beats_0_pct", "edge_ratio",
-    "musiq"};
+    "musiq", "topiq"};
 static const int better[COUNT] = {1, 1, 1, -1, -1, -1, 1, 1, 1, 1, 1, 0,
-                                  1};
+                                  1, 1};
 
 /* Two clips and the planar pictures of this frame and the last. */
 struct frames {
@@ -31,6 +31,7 @@ struct frames {
     struct lpips *lpips;            /* or NULL */
     struct likeness *likeness;      /* or NULL */
     struct musiq *musiq;            /* or NULL */
+    struct topiq *topiq;            /* or NULL */
     int faces;                      /* found in the frames of now: 2 is all */
 };
 
@@ -117,6 +118,9 @@ static int frames_measure_picture(double v[COUNT], const struct frames *p,
         return -1;
     if (p->musiq && musiq_quality(&v[MUSIQ], p->musiq, b, p->H, p->W, err))
         return -1;
+    if (p->topiq && p->H >= TOPIQ_MIN && p->W >= TOPIQ_MIN &&
+        topiq_quality(&v[TOPIQ], p->topiq, b, p->H, p->W, err))
+        return -1;
     return 0;
 }
 
@@ -151,6 +155,7 @@ static bool frames_wanted(const struct frames *p, int k)
     case FLICKER: return p->frames > 0;
     case LPIPS: return p->lpips != NULL;
     case MUSIQ: return p->musiq != NULL;
+    case TOPIQ: return p->topiq != NULL;
     case ARCFACE: return p->likeness != NULL;
     case ARCFACE_SRC: return p->likeness && p->likeness->has_source;
     case PSNR_FIRST: return p->unchanged && p->frames == 0;
@@ -199,7 +204,7 @@ static void frames_record_still(struct table *t, size_t row,
                                 const double v[COUNT], const struct frames *p)
 {
     static const int kept[] = {PSNR, SSIM, MSSSIM, L1, LPIPS, PSNR_LATER,
-                               EDGES, MUSIQ};
+                               EDGES, MUSIQ, TOPIQ};
 
     for (size_t i = 0; i < sizeof kept / sizeof *kept; i++)
         if (frames_wanted(p, kept[i]))
@@ -214,7 +219,7 @@ int compare_frames(struct table *t, const struct compare_rows *rows,
 {
     const char *path[2] = {pair->truth, pair->result};
     struct frames p = {.lpips = nets->lpips, .likeness = nets->likeness,
-                       .musiq = nets->musiq,
+                       .musiq = nets->musiq, .topiq = nets->topiq,
                        .unchanged = rows->unchanged != TABLE_NO_ROW};
     double v[COUNT], still[COUNT];
     size_t bytes;
