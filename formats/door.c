@@ -21,7 +21,10 @@ int door_check_size(size_t width, size_t height, const char *name,
     return 0;
 }
 
-void door_square_size(size_t *width, size_t *height, double aspect)
+/* Size of the stored picture with square pixels: the side that is too short is
+ * enlarged, so nothing is lost.  As it was where the aspect is none (not
+ * positive, or beyond 1 to 100). */
+static void door_square_size(size_t *width, size_t *height, double aspect)
 {
     if (!(aspect >= 0.01 && aspect <= 100) || fabs(aspect - 1) < 1e-3)
         return;

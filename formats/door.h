@@ -57,10 +57,6 @@ int door_picture(struct door *d, struct image *im, size_t width,
 /* What d holds, not the image; zeroed then. */
 void door_release(struct door *d);
 
-/* Size of the stored picture with square pixels: the side that is too short is
- * enlarged, so nothing is lost.  As it was where the aspect is none (not
- * positive, or beyond 1 to 100). */
-void door_square_size(size_t *width, size_t *height, double aspect);
 /* rgb (height,width,channels) of 8 bits, resized to W by H into out. */
 int door_resize(uint8_t *out, size_t W, size_t H, const uint8_t *rgb,
                 size_t width, size_t height, int channels, struct error *err);

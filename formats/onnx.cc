@@ -3,7 +3,6 @@ extern "C" {
 #include "formats/onnx.h"
 }
 
-#include <cstdlib>
 #include <cstring>
 #include <string>
 #include <sysexits.h>
@@ -187,36 +186,20 @@ std::string serialise(const onnx_graph *g)
 
 } // namespace
 
-uint8_t *onnx_pack(size_t *bytes, const struct onnx_graph *g,
-                   struct error *err)
-{
-    try {
-        const std::string text = serialise(g);
-        auto *copy = (uint8_t *)malloc(text.size() + 1);
-
-        if (copy) {
-            memcpy(copy, text.data(), text.size());
-            *bytes = text.size();
-            return copy;
-        }
-    } catch (const std::exception &) {
-    }
-    error_set(err, EX_OSERR, "out of memory for network %s", g->name);
-    return nullptr;
-}
-
 int onnx_write(const char *path, const struct onnx_graph *g,
                struct error *err)
 {
     struct outfile out = {};
-    size_t bytes;
-    uint8_t *packed = onnx_pack(&bytes, g, err);
-    int rc = packed ? outfile_open(&out, path, err) : -1;
+    std::string text;
 
-    if (rc == 0) {
-        fwrite(packed, 1, bytes, out.file);
-        rc = outfile_close(&out, err);
+    try {
+        text = serialise(g);
+    } catch (const std::exception &) {
+        return error_set(err, EX_OSERR, "out of memory for network %s",
+                         g->name);
     }
-    free(packed);
-    return rc;
+    if (outfile_open(&out, path, err))
+        return -1;
+    fwrite(text.data(), 1, text.size(), out.file);
+    return outfile_close(&out, err);
 }

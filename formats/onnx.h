@@ -59,11 +59,8 @@ struct onnx_graph {
     size_t value_room, node_room, output_room;
 };
 
-/* The file's bytes (the caller frees them); NULL and *err.  Numbers that are
- * halves to the bit are stored as halves and cast where they are used. */
-uint8_t *onnx_pack(size_t *bytes, const struct onnx_graph *g,
-                   struct error *err);
-/* The same into a file that takes its name when it is complete. */
+/* A file that takes its name when it is complete.  Numbers that are halves to the
+ * bit are stored as halves and cast where they are used. */
 int onnx_write(const char *path, const struct onnx_graph *g,
                struct error *err);
 

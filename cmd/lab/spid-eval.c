@@ -12,13 +12,12 @@
 #include "lib/lab/eval/people.h"
 
 static struct {
-    const char *format, *name, *pairs, *frames_tsv, *people, *sheet, *head;
+    const char *format, *pairs, *frames_tsv, *people, *sheet, *head;
     const char *lpips, *arcface, *musiq, *topiq, *source;
     unsigned truth;
     bool motion, features, no_ablations, no_cross;
-    long count, frames, stride, rows;
-} opt = {.format = "text", .name = "result", .count = 40, .frames = 25,
-         .stride = 5, .rows = 8};
+    long count, frames;
+} opt = {.format = "text", .count = 40, .frames = 25};
 
 static int eval_parse_known(const char *value, void *dest, struct error *err)
 {
@@ -32,8 +31,6 @@ static const struct cli_option options[] = {
                 "TRUTH and RESULT are motion streams, not frames"),
     OPTION_FLAG("features", 0, &opt.features,
                 "TRUTH and RESULT are features (.npy): columns fid and kid"),
-    OPTION_STRING("name", 0, &opt.name, "NAME",
-                  "of the table's row (default result)"),
     OPTION_STRING("pairs", 0, &opt.pairs, "FILE",
                   "compare every pair the file lists"),
     OPTION_OUTPUT("frames-tsv", 0, &opt.frames_tsv, "FILE",
@@ -54,8 +51,6 @@ static const struct cli_option options[] = {
                "--people: how many (default 40)"),
     OPTION_INT("frames", 0, &opt.frames, 2, 100000, "N",
                "--people: of each, the source included (default 25)"),
-    OPTION_INT("stride", 0, &opt.stride, 1, 1000, "N",
-               "--people: ablations and cross use every Nth (default 5)"),
     OPTION_FLAG("no-ablations", 0, &opt.no_ablations,
                 "--people: leave the ablations out"),
     OPTION_FLAG("no-cross", 0, &opt.no_cross,
@@ -64,8 +59,6 @@ static const struct cli_option options[] = {
                 "--people: the true shape or motion, not the encoder's"),
     OPTION_OUTPUT("sheet", 0, &opt.sheet, "FILE",
                   "--people: contact sheet (PNG)"),
-    OPTION_INT("rows", 0, &opt.rows, 1, 64, "N",
-               "--sheet: people on it (default 8)"),
     OPTION_HEAD(&opt.head),
     {0}
 };
@@ -176,14 +169,9 @@ static int eval_model(struct table *t, const struct comparison *j)
     struct people_options po = {.stream = opt.people,
                                 .people = (size_t)opt.count,
                                 .frames = (size_t)opt.frames,
-                                .stride = (size_t)opt.stride,
                                 .ablations = !opt.no_ablations,
                                 .cross = !opt.no_cross,
                                 .lpips = j->nets.lpips,
-                                .sheet_rows = !opt.sheet ? 0
-                                              : opt.rows < opt.count
-                                                  ? (size_t)opt.rows
-                                                  : (size_t)opt.count,
                                 .progress = eval_print_progress};
     struct model model;
     int rc;
@@ -192,7 +180,7 @@ static int eval_model(struct table *t, const struct comparison *j)
         reenactor_init(&s, &model, &j->head, &err))
         die_error(&err);
     s.truth = opt.truth;
-    rc = people_evaluate(t, &sheet, &s, &po, &err);
+    rc = people_evaluate(t, opt.sheet ? &sheet : NULL, &s, &po, &err);
     progress_end();
     reenactor_release(&s);
     model_close(&model);
@@ -280,11 +268,11 @@ int main(int argc, char **argv)
     else if (opt.pairs)
         code = eval_compare_pairs(&t, &j);
     else if (opt.features)
-        code = distribution_compare(&t, table_row(&t, opt.name), argv[first],
+        code = distribution_compare(&t, table_row(&t, "result"), argv[first],
                                     argv[first + 1], &err)
                    ? eval_print_error(&err) : 0;
     else
-        code = eval_compare_pair(&t, opt.name, &(struct pair){
+        code = eval_compare_pair(&t, "result", &(struct pair){
             .motion = opt.motion, .truth = argv[first],
             .result = argv[first + 1], .source = opt.source}, &j);
     if (!code || !opt.people)

@@ -52,8 +52,9 @@ static void mipmap_join(size_t a[2], const size_t b[2])
     a[1] = a[1] > b[1] ? a[1] : b[1];
 }
 
-const struct mipmap_level *mipmap_part(struct mipmap *m, size_t k,
-                                       struct extent part)
+/* Level k, of which at least `part` is there. */
+static const struct mipmap_level *mipmap_part(struct mipmap *m, size_t k,
+                                              struct extent part)
 {
     struct mipmap_level *l = m->level + k;
     struct extent all = l->made.x[1] ? l->made : part;

@@ -31,11 +31,7 @@ int mipmap_take(struct mipmap *m, const uint8_t *rgb, size_t W, size_t H,
 /* Free what it holds; zeroed then. */
 void mipmap_release(struct mipmap *m);
 
-/* Level k < m->levels, each pixel the mean of 2 x 2 of the one before, of which
- * at least `part` is there. */
-const struct mipmap_level *mipmap_part(struct mipmap *m, size_t k,
-                                       struct extent part);
-/* All of it. */
+/* Level k < m->levels, each pixel the mean of 2 x 2 of the one before. */
 const struct mipmap_level *mipmap_whole(struct mipmap *m, size_t k);
 
 /* out (n,n,3) f32 = the square q of the picture, as crop_sample_u8 cuts it from

@@ -63,7 +63,8 @@ const char *networks_name(enum network which)
     return networks_table[which].name;
 }
 
-bool networks_have(const struct networks *n, enum network which)
+/* Whether the model has it. */
+static bool networks_have(const struct networks *n, enum network which)
 {
     return which == NETWORK_MATTE     ? n->encoders.has_matte
            : which == NETWORK_PLANE   ? n->avatar.config.init_width > 0

@@ -35,9 +35,6 @@ void networks_release(struct networks *n);
 
 /* "motion" and so on, which the files are called. */
 const char *networks_name(enum network which);
-/* Whether the model has it: some have no matte network, refiner or
- * Phi_init. */
-bool networks_have(const struct networks *n, enum network which);
 /* Its graph, which borrows the weights; the caller releases it also after a
  * failure: -1 and *err where its layers have no ONNX form. */
 int networks_graph(struct graph *g, const struct networks *n,

@@ -39,8 +39,9 @@ struct form_rates form_rates(void)
     return r;
 }
 
-double form_cycles(enum form f, const struct form_layer *l,
-                   const struct form_rates *r)
+/* Cycles for each output pixel; INFINITY: the form does not do such layers. */
+static double form_cycles(enum form f, const struct form_layer *l,
+                          const struct form_rates *r)
 {
     const double in = (double)l->in, out = (double)l->out;
     const double taps = (double)(l->kernel * l->kernel);

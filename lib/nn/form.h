@@ -26,9 +26,6 @@ struct form_layer {
 
 /* Those of this processor, as far as SPID_CPU and ONEDNN_MAX_CPU_ISA let it. */
 struct form_rates form_rates(void);
-/* Cycles for each output pixel; INFINITY: the form does not do such layers. */
-double form_cycles(enum form f, const struct form_layer *l,
-                   const struct form_rates *r);
 /* The form of the fewest cycles up to `max`: the types that a plan allows. */
 enum form form_choose(const struct form_layer *l, enum form max,
                       const struct form_rates *r);

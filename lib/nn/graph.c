@@ -87,7 +87,8 @@ void graph_output(struct graph *g, int v, const char *name, int ndim,
     graph_shape(&f->value[v], ndim, dim);
 }
 
-int graph_weight(struct graph *g, const struct params *ps, size_t tensor)
+/* A tensor of ps, borrowed; once however often it is asked for. */
+static int graph_weight(struct graph *g, const struct params *ps, size_t tensor)
 {
     const struct param *p = &ps->tensor[tensor];
     int index;
@@ -193,12 +194,13 @@ void graph_set_ints(struct graph *g, const char *name, const int64_t *x,
     memcpy(a->list, x, n * sizeof *x);
 }
 
-void graph_set_real(struct graph *g, const char *name, float x)
+static void graph_set_real(struct graph *g, const char *name, float x)
 {
     graph_attribute(g, name, ONNX_REAL)->real = x;
 }
 
-void graph_set_text(struct graph *g, const char *name, const char *text)
+static void graph_set_text(struct graph *g, const char *name,
+                           const char *text)
 {
     graph_attribute(g, name, ONNX_TEXT)->text = text;
 }

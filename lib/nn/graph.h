@@ -40,8 +40,6 @@ void graph_output(struct graph *g, int v, const char *name, int ndim,
     graph_output(g, v, name, sizeof((size_t[]){__VA_ARGS__}) / sizeof(size_t),  \
                  (size_t[]){__VA_ARGS__})
 
-/* A tensor of ps, borrowed; once however often it is asked for. */
-int graph_weight(struct graph *g, const struct params *ps, size_t tensor);
 /* n numbers, copied; of n dimensions when n is 0: x[0] alone. */
 int graph_floats(struct graph *g, const float *x, size_t n);
 /* One number. */
@@ -61,8 +59,6 @@ int graph_node(struct graph *g, const char *op, const int *in, size_t n);
 void graph_set_int(struct graph *g, const char *name, int64_t x);
 void graph_set_ints(struct graph *g, const char *name, const int64_t *x,
                     size_t n);
-void graph_set_real(struct graph *g, const char *name, float x);
-void graph_set_text(struct graph *g, const char *name, const char *text);
 
 /* (B,h,w,C) to (B,C,h,w), and back. */
 int graph_maps(struct graph *g, int x);

@@ -109,7 +109,7 @@ static void agree_film(const char *name, struct scan_camera c)
 
 int main(void)
 {
-    noise_lattice();
+    noise_lattice_fill();
     agree_film("still", (struct scan_camera){.low = 1});
     agree_film("soft", (struct scan_camera){.blur = 1.6f, .low = 1});
     agree_film("moving", (struct scan_camera){.shutter = 1, .low = 1});

@@ -29,7 +29,7 @@ static void read_back(const char *path, const char *what)
     const uint8_t *rgb;
     size_t w, h;
     double t;
-    struct video_reader *v = video_open(path, false, &err);
+    struct video_reader *v = video_open(path, &err);
 
     if (!v || video_read(v, &rgb, &w, &h, &t, &err) != 1) {
         check_error(what, false, &err);
@@ -113,7 +113,7 @@ static void colours_rotated(const char *dir)
              "format=gbrp,format=rgb24 -f rawvideo -", path);
     FILE *p = popen(command, "r");
     bool there = p && fread(seen, 1, sizeof seen, p) == sizeof seen;
-    struct video_reader *v = video_open(path, false, &err);
+    struct video_reader *v = video_open(path, &err);
 
     if (there && v && video_read(v, &rgb, &w, &h, &t, &err) == 1 &&
         w == 48 && h == 64) {

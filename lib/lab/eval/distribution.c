@@ -140,9 +140,10 @@ static double distribution_kernel(const double *a, size_t na, const double *b,
     return sum / (double)(na * (same ? nb - 1 : nb));
 }
 
-int distribution_distance(double *fid, double *kid, const double *a, size_t na,
-                          const double *b, size_t nb, size_t dim,
-                          struct error *err)
+/* Columns fid and kid of the row, of features a (na,dim) and b (nb,dim). */
+static int distribution_add(struct table *t, size_t row, const double *a,
+                            size_t na, const double *b, size_t nb, size_t dim,
+                            struct error *err)
 {
     const size_t sa = na > dim ? dim : na, sb = nb > dim ? dim : nb;
     const size_t m = sa * sb > dim * dim ? sa * sb : dim * dim;
@@ -150,11 +151,14 @@ int distribution_distance(double *fid, double *kid, const double *a, size_t na,
 
     if (!x)
         return error_set(err, EX_OSERR, "out of memory");
-    *fid = distribution_frechet(a, na, b, nb, dim, x, x + na * dim,
-                                x + (na + nb) * dim, x + (na + nb) * dim + m);
-    *kid = distribution_kernel(a, na, a, na, dim) +
-           distribution_kernel(b, nb, b, nb, dim) -
-           2 * distribution_kernel(a, na, b, nb, dim);
+    table_add(t, row, table_column(t, "fid", -1),
+              distribution_frechet(a, na, b, nb, dim, x, x + na * dim,
+                                   x + (na + nb) * dim,
+                                   x + (na + nb) * dim + m));
+    table_add(t, row, table_column(t, "kid", -1),
+              distribution_kernel(a, na, a, na, dim) +
+                  distribution_kernel(b, nb, b, nb, dim) -
+                  2 * distribution_kernel(a, na, b, nb, dim));
     free(x);
     return 0;
 }
@@ -200,7 +204,7 @@ int distribution_compare(struct table *t, size_t row, const char *truth,
                          const char *result, struct error *err)
 {
     size_t na, nb, da, db;
-    double *a = distribution_load(&na, &da, truth, err), fid, kid;
+    double *a = distribution_load(&na, &da, truth, err);
     double *b = a ? distribution_load(&nb, &db, result, err) : NULL;
     int rc = -1;
 
@@ -208,11 +212,7 @@ int distribution_compare(struct table *t, size_t row, const char *truth,
         error_set(err, EX_DATAERR, "%s: %zu numbers a row (expected %zu as in "
                   "%s)", result, db, da, truth);
     else if (b)
-        rc = distribution_distance(&fid, &kid, a, na, b, nb, da, err);
-    if (!rc) {
-        table_add(t, row, table_column(t, "fid", -1), fid);
-        table_add(t, row, table_column(t, "kid", -1), kid);
-    }
+        rc = distribution_add(t, row, a, na, b, nb, da, err);
     free(a);
     free(b);
     return rc;

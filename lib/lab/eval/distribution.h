@@ -7,19 +7,13 @@
 #include "lib/base/error.h"
 #include "lib/lab/eval/table.h"
 
-/* Features a (na,dim) and b (nb,dim), two rows or more each; the rows' order is
- * of no account.
+/* Columns of the row, from two .npy files of (N,dim) numbers, two rows or more,
+ * in whatever order:
  *   fid   Frechet's distance of two normal distributions (Heusel et al. 2017),
  *         |ma - mb|^2 + tr Sa + tr Sb - 2 tr (Sa Sb)^1/2, with covariances over
  *         n - 1
  *   kid   squared maximum mean discrepancy, unbiased, of the kernel
  *         (x.y / dim + 1)^3 (Binkowski et al. 2018), over all rows at once
- * EX_OSERR. */
-int distribution_distance(double *fid, double *kid, const double *a,
-                          size_t na, const double *b, size_t nb, size_t dim,
-                          struct error *err);
-
-/* Columns fid and kid of the row, from two .npy files of (N,dim) numbers.
  * EX_DATAERR naming the file where it is no such array, has a number that is not
  * finite, or another dim than the other. */
 int distribution_compare(struct table *t, size_t row, const char *truth,

@@ -13,6 +13,10 @@
 #include "lib/lab/eval/image.h"
 #include "lib/lab/eval/motion.h"
 
+#define STRIDE 5                /* ablations and cross draw every fifth frame */
+#define SHEET_ROWS 8
+#define SHEET_COLS 8
+
 /* An evaluation under way. */
 struct people {
     struct table *t;
@@ -276,7 +280,7 @@ static int people_visit_self(struct people *e, const struct driven *st,
         people_picture(e, "SpiD*", e->s->coarse, f, true, err) ||
         people_picture(e, "source", e->source, f, true, err))
         return -1;
-    if (e->opt->ablations && i % e->opt->stride == 0 &&
+    if (e->opt->ablations && i % STRIDE == 0 &&
         people_picture(e, "w/o nothing", e->s->coarse, f, false, err))
         return -1;
     if (e->sheet && i == e->show && e->person < e->sheet->rows &&
@@ -320,7 +324,7 @@ static int people_ablate(struct people *e, const struct data_person *p,
             !e->s->model->config.init_width)
             continue;               /* this model has no Phi_init */
         e->row = ablation[k].name;
-        if (people_visit_frames(e, p, p, ablation[k].without, e->opt->stride,
+        if (people_visit_frames(e, p, p, ablation[k].without, STRIDE,
                                 people_visit_ablation, err))
             return -1;
     }
@@ -384,7 +388,7 @@ static int people_cross(struct people *e, const struct data_person *p,
         return -1;
     people_colour(e->source_colour, e->source, e->S,
                   data_face(&p->frame[0], e->S));
-    return people_visit_frames(e, p, d, 0, e->opt->stride, people_visit_cross,
+    return people_visit_frames(e, p, d, 0, STRIDE, people_visit_cross,
                                err);
 }
 
@@ -467,7 +471,7 @@ int people_evaluate(struct table *t, struct contact_sheet *sheet,
                        .s = s,
                        .opt = opt,
                        .S = s->model->config.size,
-                       .sheet = opt->sheet_rows ? sheet : NULL};
+                       .sheet = sheet};
     struct data_reader *in = data_open(&opt->stream, 1, 0, err);
     int rc = -1;
 
@@ -475,8 +479,9 @@ int people_evaluate(struct table *t, struct contact_sheet *sheet,
         data_close(in);
         return -1;
     }
-    if (e.sheet && contact_sheet_init(sheet, opt->sheet_rows,
-                                      PEOPLE_SHEET_COLS, e.S, err))
+    if (sheet && contact_sheet_init(sheet, opt->people < SHEET_ROWS
+                                               ? opt->people : SHEET_ROWS,
+                                    SHEET_COLS, e.S, err))
         goto out;
     if (people_evaluate_all(&e, in, err))
         goto out;
@@ -486,7 +491,7 @@ int people_evaluate(struct table *t, struct contact_sheet *sheet,
                metric_correlation(e.curve[2], e.curve[3], e.n));
     rc = 0;
 out:
-    if (rc && e.sheet)
+    if (rc && sheet)
         contact_sheet_release(sheet);
     data_close(in);
     free(e.truth);

@@ -14,21 +14,17 @@
 struct people_options {
     const char *stream;     /* of spid-synth: whole pictures of config.size */
     size_t people, frames;  /* at most; 0: all (frames) */
-    size_t stride;          /* ablations and cross look at every so many
-                             * frames */
     bool ablations, cross;
     struct lpips *lpips;    /* for that column; NULL: there is none */
-    size_t sheet_rows;      /* 0: no contact sheet */
     /* Called after each person (may be NULL). */
     void (*progress)(size_t done, size_t total);
 };
 
-#define PEOPLE_SHEET_COLS 8 /* source, driver, coarse, final, error, and the
-                             * dynamic, static and mouth branch alone */
-
 /* Rows of t: "SpiD", "SpiD*", "source" (the unchanged source frame), then
  * "w/o nothing" (SpiD* on the frames of what follows) and "w/o ..." of SpiD*,
- * then "cross".  sheet (may be NULL) is filled; the caller releases it. */
+ * then "cross"; from "w/o nothing" on of every fifth frame.  sheet (may be NULL) is
+ * filled with the first people: source, driver, coarse, final, error, and the
+ * dynamic, static and mouth branch alone; the caller releases it. */
 int people_evaluate(struct table *t, struct contact_sheet *sheet,
                     struct reenactor *s,
                     const struct people_options *opt, struct error *err);

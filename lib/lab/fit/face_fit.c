@@ -270,36 +270,21 @@ int face_fit_round(struct face_fit *f, struct error *err)
 
 double face_fit_error(const struct face_fit *f)
 {
-    double sum = 0, uv[LANDMARK_COUNT][2];
+    double sum = 0, x[N][3], uv[2];
 
     for (size_t k = 0; k < f->count; k++) {
-        face_fit_landmarks(uv, f, k);
-        for (int i = 0; i < N; i++)
-            sum += hypot(uv[i][0] - f->frame[k].at[i][0],
-                         uv[i][1] - f->frame[k].at[i][1]) / N;
+        const struct fit_frame *frame = &f->frame[k];
+
+        fit_points(x, f, &f->person[frame->label->person], frame);
+        for (int i = 0; i < N; i++) {
+            fit_project(uv, NULL, NULL, frame, x[i]);
+            sum += hypot(uv[0] - frame->at[i][0], uv[1] - frame->at[i][1]) / N;
+        }
     }
     return sum / (double)f->count;
 }
 
 /* ---- results ------------------------------------------------------------- */
-
-void face_fit_landmarks(double uv[LANDMARK_COUNT][2],
-                        const struct face_fit *f, size_t k)
-{
-    const struct fit_frame *frame = &f->frame[k];
-    const struct fit_person *p = &f->person[frame->label->person];
-    double x[N][3], pupil[3];
-
-    memset(uv, 0, LANDMARK_COUNT * sizeof *uv);
-    fit_points(x, f, p, frame);
-    for (int i = 0; i < N; i++)
-        fit_project(uv[i], NULL, NULL, frame, x[i]);
-    for (int side = 0; side < 2; side++) {
-        face_pupil(pupil, &p->face, side, frame->gaze[side][0],
-                   frame->gaze[side][1]);
-        fit_project(uv[landmark_iris[side]], NULL, NULL, frame, pupil);
-    }
-}
 
 void face_fit_motion(struct motion *m, const struct face_fit *f, size_t k)
 {

@@ -68,10 +68,6 @@ double face_fit_error(const struct face_fit *f);
 
 /* Frame k's motion, exp (ARKIT_EXP); crop and landmarks are not set. */
 void face_fit_motion(struct motion *m, const struct face_fit *f, size_t k);
-/* uv (478,2) = where frame k's landmarks are by the fit, window pixels;
- * of an iris only the centre is set. */
-void face_fit_landmarks(double uv[LANDMARK_COUNT][2],
-                        const struct face_fit *f, size_t k);
 
 /* ---- parts, for face_fit_round and the tests ----------------------------- */
 

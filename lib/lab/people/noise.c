@@ -5,16 +5,17 @@
 
 #include "lib/base/random.h"
 
-uint32_t noise_lattice_data[NOISE_N * NOISE_N * NOISE_N];
+#define NOISE_N 64
 
-const uint32_t *noise_lattice(void)
+static uint32_t noise_lattice[NOISE_N * NOISE_N * NOISE_N];
+
+void noise_lattice_fill(void)
 {
-    if (!noise_lattice_data[0]) {
-        uint64_t key = random_name("synth.noise");
-        for (uint32_t i = 0; i < NOISE_N * NOISE_N * NOISE_N; i++)
-            noise_lattice_data[i] = (uint32_t)(random_mix(key + i) >> 32) | 1;
-    }
-    return noise_lattice_data;
+    const uint64_t key = random_name("synth.noise");
+
+    for (uint32_t i = 0; i < NOISE_N * NOISE_N * NOISE_N && !noise_lattice[i];
+         i++)
+        noise_lattice[i] = (uint32_t)(random_mix(key + i) >> 32) | 1;
 }
 
 /* The lattice repeats itself. */
@@ -23,7 +24,7 @@ static uint32_t noise_cell(int x, int y, int z)
     int m = NOISE_N - 1;
     int at = ((z & m) * NOISE_N + (y & m)) * NOISE_N + (x & m);
 
-    return noise_lattice_data[at];
+    return noise_lattice[at];
 }
 
 void noise4(float out[4], const float p[3])

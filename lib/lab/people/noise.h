@@ -1,17 +1,14 @@
 /* Smooth noise.  In space: one shared lattice of four random bytes a cell,
- * repeated every NOISE_N cells, read with smooth trilinear weights.  In time:
+ * repeated every 64 cells, read with smooth trilinear weights.  In time:
  * random numbers by slot of a track, joined by splines. */
 #ifndef SPID_LAB_PEOPLE_NOISE_H
 #define SPID_LAB_PEOPLE_NOISE_H
 
 #include <stdint.h>
 
-#define NOISE_N 64
-
-/* The lattice: NOISE_N^3 words; built once, the same in every run, freed at
- * exit by the system.  Call it before the first parallel region. */
-const uint32_t *noise_lattice(void);
-extern uint32_t noise_lattice_data[NOISE_N * NOISE_N * NOISE_N];
+/* Fill the lattice: once, the same in every run, before the first parallel
+ * region that reads it. */
+void noise_lattice_fill(void);
 
 /* All four channels at p (cells), each in -1..1. */
 void noise4(float out[4], const float p[3]);

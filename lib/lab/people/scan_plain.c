@@ -327,7 +327,7 @@ struct scan_assets *scan_plain_open(const char *traits, const struct head *h,
     }
     struct arena *memory = &a->memory;
 
-    noise_lattice();
+    noise_lattice_fill();
     a->plain = arena_take(memory, 1, sizeof *a->plain);
     if (arena_check(memory, "a figure", err)
         || traits_load(&a->traits, traits, err) || plain_check_head(h, err)

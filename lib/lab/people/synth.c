@@ -76,7 +76,7 @@ static int synth_open_all(struct synth *s, struct error *err)
     for (size_t i = 0; i < s->threads; i++)
         if (scan_worker_init(&s->worker[i], s->head, s->opt.size, err))
             return -1;
-    noise_lattice();
+    noise_lattice_fill();
     return arena_check(a, "pictures", err);
 }
 
