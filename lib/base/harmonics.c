@@ -1,9 +1,7 @@
 /* Projection of a panorama, irradiance, and the slope by least squares. */
 #include "lib/base/harmonics.h"
 
-#include <math.h>
-
-#define PI_F 3.14159265f
+#include "lib/base/vec3.h"
 
 void panorama_direction(float d[3], int x, int y, int w, int h)
 {

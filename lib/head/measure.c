@@ -4,6 +4,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "lib/base/vec3.h"
 #include "lib/head/arkit.h"
 
 void head_direction(float *out, const struct head *h, const float *dirs,
@@ -208,21 +209,18 @@ void head_normals(float *normals, const struct head *h, const float *verts)
         const float *a = verts + 3 * (size_t)f[0];
         const float *b = verts + 3 * (size_t)f[1];
         const float *c = verts + 3 * (size_t)f[2];
-        float u[3], v[3];
+        float u[3], v[3], n[3];
 
-        for (int k = 0; k < 3; k++) {
-            u[k] = b[k] - a[k];
-            v[k] = c[k] - a[k];
-        }
-        float n[3] = {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2],
-                      u[0] * v[1] - u[1] * v[0]};
+        sub3(u, b, a);
+        sub3(v, c, a);
+        cross3(n, u, v);
         for (int j = 0; j < 3; j++)
             for (int k = 0; k < 3; k++)
                 normals[3 * (size_t)f[j] + k] += n[k];
     }
     for (size_t v = 0; v < h->V; v++) {
         float *n = normals + 3 * v;
-        float len = sqrtf(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
+        float len = length3(n);
 
         for (int k = 0; k < 3; k++)
             n[k] = len > 1e-20f ? n[k] / len : 0;

@@ -9,6 +9,7 @@
 
 #include "lib/base/crop.h"
 #include "lib/base/parallel.h"
+#include "lib/base/vec3.h"
 #include "lib/nn/math.h"
 #include "lib/photo/pyramid.h"
 
@@ -134,11 +135,6 @@ static void matting_apply(float y[3], const float a[6], const float x[3])
     y[2] = a[3] * x[0] + a[4] * x[1] + a[5] * x[2];
 }
 
-static float matting_dot(const float a[3], const float b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
 /* Alpha in the middle of a state, and its variance in there: of an interval, an
  * even distribution's. */
 static float matting_state(float *variance, int state)
@@ -185,10 +181,10 @@ static void matting_prepare_state(struct matting_cell *c, int state)
         c->form[6 + j][state] = b[j];
         c->gain[j][state] = variance * g[j];
     }
-    c->form[9][state] = -0.5f * (matting_dot(mean, b) + logf(det) +
+    c->form[9][state] = -0.5f * (dot3(mean, b) + logf(det) +
                                  3 * 1.8378771f);
-    c->gain[3][state] = a - variance * matting_dot(g, mean);
-    c->spread[state] = variance - variance * variance * matting_dot(g, d);
+    c->gain[3][state] = a - variance * dot3(g, mean);
+    c->spread[state] = variance - variance * variance * dot3(g, d);
 }
 
 PARALLEL(matting_prepare_part, i, struct matting_work *, k)

@@ -2,7 +2,7 @@
  * (stable radix sort, or a merge into the last frame's order), count and fill
  * each tile's list, draw the tiles in Z order.  Every step cuts its work the
  * same way for any number of threads as far as results go. */
-#include "lib/splat/frame.h"
+#include "lib/splat/state.h"
 
 #include <stdlib.h>
 #include <string.h>

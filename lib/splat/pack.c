@@ -1,12 +1,11 @@
 /* Gaussians, row by row as they are given, to one array per number. */
-#include "lib/splat/pack.h"
+#include "lib/splat/state.h"
 
 #include <math.h>
 #include <string.h>
 
 #include "lib/base/half.h"
 #include "lib/base/parallel.h"
-#include "lib/splat/state.h"
 
 /* Channel c of Gaussian i. */
 static float pack_color(const struct gaussians *g, size_t i, int c)

@@ -7,6 +7,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/vec3.h"
 #include "lib/splat/reference_traversal.h"
 
 /* Sums of one Gaussian over the pixels. */
@@ -15,16 +16,6 @@ struct screen {
     double conic[3];          /* dL/d A, B, C */
     double opacity;
 };
-
-/* a . b */
-static double reference_dot(const double *a, const double *b, size_t n)
-{
-    double sum = 0;
-
-    for (size_t i = 0; i < n; i++)
-        sum += a[i] * b[i];
-    return sum;
-}
 
 /* Back to front through one pixel.  behind = what the light behind a Gaussian
  * is worth to the loss, so that dL/dalpha = T (c.g - behind): no division by
@@ -36,13 +27,13 @@ static void reference_pixel_backward(struct screen *s, double *d_color,
 {
     const struct reference *t = w->scene;
     size_t C = (size_t)t->channels;
-    double behind = reference_dot(t->background, g, C) - d_alpha;
+    double behind = dot_many(t->background, g, C) - d_alpha;
 
     for (size_t k = count; k-- > 0;) {
         const struct contribution *h = &found[k];
         const struct reference_point *p = &w->point[h->i];
         const double *color = w->color + h->i * C;
-        double cg = reference_dot(color, g, C), da = h->T * (cg - behind);
+        double cg = dot_many(color, g, C), da = h->T * (cg - behind);
 
         behind = h->alpha * cg + (1 - h->alpha) * behind;
         for (size_t c = 0; d_color && c < C; c++)
@@ -90,7 +81,7 @@ static void reference_rotation_backward(double *out, const double dR[9],
     double n = 1, q[4], d[4];
 
     if (rules != SPLAT_DGR)
-        n = fmax(sqrt(reference_dot(quat, quat, 4)), 1e-12);
+        n = fmax(sqrt(dot_many(quat, quat, 4)), 1e-12);
     for (int k = 0; k < 4; k++)
         q[k] = quat[k] / n;
     double w = q[0], x = q[1], y = q[2], z = q[3];
@@ -103,7 +94,7 @@ static void reference_rotation_backward(double *out, const double dR[9],
                 w * (dR[2] - dR[6])) - 4 * y * (dR[0] + dR[8]);
     d[3] = 2 * (x * (dR[2] + dR[6]) + y * (dR[5] + dR[7]) +
                 w * (dR[3] - dR[1])) - 4 * z * (dR[0] + dR[4]);
-    double along = rules != SPLAT_DGR && n > 1e-12 ? reference_dot(d, q, 4) : 0;
+    double along = rules != SPLAT_DGR && n > 1e-12 ? dot_many(d, q, 4) : 0;
 
     for (int k = 0; k < 4; k++)
         out[k] = (d[k] - along * q[k]) / n;
@@ -154,7 +145,7 @@ static void reference_gaussian_backward(struct gradient *out,
 
     memset(out, 0, sizeof *out);
     for (int r = 0; r < 3; r++)
-        c[r] = reference_dot(P + 4 * r, m, 3) + P[4 * r + 3];
+        c[r] = dot_many(P + 4 * r, m, 3) + P[4 * r + 3];
     reference_conic_backward(S, s->conic, p, t->rules);
     reference_rotation(R, t->quat + 4 * i, t->rules);
     for (int r = 0; r < 2; r++)

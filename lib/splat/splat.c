@@ -14,9 +14,7 @@
 #include "lib/base/parallel.h"
 #include "lib/base/sort.h"
 #include "lib/splat/backward.h"
-#include "lib/splat/frame.h"
 #include "lib/splat/kernels.h"
-#include "lib/splat/pack.h"
 
 struct splat_camera splat_camera_square(const float rt[12], int size,
                                         float focal)

@@ -134,6 +134,12 @@ size_t state_screen_layout(struct splat_state *st, char *block);
 /* The same of what the number of Gaussians decides; n is padded to PAD. */
 size_t state_cloud_layout(struct splat *s, char *block, size_t n);
 
+/* Fill the arrays of s->state, which have room for g; numbers are checked. */
+void pack_gaussians(struct splat *s, const struct gaussians *g);
+/* Project what changed, sort, make the tiles' lists, draw.  -1 when there is
+ * no memory for the lists. */
+int frame_draw(struct splat *s, const struct target *out, struct error *err);
+
 /* As parallel_for, where a frame is cut for more than one thread. */
 void state_each(const struct splat_state *st, size_t count, parallel_fn *run,
                 void *ctx);

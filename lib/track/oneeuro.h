@@ -8,6 +8,8 @@
 #include <stdbool.h>
 #include <stddef.h>
 
+#include "lib/head/motion.h"
+
 #define ONEEURO_MAX 160
 
 struct oneeuro {
@@ -26,5 +28,9 @@ void oneeuro_reset(struct oneeuro *f);
  * cut-off rises, in Hz per unit of speed. */
 void oneeuro_step(struct oneeuro *f, float *x, const float *beta, size_t n,
                   double time);
+/* What *m has, smoothed as one row in E_m's order, each number with a speed of
+ * its own.  Rotations are filtered as two rows and made orthonormal again.  The
+ * first motion stays as it is, and every one where the filter's cut-off is 0. */
+void oneeuro_motion(struct oneeuro *filter, struct motion *m, double time);
 
 #endif

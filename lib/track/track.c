@@ -12,7 +12,6 @@
 #include "lib/base/cpu.h"
 #include "lib/track/find.h"
 #include "lib/track/pass.h"
-#include "lib/track/smooth.h"
 #include "lib/track/thumb.h"
 #include "lib/track/window.h"
 
@@ -132,7 +131,7 @@ static void track_align(struct track *t, struct track_result *r)
 static void track_deliver(struct track *t, struct track_result *r, double time)
 {
     if (!t->lost)
-        smooth_motion(&t->filter, &r->motion, time);
+        oneeuro_motion(&t->filter, &r->motion, time);
     r->motion.pose.exp = r->motion.exp;
     r->lost = t->lost > 0;
 }

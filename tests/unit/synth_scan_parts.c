@@ -16,7 +16,7 @@
 #include "lib/lab/people/scan_light.h"
 #include "lib/lab/people/scan_near.h"
 #include "lib/lab/people/tri.h"
-#include "lib/lab/people/vec.h"
+#include "lib/base/vec3.h"
 
 static int failures;
 static struct arena memory;

@@ -8,16 +8,8 @@
 #include <sysexits.h>
 
 #include "formats/npy.h"
+#include "lib/base/vec3.h"
 #include "lib/stream/stats.h"
-
-static double distribution_dot(const double *x, const double *y, size_t n)
-{
-    double sum = 0;
-
-    for (size_t i = 0; i < n; i++)
-        sum += x[i] * y[i];
-    return sum;
-}
 
 /* ---- Frechet -------------------------------------------------------------- */
 
@@ -45,7 +37,7 @@ static void distribution_shorten(double *x, double *g, size_t n, size_t dim)
                 g[j * dim + k] += x[i * dim + j] * x[i * dim + k];
     for (size_t j = 0; j < dim; j++)
         for (size_t k = 0; k <= j; k++) {
-            const double v = g[j * dim + k] - distribution_dot(g + j * dim,
+            const double v = g[j * dim + k] - dot_many(g + j * dim,
                                                                g + k * dim, k);
             const double pivot = g[k * dim + k];
 
@@ -62,7 +54,7 @@ static void distribution_shorten(double *x, double *g, size_t n, size_t dim)
  * as these.  A row of 1e-14 of all is rounding, and stays. */
 static double distribution_nuclear(double *m, size_t rows, size_t n)
 {
-    const double least = 1e-28 * distribution_dot(m, m, rows * n);
+    const double least = 1e-28 * dot_many(m, m, rows * n);
     double sum = 0;
     bool turned = true;
 
@@ -71,9 +63,9 @@ static double distribution_nuclear(double *m, size_t rows, size_t n)
         for (size_t p = 0; p < rows; p++)
             for (size_t q = p + 1; q < rows; q++) {
                 double *x = m + p * n, *y = m + q * n;
-                const double xx = distribution_dot(x, x, n);
-                const double yy = distribution_dot(y, y, n);
-                const double xy = distribution_dot(x, y, n);
+                const double xx = dot_many(x, x, n);
+                const double yy = dot_many(y, y, n);
+                const double xy = dot_many(x, y, n);
 
                 if (!(fabs(xy) > 1e-12 * sqrt(xx) * sqrt(yy)) ||
                     fmin(xx, yy) < least)
@@ -92,7 +84,7 @@ static double distribution_nuclear(double *m, size_t rows, size_t n)
             }
     }
     for (size_t p = 0; p < rows; p++)
-        sum += sqrt(distribution_dot(m + p * n, m + p * n, n));
+        sum += sqrt(dot_many(m + p * n, m + p * n, n));
     return sum;
 }
 
@@ -109,7 +101,7 @@ static double distribution_frechet(const double *a, size_t na, const double *b,
     distribution_centre(y, mean + dim, b, nb, dim);
     for (size_t k = 0; k < dim; k++)
         fid += (mean[k] - mean[dim + k]) * (mean[k] - mean[dim + k]);
-    fid += distribution_dot(x, x, na * dim) + distribution_dot(y, y, nb * dim);
+    fid += dot_many(x, x, na * dim) + dot_many(y, y, nb * dim);
     if (na > dim)
         distribution_shorten(x, m, na, dim);
     if (nb > dim)
@@ -117,7 +109,7 @@ static double distribution_frechet(const double *a, size_t na, const double *b,
     na = na > dim ? dim : na;
     nb = nb > dim ? dim : nb;
     for (size_t i = 0; i < na * nb; i++)
-        m[i] = distribution_dot(x + i / nb * dim, y + i % nb * dim, dim);
+        m[i] = dot_many(x + i / nb * dim, y + i % nb * dim, dim);
     return fid - 2 * distribution_nuclear(m, na, nb);
 }
 
@@ -133,7 +125,7 @@ static double distribution_kernel(const double *a, size_t na, const double *b,
 
     for (size_t i = 0; i < na; i++)
         for (size_t j = 0; j < nb; j++) {
-            const double dot = distribution_dot(a + i * dim, b + j * dim, dim);
+            const double dot = dot_many(a + i * dim, b + j * dim, dim);
 
             sum += same && i == j ? 0 : pow(dot / (double)dim + 1, 3);
         }

@@ -4,7 +4,7 @@
 #define SPID_LAB_FIT_FACE_POINTS_H
 
 #include "lib/base/error.h"
-#include "lib/lab/fit/landmark_sets.h"
+#include "lib/lab/people/landmark_sets.h"
 #include "lib/head/arkit.h"
 #include "lib/head/head.h"
 #include "lib/lab/head/scan.h"

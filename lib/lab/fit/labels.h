@@ -8,7 +8,7 @@
 #include <stdint.h>
 
 #include "lib/base/error.h"
-#include "lib/lab/fit/landmark_sets.h"
+#include "lib/lab/people/landmark_sets.h"
 #include "lib/head/arkit.h"
 
 struct label {

@@ -2,13 +2,14 @@
  * pupil, iris and white are.  Sizes of iris and pupil are an adult's, 11.7 and
  * 4.5 mm across, by their angle from the middle of the eye on the head model's
  * eyeballs. */
-#include "lib/lab/head/avatar_eyes.h"
+#include "lib/lab/head/avatar_make.h"
 
 #include <math.h>
 #include <stdbool.h>
 #include <string.h>
 
 #include "lib/avatar/branch.h"
+#include "lib/base/vec3.h"
 
 #define ABOUT_MM 16.0f      /* skin so far from a lid lends its colour */
 #define LENT 0.8f           /* share of that colour at the margin */
@@ -118,9 +119,7 @@ static void eyes_parts(float part[3], const float x[3], const float axis[3],
     float out[3];
 
     eyes_direction(out, x, h, x[0] > 0);
-    const float cosine = out[0] * axis[0] + out[1] * axis[1] +
-                         out[2] * axis[2];
-    const float angle = acosf(fminf(fmaxf(cosine, -1), 1)) *
+    const float angle = acosf(clampf(dot3(out, axis), -1, 1)) *
                         (float)(180 / M_PI);
     const float iris = branch_ramp(angle, PUPIL, PUPIL + SOFT);
     const float white = branch_ramp(angle, IRIS - SOFT, IRIS + SOFT);

@@ -8,8 +8,6 @@
 #include "formats/safetensors.h"
 #include "lib/base/arena.h"
 #include "lib/base/half.h"
-#include "lib/lab/head/avatar_eyes.h"
-#include "lib/lab/head/avatar_points.h"
 
 enum { TENSORS = 64, META = 32 };
 #define PREFIX "avatar."

@@ -1,7 +1,7 @@
 /* The template avatar's points: what of a head goes with the shoulders, what
  * moves against the skull and what lines the mouth, from the head model's own
  * skinning weights, directions and regions. */
-#include "lib/lab/head/avatar_points.h"
+#include "lib/lab/head/avatar_make.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -10,6 +10,7 @@
 
 #include "lib/avatar/branch.h"
 #include "lib/avatar/completion.h"
+#include "lib/base/vec3.h"
 #include "lib/head/arkit.h"
 #include "lib/head/lbs.h"
 #include "lib/head/mirror.h"
@@ -107,18 +108,12 @@ static float points_expression(const struct head *h, size_t v)
     return sqrtf(sum);
 }
 
-/* Length of d (3). */
-static float points_norm(const float *d)
+static float points_distance(const float x[3], const float y[3])
 {
-    return sqrtf(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
-}
+    float off[3];
 
-/* Distance of x (3) and y (3). */
-static float points_distance(const float *x, const float *y)
-{
-    const float off[3] = {x[0] - y[0], x[1] - y[1], x[2] - y[2]};
-
-    return points_norm(off);
+    sub3(off, x, y);
+    return length3(off);
 }
 
 /* Expressions, lids and jaw of vertex v together, head units. */
@@ -129,8 +124,8 @@ static float points_range(const struct head *h, size_t v)
     float arm = hypotf(x[1] - jaw[1], x[2] - jaw[2]);
 
     return points_expression(h, v) +
-           points_norm(h->l_eyelid + 3 * v) +
-           points_norm(h->r_eyelid + 3 * v) +
+           length3(h->l_eyelid + 3 * v) +
+           length3(h->r_eyelid + 3 * v) +
            JAW_ANGLE * arm * head_jaw_share(h, v);
 }
 

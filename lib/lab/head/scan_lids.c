@@ -6,6 +6,7 @@
 #include <stdbool.h>
 #include <string.h>
 
+#include "lib/base/vec3.h"
 #include "lib/lab/head/scan.h"
 
 const int32_t scan_lid_upper[SCAN_LID_UPPER] = {
@@ -69,18 +70,6 @@ static void lid_find_contacts(struct scan_lid_line *a,
     }
 }
 
-/* d = x - y. */
-static void lid_difference(float d[3], const float *x, const float *y)
-{
-    for (int c = 0; c < 3; c++)
-        d[c] = x[c] - y[c];
-}
-
-static float lid_length(const float d[3])
-{
-    return sqrtf(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
-}
-
 /* Where the vertices of a line are to lie when closed: as far out as the
  * neutral face's, the upper lid's a little more, because on its straight way
  * it cuts the ball's corner. */
@@ -96,10 +85,10 @@ static void lid_find_distances(struct scan_lid_line *a, const float *p,
     for (int i = 0; i < a->n; i++) {
         float d[3];
 
-        lid_difference(d, p + 3 * a->v[i], centre);
+        sub3(d, p + 3 * a->v[i], centre);
         for (int c = 0; c < 3; c++)
             d[c] += a->move[i][c];
-        a->out[i] = lid_length(d);
+        a->out[i] = length3(d);
         for (int c = 0; c < 3; c++)
             a->away[i][c] = d[c] / a->out[i];
         if (!lower)
@@ -149,8 +138,8 @@ static float lid_nearest_place(int *at, float *part,
         f = f < 0 ? 0 : f > 1 ? 1 : f;
         for (int c = 0; c < 3; c++)
             d[c] = x[c] + f * (y[c] - x[c]) - q[c];
-        if (lid_length(d) < best) {
-            best = lid_length(d);
+        if (length3(d) < best) {
+            best = length3(d);
             *at = i;
             *part = f;
         }
@@ -191,7 +180,7 @@ static struct scan_lid_part lid_follow(const struct scan_lids *l,
                     p[3 * on[0] + c]) - (float)(unit * eye[c]);
     }
     double fall = d / unit / (o.line % 2 ? LOWER_FALL : UPPER_FALL);
-    bool inside = lid_length(away) < lid_length(margin) - 1e-4 * unit;
+    bool inside = length3(away) < length3(margin) - 1e-4 * unit;
     o.weight = inside || v >= SCAN_LASHES ? 1 : (float)exp(-fall * fall);
     for (int c = 0; c < 3; c++)     /* where the blink has brought it */
         away[c] += blink[side][3 * v + c];
@@ -199,7 +188,7 @@ static struct scan_lid_part lid_follow(const struct scan_lids *l,
     o.up[1] = 1;
     o.up[2] = fmaxf(-1, fminf(1, back));
     for (int c = 0; c < 3; c++)
-        o.away[c] = away[c] / lid_length(away);
+        o.away[c] = away[c] / length3(away);
     return o;
 }
 

@@ -4,6 +4,8 @@
 
 #include <string.h>
 
+#include "lib/base/vec3.h"
+
 int smooth_mesh_init(struct smooth_mesh *m, const int32_t *faces, size_t nf,
                      size_t nv, struct arena *memory, struct error *err)
 {
@@ -100,15 +102,6 @@ static void smooth_system_apply(double *out, const struct system *s,
     }
 }
 
-static double smooth_dot(const double *a, const double *b, size_t n)
-{
-    double sum = 0;
-
-    for (size_t i = 0; i < n; i++)
-        sum += a[i] * b[i];
-    return sum;
-}
-
 int smooth_fit(double *d, const struct smooth_mesh *m, const double *target,
                const double *weight, const double *normal,
                const double *along, double stiff, int rounds,
@@ -129,21 +122,21 @@ int smooth_fit(double *d, const struct smooth_mesh *m, const double *target,
     }
     for (size_t v = 0; v < m->nv; v++)
         smooth_pull_add(r + 3 * v, &s, v, target + 3 * v);
-    double start = smooth_dot(r, r, n);
+    double start = dot_many(r, r, n);
     smooth_system_apply(q, &s, d);
     for (size_t i = 0; i < n; i++)
         r[i] -= q[i];
     double before = 0;
-    for (int round = 0; round < rounds && smooth_dot(r, r, n) > 1e-14 * start;
+    for (int round = 0; round < rounds && dot_many(r, r, n) > 1e-14 * start;
          round++) {
         for (size_t i = 0; i < n; i++)      /* about A's diagonal */
             z[i] = r[i] / (weight[i / 3] + 1.2 * stiff + 1e-30);
-        double rz = smooth_dot(r, z, n);
+        double rz = dot_many(r, z, n);
         for (size_t i = 0; i < n; i++)
             p[i] = z[i] + (round ? rz / before * p[i] : 0);
         before = rz;
         smooth_system_apply(q, &s, p);
-        double step = rz / smooth_dot(p, q, n);
+        double step = rz / dot_many(p, q, n);
         for (size_t i = 0; i < n; i++) {
             d[i] += step * p[i];
             r[i] -= step * q[i];

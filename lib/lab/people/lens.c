@@ -4,7 +4,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "lib/lab/people/vec.h"
+#include "lib/base/vec3.h"
 
 #define BLUR_MAX 16             /* the widest blur's, pixels to a side */
 #define SMEAR_MAX 11            /* samples along a motion */

@@ -10,7 +10,7 @@
 #include "lib/base/file.h"
 #include "lib/base/names.h"
 #include "lib/base/parallel.h"
-#include "lib/lab/people/vec.h"
+#include "lib/base/vec3.h"
 
 #define PATH 4096
 #define LOWEST (-2.6f)          /* of clothes, head units */

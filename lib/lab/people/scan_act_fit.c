@@ -11,7 +11,7 @@
 #include <sysexits.h>
 
 #include "lib/lab/people/label_rows.h"
-#include "lib/lab/people/vec.h"
+#include "lib/base/vec3.h"
 
 #define ROUNDS 12               /* of the clustering */
 

@@ -7,7 +7,7 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "lib/lab/people/vec.h"
+#include "lib/base/vec3.h"
 
 /* base.obj: the body, and helpers after it. */
 enum { BASE_BODY = 13380, BASE_VERTICES = 19158, BASE_EYE_LEFT = 14598,

@@ -8,7 +8,7 @@
 
 #include "lib/base/sort.h"
 #include "lib/lab/people/scan_skin_fit.h"
-#include "lib/lab/people/vec.h"
+#include "lib/base/vec3.h"
 
 #define N SKIN_SIZE
 #define W BROW_W

@@ -5,7 +5,7 @@
 #include "lib/base/sort.h"
 #include "lib/lab/people/scan_stage.h"
 #include "lib/lab/people/tri.h"
-#include "lib/lab/people/vec.h"
+#include "lib/base/vec3.h"
 
 /* Into the grid what is nearer than what is there: which face, and where on
  * it. */

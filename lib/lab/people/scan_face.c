@@ -7,7 +7,7 @@
 
 #include "formats/safetensors.h"
 #include "lib/head/arkit.h"
-#include "lib/lab/people/vec.h"
+#include "lib/base/vec3.h"
 
 /* ---- faces -------------------------------------------------------------- */
 

@@ -7,7 +7,7 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "lib/lab/people/vec.h"
+#include "lib/base/vec3.h"
 
 /* What grows with corners, or faces. */
 static const struct figure_field {

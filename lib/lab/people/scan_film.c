@@ -8,7 +8,7 @@
 #include "lib/lab/people/codec.h"
 #include "lib/lab/people/lens.h"
 #include "lib/lab/people/noise.h"
-#include "lib/lab/people/vec.h"
+#include "lib/base/vec3.h"
 
 int scan_film_init(struct scan_film *f, int size, struct error *err)
 {

@@ -7,7 +7,7 @@
 
 #include "lib/head/arkit.h"
 #include "lib/lab/people/scan_near.h"
-#include "lib/lab/people/vec.h"
+#include "lib/base/vec3.h"
 
 static const uint8_t rig[FOLLOW_RIGS] = {
     ARKIT_EYE_BLINK_L, ARKIT_EYE_BLINK_R, ARKIT_EYE_LOOK_DOWN_L,

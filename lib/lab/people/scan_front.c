@@ -6,7 +6,7 @@
 
 #include "lib/base/random.h"
 #include "lib/lab/people/scan_figure.h"
-#include "lib/lab/people/vec.h"
+#include "lib/base/vec3.h"
 
 /* ---- the hand ----------------------------------------------------------- */
 

@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "formats/panorama.h"
-#include "lib/lab/people/vec.h"
+#include "lib/base/vec3.h"
 
 /* Exponents of the cosine lobe of each level; level 0 mirrors. */
 static const int lobe[LIGHT_LEVELS] = {0, 90, 22, 5};

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "lib/lab/people/scan_figure.h"
-#include "lib/lab/people/vec.h"
+#include "lib/base/vec3.h"
 
 /* ---- tubes -------------------------------------------------------------- */
 

@@ -2,7 +2,7 @@
  * of a piece of the list splits it, and those before it lie lower. */
 #include "lib/lab/people/scan_near.h"
 
-#include "lib/lab/people/vec.h"
+#include "lib/base/vec3.h"
 
 /* Number k of item[from,to) by x, the points' coordinates along an axis, to
  * its place; lower ones before it (Hoare's selection). */

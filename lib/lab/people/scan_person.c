@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "lib/base/random.h"
-#include "lib/lab/people/vec.h"
+#include "lib/base/vec3.h"
 
 static float person_normal(struct random *r, float limit)
 {
@@ -25,12 +25,10 @@ static void person_color(struct random *r, float out[3], const float srgb[3],
 {
     float all = 1 + s * person_normal(r, 2);
 
-    for (int k = 0; k < 3; k++) {
-        float v = srgb[k] / 255;
-        v = v <= 0.04045f ? v / 12.92f : powf((v + 0.055f) / 1.055f, 2.4f);
-        out[k] = clampf(v * (all + 0.3f * s * person_normal(r, 2)), 0.002f,
-                        0.95f);
-    }
+    for (int k = 0; k < 3; k++)
+        out[k] = clampf(srgb_decode(srgb[k]) *
+                            (all + 0.3f * s * person_normal(r, 2)),
+                        0.002f, 0.95f);
 }
 /* Ranges of three channels, drawn. */
 static void person_ranges(struct random *r, float c[3], const double t[3][2])

@@ -8,7 +8,7 @@
 #include <sysexits.h>
 
 #include "formats/image.h"
-#include "lib/lab/people/vec.h"
+#include "lib/base/vec3.h"
 
 void bitmap_sample(float rgba[4], const struct bitmap *t, float u, float v)
 {

@@ -10,7 +10,7 @@
 
 #include "lib/head/lbs.h"
 #include "lib/lab/people/noise.h"
-#include "lib/lab/people/vec.h"
+#include "lib/base/vec3.h"
 
 /* ---- where the parts lie in the scans' layout ---------------------------- */
 

@@ -8,7 +8,7 @@
 #include "lib/base/random.h"
 #include "lib/lab/people/noise.h"
 #include "lib/lab/people/tri.h"
-#include "lib/lab/people/vec.h"
+#include "lib/base/vec3.h"
 
 #define N SKIN_SIZE
 #define M SKIN_SLOW

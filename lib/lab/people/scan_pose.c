@@ -5,7 +5,7 @@
 
 #include "lib/base/camera.h"
 #include "lib/lab/people/scan_stage.h"
-#include "lib/lab/people/vec.h"
+#include "lib/base/vec3.h"
 
 #define TWIST 16                /* steps between shoulders and head */
 

@@ -8,7 +8,7 @@
 #include <string.h>
 
 #include "lib/base/cholesky.h"
-#include "lib/lab/people/vec.h"
+#include "lib/base/vec3.h"
 
 #define ROUNDS 3
 #define SIGMA 2.5f              /* pixels that a landmark may be off */

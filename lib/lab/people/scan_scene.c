@@ -8,7 +8,7 @@
 
 #include "lib/base/camera.h"
 #include "lib/base/cholesky.h"
-#include "lib/lab/people/vec.h"
+#include "lib/base/vec3.h"
 
 int scan_worker_init(struct scan_worker *c, const struct head *h, int size,
                    struct error *err)

@@ -4,7 +4,7 @@
 
 #include "lib/lab/people/noise.h"
 #include "lib/lab/people/scan_stage.h"
-#include "lib/lab/people/vec.h"
+#include "lib/base/vec3.h"
 
 /* ---- light on a surface ------------------------------------------------- */
 

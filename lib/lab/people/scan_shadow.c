@@ -5,7 +5,7 @@
 
 #include "lib/lab/people/scan_stage.h"
 #include "lib/lab/people/tri.h"
-#include "lib/lab/people/vec.h"
+#include "lib/base/vec3.h"
 
 #define REACH 1.3f              /* half the width of what a map covers */
 #define SHARP 34.0f

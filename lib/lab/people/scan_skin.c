@@ -13,11 +13,12 @@
 #include "formats/image.h"
 #include "lib/base/parallel.h"
 #include "lib/base/sort.h"
+#include "lib/lab/people/landmark_sets.h"
 #include "lib/lab/people/scan_piece.h"
 #include "lib/lab/people/scan_register.h"
 #include "lib/lab/people/scan_skin_fit.h"
 #include "lib/lab/people/tri.h"
-#include "lib/lab/people/vec.h"
+#include "lib/base/vec3.h"
 
 #define N SKIN_SIZE
 #define M SKIN_SLOW
@@ -148,19 +149,6 @@ static int skin_make_masks(struct skin_model *s, const struct scan_face *f,
     static const int brow[2][10] = {
         {70, 63, 105, 66, 107, 55, 65, 52, 53, 46},
         {300, 293, 334, 296, 336, 285, 295, 282, 283, 276}};
-    static const int lid[2][16] = {
-        {33, 7, 163, 144, 145, 153, 154, 155, 133, 173, 157, 158, 159, 160,
-         161, 246},
-        {263, 249, 390, 373, 374, 380, 381, 382, 362, 398, 384, 385, 386,
-         387, 388, 466}};
-    static const int outer[20] = {61, 146, 91, 181, 84, 17, 314, 405, 321,
-                                  375, 291, 409, 270, 269, 267, 0, 37, 39,
-                                  40, 185};
-
-    static const int inner[20] = {78, 95, 88, 178, 87, 14, 317, 402, 318,
-                                  324, 308, 415, 310, 311, 312, 13, 82, 81,
-                                  80, 191};
-
     uint8_t **const mask[] = {&s->brow, &s->lip, &s->beard, &s->eye, &s->mouth};
 
     for (size_t i = 0; i < sizeof mask / sizeof *mask; i++)
@@ -169,22 +157,16 @@ static int skin_make_masks(struct skin_model *s, const struct scan_face *f,
         return -1;
     for (int i = 0; i < 2; i++) {
         skin_fill_polygon(s->brow, f, m, brow[i], 10, 9);
-        skin_fill_polygon(s->eye, f, m, lid[i], 16, 5);
+        skin_fill_polygon(s->eye, f, m, landmark_lid[i], LANDMARK_LID, 5);
     }
-    skin_fill_polygon(s->lip, f, m, outer, 20, 0);
-    skin_fill_polygon(s->mouth, f, m, inner, 20, 0);
+    skin_fill_polygon(s->lip, f, m, landmark_lip, LANDMARK_LIP / 2, 0);
+    skin_fill_polygon(s->mouth, f, m, landmark_lip + LANDMARK_LIP / 2,
+                      LANDMARK_LIP / 2, 0);
     skin_make_beard(s, f, m);
     return 0;
 }
 
 /* ---- one photograph ----------------------------------------------------- */
-
-static float skin_decode(uint8_t c)
-{
-    float v = (float)c / 255;
-
-    return v <= 0.04045f ? v / 12.92f : powf((v + 0.055f) / 1.055f, 2.4f);
-}
 
 /* Colours of a photograph on the texture square, log linear; weight 0 where
  * the skin faces away or something else covers it. */
@@ -273,7 +255,7 @@ int skin_sample_take(struct skin_sample *o, const struct skin_model *s,
     int rc = -1;
 
     for (int i = 0; i < 256; i++)
-        table[i] = skin_decode((uint8_t)i);
+        table[i] = srgb_decode((float)i);
     if (!shape)
         return error_set(err, EX_OSERR, "out of memory for skin");
     if (image_read(&im, path, err))

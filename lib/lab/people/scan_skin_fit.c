@@ -9,7 +9,7 @@
 
 #include "lib/base/cholesky.h"
 #include "lib/base/parallel.h"
-#include "lib/lab/people/vec.h"
+#include "lib/base/vec3.h"
 
 #define N SKIN_SIZE
 #define M SKIN_SLOW

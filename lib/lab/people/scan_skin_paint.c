@@ -6,7 +6,7 @@
 #include "lib/base/random.h"
 #include "lib/lab/people/scan_skin.h"
 #include "lib/lab/people/traits.h"
-#include "lib/lab/people/vec.h"
+#include "lib/base/vec3.h"
 
 #define N SKIN_SIZE
 #define M SKIN_SLOW

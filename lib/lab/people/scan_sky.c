@@ -6,7 +6,7 @@
 #include "lib/base/parallel.h"
 #include "lib/lab/people/scan.h"
 #include "lib/lab/people/tri.h"
-#include "lib/lab/people/vec.h"
+#include "lib/base/vec3.h"
 
 #define MAP 176                 /* side of a depth map */
 #define REACH 1.15f             /* head units, half of what it covers */

@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-#include "lib/lab/people/vec.h"
+#include "lib/base/vec3.h"
 
 int scan_stage_init(struct scan_stage *s, int size, struct error *err)
 {

@@ -6,7 +6,7 @@
 #include <stddef.h>
 
 #include "lib/lab/people/tri.h"
-#include "lib/lab/people/vec.h"
+#include "lib/base/vec3.h"
 
 #define SUN_FAR 8       /* added to heights: positive for the z-buffer */
 

@@ -5,7 +5,7 @@
 
 #include <stdbool.h>
 
-#include "lib/lab/people/vec.h"
+#include "lib/base/vec3.h"
 
 /* A vertex on the sample grid: x, y in samples (the centre of sample i is
  * i + 0.5), q = 1/z with z the camera depth; q <= 0 is behind the camera. */

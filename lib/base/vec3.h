@@ -1,9 +1,10 @@
-/* Small vector helpers of the renderer: three floats, row-major matrices beside
- * those of lib/base/rotation.h. */
-#ifndef SPID_LAB_PEOPLE_VEC_H
-#define SPID_LAB_PEOPLE_VEC_H
+/* Small helpers: numbers, three floats, row-major matrices beside those of
+ * lib/base/rotation.h. */
+#ifndef SPID_BASE_VEC3_H
+#define SPID_BASE_VEC3_H
 
 #include <math.h>
+#include <stddef.h>
 
 #include "lib/base/rotation.h"
 
@@ -39,6 +40,13 @@ static inline float lerpf(float a, float b, float t)
 {
     return a + (b - a) * t;
 }
+/* A byte's worth of sRGB, 0 to 255, to linear light. */
+static inline float srgb_decode(float c)
+{
+    float v = c / 255;
+
+    return v <= 0.04045f ? v / 12.92f : powf((v + 0.055f) / 1.055f, 2.4f);
+}
 /* 0 at a, 1 at b, smooth between; a may lie above b. */
 static inline float ramp(float a, float b, float x)
 {
@@ -48,6 +56,15 @@ static inline float ramp(float a, float b, float x)
 static inline float dot3(const float a[3], const float b[3])
 {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+/* Of n numbers. */
+static inline double dot_many(const double *a, const double *b, size_t n)
+{
+    double sum = 0;
+
+    for (size_t i = 0; i < n; i++)
+        sum += a[i] * b[i];
+    return sum;
 }
 static inline void sub3(float o[3], const float a[3], const float b[3])
 {

@@ -1,7 +1,7 @@
 /* Which of MediaPipe's 478 face landmarks lie where, and the distances between
  * them that tell mouth, lids, brows and irises.  Left is the person's own. */
-#ifndef SPID_LAB_FIT_LANDMARK_SETS_H
-#define SPID_LAB_FIT_LANDMARK_SETS_H
+#ifndef SPID_LAB_PEOPLE_LANDMARK_SETS_H
+#define SPID_LAB_PEOPLE_LANDMARK_SETS_H
 
 #include "lib/lab/people/landmark_map.h"
 

@@ -1,5 +1,5 @@
 /* The lists of landmark_sets.h: numbers of MediaPipe's face mesh. */
-#include "lib/lab/fit/landmark_sets.h"
+#include "lib/lab/people/landmark_sets.h"
 
 const int landmark_lid[2][LANDMARK_LID] = {
     {263, 249, 390, 373, 374, 380, 381, 382, 362, 398, 384, 385, 386, 387,
