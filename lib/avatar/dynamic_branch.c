@@ -402,7 +402,8 @@ PARALLEL(dynamic_branch_unseen_part, k, const struct dynamic_branch *, b,
 {
     float w = dynamic_branch_visibility(b, k), *scale = out->scale + 3 * k;
     float min = dynamic_branch_min_scale(b, k);
-    float round = fminf(CLOSED * b->spacing[k], BRANCH_SCALE_MAX);
+    float closed = CLOSED + b->seam[k] * (SCALE_MIN - CLOSED);
+    float round = fminf(closed * b->spacing[k], BRANCH_SCALE_MAX);
     float *color = out->color + k * out->channels;
 
     for (size_t c = 0; c < 3; c++) {
@@ -421,7 +422,8 @@ PARALLEL(dynamic_branch_unseen_part, k, const struct dynamic_branch *, b,
  * dense and round: the decoder would give every head the back of its training
  * people, and half clear parts that those seldom turned to the camera.  The
  * outline that such Gaussians have too much of is the photograph's matter
- * (dynamic_branch_seen).
+ * (dynamic_branch_seen), but for lips that part: their rims get as little as may
+ * be, or mouths would be less open than the mesh.
  * Features beyond the colour become 0, so that a refiner adds nothing there. */
 static void dynamic_branch_unseen(struct branch_set *out,
                                   const struct dynamic_branch *b)

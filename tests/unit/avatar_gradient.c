@@ -457,7 +457,8 @@ static void gradient_follow(struct world *w, const char *const *group)
 static void gradient_thin(void)
 {
     struct world w;
-    double missing = 0;
+    double missing = 0, excess = 0;
+    int rims = 0;
 
     printf("-- a thin face\n");
     gradient_make(&w, true, 0);
@@ -472,6 +473,14 @@ static void gradient_thin(void)
                                      BRANCH_SCALE_MAX) - w.a.set.scale[i]);
     check("scales of the face: what is missing to 0.4 of their spacing",
           missing, 1e-7);
+    for (size_t k = 0; k < w.a.first[1]; k++)
+        if (w.a.dynamic.seam[k] == 1 && w.a.dynamic.start.visible[k] == 1) {
+            excess = fmax(excess, w.a.set.scale[3 * k] -
+                                      0.4 * w.a.dynamic.spacing[k]);
+            rims++;
+        }
+    check("rims of lips: what they have over it", rims ? excess : INFINITY,
+          1e-7);
     gradient_follow(&w, (const char *const[]){"dynamic.", NULL});
 }
 
