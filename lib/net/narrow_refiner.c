@@ -45,12 +45,12 @@ static void narrow_refiner_declare_all(struct narrow_refiner *r,
         { &r->mid, "mid", w2, w2, 3, 1, ACT_LRELU },
         { &r->style.reduce, "style.0", w2, w2, 1, 1, ACT_LRELU },
         { &r->style.expand, "style.1", w2, w2, 1, 1, ACT_NONE },
-        { &r->up2, "up.2", w2, w1, 3, 1, ACT_LRELU },
-        { &r->cond1, "condition.1", w1, 2 * w1, 1, 1, ACT_NONE },
-        { &r->body1, "body.1", w1, w1, 3, 1, ACT_LRELU },
-        { &r->up1, "up.1", w1, w0, 1, 1, ACT_LRELU },
-        { &r->cond0, "condition.0", w0, 2 * w0, 1, 1, ACT_NONE },
-        { &r->body0, "body.0", w0, w0, 3, 1, ACT_LRELU },
+        { &r->step[1].up, "up.2", w2, w1, 3, 1, ACT_LRELU },
+        { &r->step[1].condition, "condition.1", w1, 2 * w1, 1, 1, ACT_NONE },
+        { &r->step[1].body, "body.1", w1, w1, 3, 1, ACT_LRELU },
+        { &r->step[0].up, "up.1", w1, w0, 1, 1, ACT_LRELU },
+        { &r->step[0].condition, "condition.0", w0, 2 * w0, 1, 1, ACT_NONE },
+        { &r->step[0].body, "body.0", w0, w0, 3, 1, ACT_LRELU },
         { &r->rgb, "rgb", w0, r->photos ? 3 : NARROW_END_COLORS, 3, 1,
           ACT_NONE },
         { &r->photo0, "photo.0", NARROW_REFINER_PHOTO, w0 / 2, 2, 2,
@@ -76,17 +76,15 @@ void narrow_refiner_init(struct narrow_refiner *r, struct params *ps,
     r->width = width;
     r->turns = turns;
     r->photos = photos;
+    r->step[0].width = width;
+    r->step[1].width = width * 3 / 2;
     narrow_refiner_declare_all(r, ps, prefix);
     r->mid.add = true;
     r->style.additive = true;
-    if (turns) {
-        conditional_conv_init(&r->conditional1, &r->cond1,
-                              nn_name(name, "%scondition.1", prefix),
+    for (int i = 1; turns && i >= 0; i--)
+        conditional_conv_init(&r->step[i].conditional, &r->step[i].condition,
+                              nn_name(name, "%scondition.%d", prefix, i),
                               RELATIVE_POSE_SIZE);
-        conditional_conv_init(&r->conditional0, &r->cond0,
-                              nn_name(name, "%scondition.0", prefix),
-                              RELATIVE_POSE_SIZE);
-    }
     /* training starts from the coarse picture */
     ps->tensor[r->rgb.weight].init = PARAM_ZERO;
     if (!photos)
@@ -140,33 +138,30 @@ static void narrow_refiner_plan_middle(struct narrow_refiner *r)
     r->ms = nn_plan_map(p, a2 * w2);
 }
 
-/* The way up: each scale grown, conditioned on the way down's, and drawn. */
+/* From h x w pixels to twice as many. */
+static void narrow_step_plan(struct narrow_step *s, struct nn_plan *p,
+                             size_t B, size_t h, size_t w)
+{
+    const size_t C = s->width, few = B * h * w, a = 4 * few;
+
+    s->c = nn_plan_map(p, few * C);
+    conv_plan(&s->up, p, B, h, w);
+    s->r = nn_plan_map(p, a * C);
+    rescale_plan(&s->grow, p, RESCALE_BILINEAR, B, h, w, 2 * h, 2 * w, C);
+    s->t = nn_plan_map(p, a * 2 * C);
+    conv_plan(&s->condition, p, B, 2 * h, 2 * w);
+    s->y = nn_plan_map(p, a * C);
+    s->z = nn_plan_map(p, a * C);
+    conv_plan(&s->body, p, B, 2 * h, 2 * w);
+}
+
 static void narrow_refiner_plan_up(struct narrow_refiner *r)
 {
     struct nn_plan *p = &r->plan;
-    size_t B = r->batch, h = r->h, w = r->w, w0 = r->width;
-    size_t w1 = w0 * 3 / 2, a0 = B * h * w / 16, a1 = a0 / 4, a2 = a1 / 4;
+    size_t B = r->batch, h = r->h, w = r->w, a0 = B * h * w / 16;
 
-    r->c1 = nn_plan_map(p, a2 * w1);
-    conv_plan(&r->up2, p, B, h / 16, w / 16);
-    r->r1 = nn_plan_map(p, a1 * w1);
-    rescale_plan(&r->grow1, p, RESCALE_BILINEAR, B, h / 16, w / 16, h / 8,
-                 w / 8, w1);
-    r->t1 = nn_plan_map(p, a1 * 2 * w1);
-    conv_plan(&r->cond1, p, B, h / 8, w / 8);
-    r->y1 = nn_plan_map(p, a1 * w1);
-    r->z1 = nn_plan_map(p, a1 * w1);
-    conv_plan(&r->body1, p, B, h / 8, w / 8);
-    r->c0 = nn_plan_map(p, a1 * w0);
-    conv_plan(&r->up1, p, B, h / 8, w / 8);
-    r->r0 = nn_plan_map(p, a0 * w0);
-    rescale_plan(&r->grow0, p, RESCALE_BILINEAR, B, h / 8, w / 8, h / 4, w / 4,
-                 w0);
-    r->t0 = nn_plan_map(p, a0 * 2 * w0);
-    conv_plan(&r->cond0, p, B, h / 4, w / 4);
-    r->y0 = nn_plan_map(p, a0 * w0);
-    r->z0 = nn_plan_map(p, a0 * w0);
-    conv_plan(&r->body0, p, B, h / 4, w / 4);
+    for (int i = 1; i >= 0; i--)
+        narrow_step_plan(&r->step[i], p, B, h >> (i + 3), w >> (i + 3));
     r->d = nn_plan_map(p, a0 * NARROW_END_COLORS);
     if (r->photos)
         r->tint = nn_plan_map(p, a0 * 3);
@@ -178,8 +173,8 @@ static void narrow_refiner_set_turn(void *refiner)
 {
     struct narrow_refiner *r = refiner;
 
-    conditional_conv_set(&r->conditional1, r->turn);
-    conditional_conv_set(&r->conditional0, r->turn);
+    for (int i = 1; i >= 0; i--)
+        conditional_conv_set(&r->step[i].conditional, r->turn);
 }
 
 /* The maps and layers in the order of the forward pass. */
@@ -199,27 +194,28 @@ static void narrow_refiner_plan_forward(struct narrow_refiner *r)
     }
     narrow_end_plan(&r->end, &r->rgb, r->photos ? &r->field : NULL,
                     NARROW_REFINER_MAX, p);
-    if (r->turns) {
-        conditional_conv_plan(&r->conditional1, p);
-        conditional_conv_plan(&r->conditional0, p);
-    }
+    for (int i = 1; r->turns && i >= 0; i--)
+        conditional_conv_plan(&r->step[i].conditional, p);
 }
 
 /* Gradients on their way, at the three scales. */
 static void narrow_refiner_plan_backward(struct narrow_refiner *r)
 {
     struct nn_plan *p = &r->plan;
-    size_t w0 = r->width, w1 = w0 * 3 / 2, w2 = 2 * w0;
-    size_t a0 = r->batch * r->h * r->w / 16, a1 = a0 / 4, a2 = a1 / 4;
+    size_t w0 = r->width, a0 = r->batch * r->h * r->w / 16;
 
-    for (int i = 0; i < 3; i++) {
-        r->g0[i] = nn_plan_floats(p, a0 * w0);
-        r->g2[i] = nn_plan_floats(p, a2 * w2);
+    for (int i = 0; i < 2; i++) {
+        struct narrow_step *s = &r->step[i];
+        const size_t n = (a0 >> 2 * i) * s->width;
+
+        s->dc = nn_plan_floats(p, n / 4);
+        s->dt = nn_plan_floats(p, 2 * n);
+        s->dy = nn_plan_floats(p, n);
+        s->dz = nn_plan_floats(p, n);
+        s->de = nn_plan_floats(p, n);
     }
-    for (int i = 0; i < 4; i++)
-        r->g1[i] = nn_plan_floats(p, a1 * w1);
-    r->dst0 = nn_plan_floats(p, a0 * 2 * w0);
-    r->dst1 = nn_plan_floats(p, a1 * 2 * w1);
+    r->dm = nn_plan_floats(p, a0 / 16 * 2 * w0);
+    r->de2 = nn_plan_floats(p, a0 / 16 * 2 * w0);
     r->df = nn_plan_floats(p, 4 * a0 * (w0 / 2));
     r->dd = nn_plan_floats(p, a0 * NARROW_END_COLORS);
     if (r->photos) {
@@ -253,8 +249,8 @@ void narrow_refiner_turn(struct narrow_refiner *r,
         return;
     memcpy(r->turn, turn, sizeof r->turn);
     narrow_refiner_set_turn(r);
-    conv_update(&r->cond1);
-    conv_update(&r->cond0);
+    for (int i = 1; i >= 0; i--)
+        conv_update(&r->step[i].condition);
 }
 
 void narrow_refiner_release(struct narrow_refiner *r)
@@ -263,11 +259,22 @@ void narrow_refiner_release(struct narrow_refiner *r)
     memset(r, 0, sizeof *r);
 }
 
+/* s->z from the map x of the step before and e (places,width) of the way
+ * down. */
+static void narrow_step_forward(struct narrow_step *s, const float *x,
+                                const float *e, size_t places)
+{
+    conv_forward(s->c, x, &s->up);
+    rescale_forward(s->r, s->c, &s->grow);
+    conv_forward(s->t, e, &s->condition);
+    sft_forward(s->y, s->r, s->t, 1.0f, places, s->width);
+    conv_forward(s->z, s->y, &s->body);
+}
+
 /* From e0, a quarter of the size, to sixteen pixels' corrections per place. */
 static void narrow_refiner_forward_quarter(struct narrow_refiner *r)
 {
-    size_t w0 = r->width, w1 = w0 * 3 / 2;
-    size_t a0 = r->batch * r->h * r->w / 16, a2 = a0 / 16;
+    size_t w0 = r->width, a0 = r->batch * r->h * r->w / 16, a2 = a0 / 16;
 
     /* down */
     conv_forward(r->e1, r->e0, &r->down1);
@@ -276,16 +283,8 @@ static void narrow_refiner_forward_quarter(struct narrow_refiner *r)
     conv_forward(r->m, r->e2, &r->mid);             /* lrelu(e2 + conv e2) */
     squeeze_excite_forward(r->ms, r->m, &r->style);
     /* up, conditioned on the encoder's maps */
-    conv_forward(r->c1, r->ms, &r->up2);
-    rescale_forward(r->r1, r->c1, &r->grow1);
-    conv_forward(r->t1, r->e1, &r->cond1);
-    sft_forward(r->y1, r->r1, r->t1, 1.0f, a0 / 4, w1);
-    conv_forward(r->z1, r->y1, &r->body1);
-    conv_forward(r->c0, r->z1, &r->up1);
-    rescale_forward(r->r0, r->c0, &r->grow0);
-    conv_forward(r->t0, r->e0, &r->cond0);
-    sft_forward(r->y0, r->r0, r->t0, 1.0f, a0, w0);
-    conv_forward(r->z0, r->y0, &r->body0);
+    narrow_step_forward(&r->step[1], r->ms, r->e1, a0 / 4);
+    narrow_step_forward(&r->step[0], r->step[1].z, r->e0, a0);
 }
 
 /* The picture's corrections, added to rgb, and the field. */
@@ -293,9 +292,11 @@ static void narrow_refiner_forward_end(float *rgb, const float *coarse,
                                        size_t channels,
                                        struct narrow_refiner *r)
 {
-    conv_forward(r->photos ? r->tint : r->d, r->z0, &r->rgb);
+    const float *z = r->step[0].z;
+
+    conv_forward(r->photos ? r->tint : r->d, z, &r->rgb);
     if (r->photos) {
-        conv_forward(r->k, r->z0, &r->field);
+        conv_forward(r->k, z, &r->field);
         narrow_end_spread(r->d, r->tint, NARROW_REFINER_MAX,
                           r->batch * r->h * r->w / 16);
     }
@@ -323,11 +324,11 @@ void narrow_refiner_forward_view(float *rgb, const struct feature_view *feat,
 {
     fused_stem_forward(r->f0, rgb, feat, &r->stem);
     narrow_refiner_forward_stem(r);
-    narrow_end_set_coverage(&r->end, &r->body0, feat->alpha,
+    narrow_end_set_coverage(&r->end, &r->step[0].body, feat->alpha,
                             feat->stride / r->channels);
     narrow_refiner_forward_quarter(r);
     if (r->end.joint.u)
-        narrow_end_forward(rgb, r->k, r->z0, &r->end);
+        narrow_end_forward(rgb, r->k, r->step[0].z, &r->end);
     else
         narrow_refiner_forward_end(rgb, rgb, 3, r);
 }
@@ -348,53 +349,44 @@ void narrow_refiner_forward(float *rgb, const float *feat,
     narrow_refiner_forward_end(rgb, feat, r->channels, r);
 }
 
-/* de (written) from dt, the gradient of the condition t that map e makes. */
-static void narrow_refiner_condition_backward(float *de, float *dt,
-                                              const float *t, const float *e,
-                                              struct conv *c,
-                                              struct conditional_conv *v,
-                                              struct narrow_refiner *r)
+/* From s->dz to s->de and dx, the gradients of narrow_step_forward's e and x. */
+static void narrow_step_backward(float *dx, struct narrow_step *s,
+                                 const float *x, const float *e, size_t places,
+                                 struct narrow_refiner *r)
 {
+    conv_backward(s->dy, s->dz, s->z, s->y, &s->body);
+    sft_backward(s->dy, s->dt, s->dy, s->r, s->t, 1.0f, places, s->width);
     if (r->turns)
-        conditional_conv_backward(de, r->dturn, dt, t, e, r->turn, v);
+        conditional_conv_backward(s->de, r->dturn, s->dt, s->t, e, r->turn,
+                                  &s->conditional);
     else
-        conv_backward(de, dt, t, e, c);
+        conv_backward(s->de, s->dt, s->t, e, &s->condition);
+    rescale_backward(s->dc, s->dy, &s->grow);
+    conv_backward(dx, s->dc, s->c, x, &s->up);
 }
 
-/* The forward pass's lines from the last to the first. */
-static void narrow_refiner_decoder_backward(float *de0, float *de1, float *dm,
-                                            const float *drgb,
+/* The forward pass's lines from the last to the first, to r->dm. */
+static void narrow_refiner_decoder_backward(const float *drgb,
                                             const float *dfield,
                                             struct narrow_refiner *r)
 {
-    size_t B = r->batch, h = r->h, w = r->w, w0 = r->width, w1 = w0 * 3 / 2;
-    size_t a0 = B * h * w / 16, a1 = a0 / 4;
-    float *dz0 = r->g0[1], *dy0 = r->g0[2];
+    struct narrow_step *quarter = &r->step[0], *eighth = &r->step[1];
+    size_t a0 = r->batch * r->h * r->w / 16;
+    float *dz = quarter->dz, *more = quarter->de;
 
-    space_to_depth(r->dd, drgb, B, h, w, 3, 4);
+    space_to_depth(r->dd, drgb, r->batch, r->h, r->w, 3, 4);
     if (r->photos) {
         narrow_end_spread_backward(r->dtint, r->dd, r->tint,
                                    NARROW_REFINER_MAX, a0);
-        conv_backward(dz0, r->dtint, r->tint, r->z0, &r->rgb);
+        conv_backward(dz, r->dtint, r->tint, quarter->z, &r->rgb);
         memcpy(r->dk, dfield, a0 * NARROW_REFINER_FIELD * sizeof *r->dk);
-        conv_backward(r->g0[0], r->dk, r->k, r->z0, &r->field);
-        image_add(dz0, r->g0[0], a0 * w0);
+        conv_backward(more, r->dk, r->k, quarter->z, &r->field);
+        image_add(dz, more, a0 * r->width);
     } else {
-        conv_backward(dz0, r->dd, r->d, r->z0, &r->rgb);
+        conv_backward(dz, r->dd, r->d, quarter->z, &r->rgb);
     }
-    conv_backward(dy0, dz0, r->z0, r->y0, &r->body0);
-    sft_backward(dy0, r->dst0, dy0, r->r0, r->t0, 1.0f, a0, w0);
-    narrow_refiner_condition_backward(de0, r->dst0, r->t0, r->e0, &r->cond0,
-                                      &r->conditional0, r);
-    float *dc0 = r->g1[1], *dz1 = r->g1[2], *dy1 = r->g1[3];
-    rescale_backward(dc0, dy0, &r->grow0);
-    conv_backward(dz1, dc0, r->c0, r->z1, &r->up1);
-    conv_backward(dy1, dz1, r->z1, r->y1, &r->body1);
-    sft_backward(dy1, r->dst1, dy1, r->r1, r->t1, 1.0f, a1, w1);
-    narrow_refiner_condition_backward(de1, r->dst1, r->t1, r->e1, &r->cond1,
-                                      &r->conditional1, r);
-    rescale_backward(r->g2[1], dy1, &r->grow1);
-    conv_backward(dm, r->g2[1], r->c1, r->ms, &r->up2);
+    narrow_step_backward(eighth->dz, quarter, eighth->z, r->e0, a0, r);
+    narrow_step_backward(r->dm, eighth, r->ms, r->e1, a0 / 4, r);
 }
 
 /* From de0 to the photograph (dphoto written unless NULL); de0 becomes the
@@ -409,19 +401,19 @@ static void narrow_refiner_photo_backward(float *dphoto, float *de0,
 void narrow_refiner_backward(float *dfeat, float *dphoto, const float *drgb,
                              const float *dfield, struct narrow_refiner *r)
 {
-    size_t w0 = r->width, w1 = w0 * 3 / 2, w2 = 2 * w0, C = r->channels;
-    size_t a0 = r->batch * r->h * r->w / 16, a1 = a0 / 4, a2 = a1 / 4;
-    float *de0 = r->g0[0], *de1 = r->g1[0], *dm = r->g2[0], *de2 = r->g2[1];
+    struct narrow_step *quarter = &r->step[0], *eighth = &r->step[1];
+    size_t a0 = r->batch * r->h * r->w / 16, C = r->channels;
+    float *de0 = quarter->de, *de1 = eighth->de;
 
     memset(r->dturn, 0, sizeof r->dturn);
-    narrow_refiner_decoder_backward(de0, de1, dm, drgb, dfield, r);
-    squeeze_excite_backward(dm, dm, r->m, &r->style);
-    conv_backward(de2, dm, r->m, r->e2, &r->mid);
-    image_add(de2, dm, a2 * w2);
-    conv_backward(r->g1[1], de2, r->e2, r->e1, &r->down2);
-    image_add(de1, r->g1[1], a1 * w1);
-    conv_backward(r->g0[1], de1, r->e1, r->e0, &r->down1);
-    image_add(de0, r->g0[1], a0 * w0);
+    narrow_refiner_decoder_backward(drgb, dfield, r);
+    squeeze_excite_backward(r->dm, r->dm, r->m, &r->style);
+    conv_backward(r->de2, r->dm, r->m, r->e2, &r->mid);
+    image_add(r->de2, r->dm, a0 / 16 * 2 * r->width);
+    conv_backward(eighth->dz, r->de2, r->e2, r->e1, &r->down2);
+    image_add(de1, eighth->dz, a0 / 4 * eighth->width);
+    conv_backward(quarter->dz, de1, r->e1, r->e0, &r->down1);
+    image_add(de0, quarter->dz, a0 * quarter->width);
     if (r->photos)
         narrow_refiner_photo_backward(dphoto, de0, r);
     conv_backward(r->df, de0, r->e0, r->f0, &r->stem1);
@@ -437,20 +429,21 @@ void narrow_refiner_backward(float *dfeat, float *dphoto, const float *drgb,
 /* ---- as a graph ------------------------------------------------------------
  */
 
-/* y = r (1 + s) + t, s and t the halves of what the condition's layer makes of
- * the map e. */
-static int narrow_refiner_condition_graph(struct graph *g, int r, int e,
-                                          int turn, size_t C,
-                                          const struct conv *c,
-                                          const struct conditional_conv *v)
+/* To h x w pixels: body(r (1 + s) + t), s and t the halves of what the
+ * condition's layer makes of the map e. */
+static int narrow_step_graph(struct graph *g, int x, int e, int turn, size_t h,
+                             size_t w, const struct narrow_step *step)
 {
-    int st = turn < 0 ? graph_conv(g, e, c)
-                      : graph_conditional_conv(g, e, turn, v);
+    const size_t C = step->width;
+    int r = graph_resize(g, graph_conv(g, x, &step->up), C, h, w);
+    int st = turn < 0 ? graph_conv(g, e, &step->condition)
+                      : graph_conditional_conv(g, e, turn, &step->conditional);
     int s = GRAPH_NODE(g, "Add", graph_slice(g, st, 1, 0, C),
                        graph_real(g, 1));
 
-    return GRAPH_NODE(g, "Add", GRAPH_NODE(g, "Mul", r, s),
-                      graph_slice(g, st, 1, C, 2 * C));
+    x = GRAPH_NODE(g, "Add", GRAPH_NODE(g, "Mul", r, s),
+                   graph_slice(g, st, 1, C, 2 * C));
+    return graph_conv(g, x, &step->body);
 }
 
 /* The way down to a quarter. */
@@ -469,7 +462,6 @@ static int narrow_refiner_stem_graph(struct graph *g, int features, size_t h,
 void narrow_refiner_graph(struct graph *g, size_t h, size_t w,
                           const struct narrow_refiner *r)
 {
-    const size_t w0 = r->width, w1 = w0 * 3 / 2;
     int features = graph_maps(g, GRAPH_INPUT(g, "features", 1, h, w,
                                              r->channels));
     int turn = r->turns ? GRAPH_INPUT(g, "turn", RELATIVE_POSE_SIZE) : -1;
@@ -477,16 +469,10 @@ void narrow_refiner_graph(struct graph *g, size_t h, size_t w,
     int e1 = graph_conv(g, e0, &r->down1);
     int e2 = graph_conv(g, e1, &r->down2);
     int m = graph_conv_add(g, e2, e2, &r->mid);
-    int x = graph_conv(g, graph_squeeze_excite(g, m, &r->style), &r->up2);
+    int x = graph_squeeze_excite(g, m, &r->style);
 
-    x = graph_resize(g, x, w1, h / 8, w / 8);
-    x = narrow_refiner_condition_graph(g, x, e1, turn, w1, &r->cond1,
-                                       &r->conditional1);
-    x = graph_conv(g, graph_conv(g, x, &r->body1), &r->up1);
-    x = graph_resize(g, x, w0, h / 4, w / 4);
-    x = narrow_refiner_condition_graph(g, x, e0, turn, w0, &r->cond0,
-                                       &r->conditional0);
-    x = graph_conv(g, x, &r->body0);
+    x = narrow_step_graph(g, x, e1, turn, h / 8, w / 8, &r->step[1]);
+    x = narrow_step_graph(g, x, e0, turn, h / 4, w / 4, &r->step[0]);
     int d = graph_conv(g, x, &r->rgb);
     if (r->photos) {
         GRAPH_OUTPUT(g, graph_rows(g, graph_conv(g, x, &r->field)), "field",

@@ -22,32 +22,41 @@
 #include "lib/nn/squeeze_excite.h"
 #include "lib/nn/conditional_conv.h"
 
+/* A step of the way up: grown to twice the size, conditioned on the map of that
+ * size of the way down, and drawn. */
+struct narrow_step {
+    size_t width;                 /* its channels */
+    struct conv up;
+    struct rescale grow;
+    struct conv condition, body;
+    struct conditional_conv conditional;    /* of condition, when turns */
+    /* activations, in the order of the forward pass, and gradients */
+    float *c, *r, *t, *y, *z;
+    float *dc, *dt, *dy, *dz, *de;          /* de: of the way down's map */
+};
+
 struct narrow_refiner {
     struct nn_plan plan;
     struct params *ps;
     size_t channels, width, batch, h, w;
     struct conv stem0, stem1;     /* 2x2 stride 2, twice: S -> S/4 */
     struct conv down1, down2;     /* 3x3 stride 2: S/8, S/16 */
-    struct conv mid, up2;
+    struct conv mid;
     struct squeeze_excite style;
-    struct conv cond1, body1, up1, cond0, body0, rgb;
+    struct narrow_step step[2];   /* to S/4, to S/8 */
+    struct conv rgb;
     struct conv photo0, photo1, field;      /* when photos */
-    struct conditional_conv conditional1, conditional0; /* of cond1, cond0;
-                                                         * when turns */
     struct fused_stem stem;       /* stem0 in inference, where it fits */
     struct narrow_end end;        /* rgb and field, the same */
     bool fused, turns, photos;
     const float *photo;           /* (B,h,w,5) of the frame, when photos */
     float turn[RELATIVE_POSE_SIZE];     /* when turns */
     float dturn[RELATIVE_POSE_SIZE];
-    struct rescale grow1, grow0;
     const float *feat;
     /* activations, in the order of the forward pass */
-    float *f0, *p0, *e0, *e1, *e2, *m, *ms;
-    float *c1, *r1, *t1, *y1, *z1, *c0, *r0, *t0, *y0, *z0, *d, *tint, *k;
+    float *f0, *p0, *e0, *e1, *e2, *m, *ms, *d, *tint, *k;
     /* gradients */
-    float *g0[3], *g1[4], *g2[3], *dst0, *dst1, *df, *dd;
-    float *dp, *dtint, *dk;
+    float *de2, *dm, *df, *dd, *dp, *dtint, *dk;
 };
 
 #define NARROW_REFINER_PHOTO 5  /* numbers of a pixel of the photograph */

@@ -33,14 +33,15 @@ static int avatars_configure(struct avatar_config *config,
 
 /* --encoders: theirs into the output and its configuration. */
 static int avatars_encoders(struct convert *c, struct avatar_config *config,
-                            const struct convert_options *o, struct error *err)
+                            struct error *err)
 {
+    const struct convert_options *with = c->with;
     struct headed h;
     int rc;
 
-    if (!o->encoders)
+    if (!with->encoders)
         return 0;
-    rc = headed_open(&h, o->encoders, o->from_head, o->head, err) ||
+    rc = headed_open(&h, with->encoders, with->from_head, with->head, err) ||
                  headed_encoders(c, &h, err)
              ? -1
              : 0;
@@ -56,8 +57,7 @@ static int avatars_encoders(struct convert *c, struct avatar_config *config,
     return rc;
 }
 
-int convert_gagavatar(struct convert *c, const struct convert_options *o,
-                      struct error *err)
+int convert_gagavatar(struct convert *c, struct error *err)
 {
     const size_t any[2] = {0, 0};
     char prefix[TENSORFILE_NAME];
@@ -68,7 +68,7 @@ int convert_gagavatar(struct convert *c, const struct convert_options *o,
     size_t i;
     int rc = -1;
 
-    if (avatars_configure(&config, SYSTEM_GAGAVATAR, o->config, err))
+    if (avatars_configure(&config, SYSTEM_GAGAVATAR, c->with->config, err))
         return -1;
     convert_prefix(prefix, c, 0, "head_base");
     i = convert_find(c, 0, prefix, "head_base", 2, any, false);
@@ -78,7 +78,7 @@ int convert_gagavatar(struct convert *c, const struct convert_options *o,
         !gagavatar_init_refiner(&r, &ps, &config, err))
         rc = convert_take_params(c, 0, prefix, &ps, "", "", err);
     if (rc == 0)
-        rc = avatars_encoders(c, &config, o, err);
+        rc = avatars_encoders(c, &config, err);
     headed_describe(c, &config);
     gagavatar_release(&g);
     refiner_release(&r);
@@ -104,8 +104,7 @@ static void lam_pass_over(struct convert *c, const char *prefix)
     }
 }
 
-int convert_lam(struct convert *c, const struct convert_options *o,
-                struct error *err)
+int convert_lam(struct convert *c, struct error *err)
 {
     char prefix[TENSORFILE_NAME];
     struct avatar_config config;
@@ -113,7 +112,7 @@ int convert_lam(struct convert *c, const struct convert_options *o,
     struct params ps;
     int rc = -1;
 
-    if (avatars_configure(&config, SYSTEM_LAM, o->config, err))
+    if (avatars_configure(&config, SYSTEM_LAM, c->with->config, err))
         return -1;
     convert_prefix(prefix, c, 0, "pcl_embed.mlp.weight");
     params_init(&ps);
@@ -121,7 +120,7 @@ int convert_lam(struct convert *c, const struct convert_options *o,
         rc = convert_take_params(c, 0, prefix, &ps, "", "", err);
     lam_pass_over(c, prefix);
     if (rc == 0)
-        rc = avatars_encoders(c, &config, o, err);
+        rc = avatars_encoders(c, &config, err);
     headed_describe(c, &config);
     lam_release(&l);
     params_release(&ps);

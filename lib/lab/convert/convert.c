@@ -294,7 +294,8 @@ int convert_as(struct convert *c, struct tensorfile *f, const char *kind,
     if (!convert_kinds[k])
         return error_set(err, EX_USAGE, "unknown kind '%s'", kind);
     convert_set_meta(c, "kind", kind);
-    if (kind_run[k](c, o, err))
+    c->with = o;
+    if (kind_run[k](c, err))
         return -1;
     for (int i = 1; i < CONVERT_FILES && c->file[i]; i++) {
         char key[40];

@@ -31,8 +31,20 @@ struct convert_tensor {
     size_t index;
 };
 
+/* Files beside FILE that a kind takes; NULL: not given. */
+struct convert_options {
+    const char *eyelids;        /* FLAME: one file, or "LEFT,RIGHT" */
+    const char *landmarks;      /* FLAME: the landmark embedding */
+    const char *linear;         /* LPIPS: the linear weights */
+    const char *config;         /* GAGAvatar: its configuration, JSON */
+    const char *encoders;       /* GAGAvatar: a model with E_m and E_beta */
+    const char *head;           /* the head that models come to fit, */
+    const char *from_head;      /* and theirs until now */
+};
+
 struct convert {
     struct arena memory;        /* of names, texts and data */
+    const struct convert_options *with;     /* what convert_as was given */
     struct tensorfile *file[CONVERT_FILES];   /* borrowed; [0] is FILE */
     bool *used[CONVERT_FILES];
     struct convert_tensor *tensor;
@@ -46,17 +58,6 @@ struct convert {
     char *meta[2 * CONVERT_META + 1];   /* key, value, .., NULL */
     size_t nmeta;
     void *scratch;              /* of the last tensor that was converted */
-};
-
-/* Files beside FILE that a kind takes; NULL: not given. */
-struct convert_options {
-    const char *eyelids;        /* FLAME: one file, or "LEFT,RIGHT" */
-    const char *landmarks;      /* FLAME: the landmark embedding */
-    const char *linear;         /* LPIPS: the linear weights */
-    const char *config;         /* GAGAvatar: its configuration, JSON */
-    const char *encoders;       /* GAGAvatar: a model with E_m and E_beta */
-    const char *head;           /* the head that models come to fit, */
-    const char *from_head;      /* and theirs until now */
 };
 
 /* Names of the kinds, ended by NULL. */

@@ -331,9 +331,9 @@ static int flame_take_eyelids(struct flame *m, const char *path,
 
 /* All of a FLAME head; 0 without doing anything when its sizes cannot be
  * told. */
-static int flame_convert(struct flame *m, const struct convert_options *o,
-                         struct error *err)
+static int flame_convert(struct flame *m, struct error *err)
 {
+    const struct convert_options *with = m->c->with;
     int file = 0;
 
     convert_prefix(m->prefix, m->c, 0, "v_template");
@@ -341,26 +341,26 @@ static int flame_convert(struct flame *m, const struct convert_options *o,
         return 0;
     if (flame_take_arrays(m, err))
         return -1;
-    if (o->landmarks && (file = convert_open(m->c, o->landmarks, err)) < 0)
+    if (with->landmarks &&
+        (file = convert_open(m->c, with->landmarks, err)) < 0)
         return -1;
     if (flame_take_landmarks(m, file, err) ||
-        (o->eyelids && flame_take_eyelids(m, o->eyelids, err)))
+        (with->eyelids && flame_take_eyelids(m, with->eyelids, err)))
         return -1;
     if (m->c->wrong) {
-        if (!o->landmarks)
+        if (!with->landmarks)
             convert_note(m->c, CONVERT_REMARK, "landmarks are a file of "
                          "their own (expected --landmarks FILE)");
         return 0;
     }
-    return flame_load_mesh(m, err) || flame_derive(m, !o->eyelids, err) ? -1
-                                                                        : 0;
+    return flame_load_mesh(m, err) || flame_derive(m, !with->eyelids, err)
+               ? -1 : 0;
 }
 
-int convert_flame(struct convert *c, const struct convert_options *o,
-                  struct error *err)
+int convert_flame(struct convert *c, struct error *err)
 {
     struct flame m = {.c = c};
-    int rc = flame_convert(&m, o, err);
+    int rc = flame_convert(&m, err);
 
     arena_release(&m.room);
     return rc;

@@ -249,17 +249,16 @@ void headed_describe(struct convert *c, const struct avatar_config *config)
     cJSON_free(json);
 }
 
-int convert_model(struct convert *c, const struct convert_options *o,
-                  struct error *err)
+int convert_model(struct convert *c, struct error *err)
 {
     struct headed h;
     int rc = -1;
 
-    if (!o->head)
+    if (!c->with->head)
         return error_set(err, EX_USAGE, "no head to move the model to "
                          "(expected --head FILE, and --from-head FILE)");
-    if (headed_open(&h, tensorfile_path(c->file[0]), o->from_head, o->head,
-                    err))
+    if (headed_open(&h, tensorfile_path(c->file[0]), c->with->from_head,
+                    c->with->head, err))
         goto out;
     if (h.config.system != SYSTEM_SPID) {
         error_set(err, EX_CONFIG, "%s: the model is not SpiD's",

@@ -72,15 +72,13 @@ static int musiq_take_heads(struct convert *c, const char *prefix,
     return musiq_take(c, prefix, to, from, 3, false, err);
 }
 
-int convert_musiq(struct convert *c, const struct convert_options *o,
-                  struct error *err)
+int convert_musiq(struct convert *c, struct error *err)
 {
     char prefix[TENSORFILE_NAME];
     struct musiq net = {0};
     struct params ps;
     int rc = 0;
 
-    (void)o;
     params_init(&ps);
     musiq_declare(&net, &ps);
     convert_prefix(prefix, c, 0, "conv_root.weight");

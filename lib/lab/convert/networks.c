@@ -50,14 +50,12 @@ static int network_take_transformer(struct convert *c, const char *prefix,
     return rc;
 }
 
-int convert_dinov2(struct convert *c, const struct convert_options *o,
-                   struct error *err)
+int convert_dinov2(struct convert *c, struct error *err)
 {
     const size_t any[3] = {1, 1, 0};
     char prefix[TENSORFILE_NAME];
     size_t i;
 
-    (void)o;
     convert_prefix(prefix, c, 0, "cls_token");
     i = convert_find(c, 0, prefix, "cls_token", 3, any, false);
     if (i == SIZE_MAX)
@@ -166,8 +164,7 @@ static void network_smirk_config(struct convert *c)
     headed_describe(c, &config);
 }
 
-int convert_smirk(struct convert *c, const struct convert_options *o,
-                  struct error *err)
+int convert_smirk(struct convert *c, struct error *err)
 {
     struct motion_encoder motion;
     struct shape_encoder shape;
@@ -175,7 +172,6 @@ int convert_smirk(struct convert *c, const struct convert_options *o,
     char prefix[TENSORFILE_NAME];
     int rc = -1;
 
-    (void)o;
     convert_prefix(prefix, c, 0, "shape_encoder.shape_layers.0.weight");
     network_smirk_config(c);
     if (!network_smirk_declare(&ps, &motion, &shape, err) &&
@@ -203,10 +199,9 @@ static const char *const alexnet[][2] = {
     {"features.10.", "net.slice5.10."},
 };
 
-int convert_lpips(struct convert *c, const struct convert_options *o,
-                  struct error *err)
+int convert_lpips(struct convert *c, struct error *err)
 {
-    const int lin = o->linear ? convert_open(c, o->linear, err) : 0;
+    const int lin = c->with->linear ? convert_open(c, c->with->linear, err) : 0;
     const size_t any[4] = {0};
     char prefix[TENSORFILE_NAME];
     struct lpips net;
@@ -251,14 +246,12 @@ static size_t network_rows(const void *file, const char *name)
                ? tensorfile_at(f->file, i)->dim[0] : 0;
 }
 
-int convert_arcface(struct convert *c, const struct convert_options *o,
-                    struct error *err)
+int convert_arcface(struct convert *c, struct error *err)
 {
     struct iresnet *net = arena_take(&c->memory, 1, sizeof *net);
     struct network_file f = {.file = c->file[0]};
     int rc = arena_check(&c->memory, "a network", err);
 
-    (void)o;
     if (rc)
         return -1;
     convert_prefix(f.prefix, c, 0, "layer1.0.conv1.weight");
@@ -284,15 +277,13 @@ static void network_pass_over_idle(struct convert *c, const char *prefix)
     }
 }
 
-int convert_topiq(struct convert *c, const struct convert_options *o,
-                  struct error *err)
+int convert_topiq(struct convert *c, struct error *err)
 {
     char prefix[TENSORFILE_NAME];
     struct topiq net = {0};
     struct params ps;
     int rc = 0;
 
-    (void)o;
     params_init(&ps);
     topiq_declare(&net, &ps);
     convert_prefix(prefix, c, 0, "h_emb");
@@ -348,8 +339,7 @@ static int network_squeeze_first(struct convert *c, const char *prefix,
     return shift ? 0 : -1;
 }
 
-int convert_squeezenet(struct convert *c, const struct convert_options *o,
-                       struct error *err)
+int convert_squeezenet(struct convert *c, struct error *err)
 {
     const size_t classes[4] = {1000, 512, 1, 1};
     char prefix[TENSORFILE_NAME], name[40];
@@ -357,7 +347,6 @@ int convert_squeezenet(struct convert *c, const struct convert_options *o,
     struct params ps;
     int rc;
 
-    (void)o;
     convert_prefix(prefix, c, 0, "features.0.weight");
     params_init(&ps);
     squeezenet_init(&net, &ps, "");
@@ -394,14 +383,12 @@ static int network_fan_take(struct convert *c, const char *prefix,
     return rc;
 }
 
-int convert_fan(struct convert *c, const struct convert_options *o,
-                struct error *err)
+int convert_fan(struct convert *c, struct error *err)
 {
     const size_t any[1] = {0};
     char prefix[TENSORFILE_NAME], name[40];
     size_t i, width = 0, stacks = 0;
 
-    (void)o;
     convert_prefix(prefix, c, 0, "m0.b1_4.bn1.weight");
     for (; stacks < FAN_STACKS; stacks++) {
         snprintf(name, sizeof name, "m%zu.b1_4.bn1.weight", stacks);

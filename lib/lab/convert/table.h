@@ -45,8 +45,7 @@ int convert_take_params(struct convert *c, int file, const char *prefix,
 void convert_set_meta(struct convert *c, const char *key, const char *value);
 
 /* The kinds.  c->file[0] is open. */
-typedef int convert_kind(struct convert *c, const struct convert_options *o,
-                         struct error *err);
+typedef int convert_kind(struct convert *c, struct error *err);
 convert_kind convert_flame, convert_dinov2, convert_smirk, convert_gagavatar,
     convert_lam, convert_lpips, convert_arcface, convert_musiq,
     convert_topiq, convert_squeezenet, convert_fan, convert_model;

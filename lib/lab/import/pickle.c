@@ -10,39 +10,32 @@
 
 /* ---- opcodes: containers ------------------------------------------------ */
 
-static int pickle_op_mark(struct pickle_machine *m, int kind, size_t n)
+static int pickle_op_empty(struct pickle_machine *m)
 {
-    (void)kind, (void)n;
-    return pickle_push_mark(m);
-}
-
-static int pickle_op_empty(struct pickle_machine *m, int kind, size_t n)
-{
-    (void)n;
-    return pickle_push(m, pickle_make(m, kind));
+    return pickle_push(m, pickle_make(m, m->kind));
 }
 
 /* A container of everything above the mark. */
-static int pickle_op_marked(struct pickle_machine *m, int kind, size_t n)
+static int pickle_op_marked(struct pickle_machine *m)
 {
     size_t from = pickle_marked(m);
     struct pickle_value *v;
 
-    (void)n;
     if (!from)
         return -1;
-    if (kind == PICKLE_DICT && (m->top - from) % 2)
+    if (m->kind == PICKLE_DICT && (m->top - from) % 2)
         return pickle_fail(m, "a key without a value");
-    v = pickle_make(m, kind);
+    v = pickle_make(m, m->kind);
     if (!v || pickle_move(m, &v->u.list, from))
         return -1;
     return pickle_push(m, v);
 }
 
 /* A tuple of the topmost n values. */
-static int pickle_op_tuple(struct pickle_machine *m, int kind, size_t n)
+static int pickle_op_tuple(struct pickle_machine *m)
 {
-    struct pickle_value *v = pickle_make(m, kind);
+    size_t n = m->n;
+    struct pickle_value *v = pickle_make(m, m->kind);
 
     if (!v || pickle_reserve(m, &v->u.list, n))
         return -1;
@@ -68,29 +61,28 @@ static struct pickle_list *pickle_open(struct pickle_machine *m,
 }
 
 /* Everything above the mark into the container below it. */
-static int pickle_op_add_marked(struct pickle_machine *m, int kind, size_t n)
+static int pickle_op_add_marked(struct pickle_machine *m)
 {
     size_t from = pickle_marked(m);
     struct pickle_list *to;
 
-    (void)n;
     if (!from)
         return -1;
-    to = pickle_open(m, from > 1 ? m->stack[from - 2] : NULL, kind);
-    if (to && kind == PICKLE_DICT && (m->top - from) % 2)
+    to = pickle_open(m, from > 1 ? m->stack[from - 2] : NULL, m->kind);
+    if (to && m->kind == PICKLE_DICT && (m->top - from) % 2)
         return pickle_fail(m, "a key without a value");
     return to ? pickle_move(m, to, from) : -1;
 }
 
 /* The topmost n values (1, or 2: key and value) into the container below. */
-static int pickle_op_add(struct pickle_machine *m, int kind, size_t n)
+static int pickle_op_add(struct pickle_machine *m)
 {
     struct pickle_value *v = pickle_pop(m);
-    struct pickle_value *key = v && n == 2 ? pickle_pop(m) : v;
+    struct pickle_value *key = v && m->n == 2 ? pickle_pop(m) : v;
     struct pickle_value *below = key ? pickle_top(m) : NULL;
-    struct pickle_list *to = below ? pickle_open(m, below, kind) : NULL;
+    struct pickle_list *to = below ? pickle_open(m, below, m->kind) : NULL;
 
-    if (!to || (n == 2 && pickle_append(m, to, key)))
+    if (!to || (m->n == 2 && pickle_append(m, to, key)))
         return -1;
     return pickle_append(m, to, v);
 }
@@ -98,9 +90,8 @@ static int pickle_op_add(struct pickle_machine *m, int kind, size_t n)
 /* ---- opcodes: the stack and the memo ------------------------------------ */
 
 /* POP: the topmost value goes, or a mark. */
-static int pickle_op_pop(struct pickle_machine *m, int kind, size_t n)
+static int pickle_op_pop(struct pickle_machine *m)
 {
-    (void)kind, (void)n;
     if (!m->top)
         return pickle_fail(m, "the stack is empty");
     m->top--;                   /* a mark too */
@@ -108,29 +99,27 @@ static int pickle_op_pop(struct pickle_machine *m, int kind, size_t n)
 }
 
 /* POP_MARK: all down to the last mark goes, and the mark. */
-static int pickle_op_pop_mark(struct pickle_machine *m, int kind, size_t n)
+static int pickle_op_pop_mark(struct pickle_machine *m)
 {
     size_t from = pickle_marked(m);
 
-    (void)kind, (void)n;
     if (from)
         m->top = from - 1;
     return from ? 0 : -1;
 }
 
-static int pickle_op_dup(struct pickle_machine *m, int kind, size_t n)
+static int pickle_op_dup(struct pickle_machine *m)
 {
-    (void)kind, (void)n;
     return pickle_push(m, pickle_top(m));
 }
 
-/* An index into the memo: n bytes, or with n = 0 a decimal line. */
-static int pickle_memo_index(struct pickle_machine *m, size_t n, uint64_t *i)
+/* An index into the memo: so many bytes, or none and a decimal line. */
+static int pickle_memo_index(struct pickle_machine *m, uint64_t *i)
 {
     char line[PICKLE_LINE], *end;
 
-    if (n)
-        return pickle_number(m, n, i);
+    if (m->n)
+        return pickle_number(m, m->n, i);
     if (pickle_number_line(m, line))
         return -1;
     *i = strtoull(line, &end, 10);
@@ -140,26 +129,23 @@ static int pickle_memo_index(struct pickle_machine *m, size_t n, uint64_t *i)
 }
 
 /* PUT and its kin: the topmost value is remembered under a number. */
-static int pickle_op_put(struct pickle_machine *m, int kind, size_t n)
+static int pickle_op_put(struct pickle_machine *m)
 {
     uint64_t i;
 
-    (void)kind;
-    return pickle_memo_index(m, n, &i) ? -1 : pickle_memo_put(m, i);
+    return pickle_memo_index(m, &i) ? -1 : pickle_memo_put(m, i);
 }
 
 /* GET and its kin: what was remembered, once more. */
-static int pickle_op_get(struct pickle_machine *m, int kind, size_t n)
+static int pickle_op_get(struct pickle_machine *m)
 {
     uint64_t i;
 
-    (void)kind;
-    return pickle_memo_index(m, n, &i) ? -1 : pickle_memo_get(m, i);
+    return pickle_memo_index(m, &i) ? -1 : pickle_memo_get(m, i);
 }
 
-static int pickle_op_memoize(struct pickle_machine *m, int kind, size_t n)
+static int pickle_op_memoize(struct pickle_machine *m)
 {
-    (void)kind, (void)n;
     return pickle_memo_put(m, m->memoized);
 }
 
@@ -189,23 +175,21 @@ static struct pickle_value *pickle_make_name(struct pickle_machine *m,
 }
 
 /* GLOBAL: module and name, a line each. */
-static int pickle_op_global(struct pickle_machine *m, int kind, size_t n)
+static int pickle_op_global(struct pickle_machine *m)
 {
     struct pickle_text module, name;
 
-    (void)kind, (void)n;
     if (pickle_line(m, &module) || pickle_line(m, &name))
         return -1;
     return pickle_push(m, pickle_make_name(m, module, name));
 }
 
 /* STACK_GLOBAL: module and name from the stack. */
-static int pickle_op_stack_global(struct pickle_machine *m, int kind, size_t n)
+static int pickle_op_stack_global(struct pickle_machine *m)
 {
     struct pickle_value *name = pickle_pop(m);
     struct pickle_value *module = name ? pickle_pop(m) : NULL;
 
-    (void)kind, (void)n;
     if (!module)
         return -1;
     if (name->kind != PICKLE_TEXT || module->kind != PICKLE_TEXT)
@@ -227,14 +211,13 @@ static int pickle_push_object(struct pickle_machine *m,
 }
 
 /* INST: module and name, a line each, of everything above the mark. */
-static int pickle_op_inst(struct pickle_machine *m, int kind, size_t n)
+static int pickle_op_inst(struct pickle_machine *m)
 {
     struct pickle_text module, name;
     struct pickle_value *class;
     struct pickle_list values = {0};
     size_t from;
 
-    (void)kind, (void)n;
     if (pickle_line(m, &module) || pickle_line(m, &name))
         return -1;
     class = pickle_make_name(m, module, name);
@@ -245,23 +228,21 @@ static int pickle_op_inst(struct pickle_machine *m, int kind, size_t n)
 }
 
 /* OBJ: the class and more, down to the mark. */
-static int pickle_op_obj(struct pickle_machine *m, int kind, size_t n)
+static int pickle_op_obj(struct pickle_machine *m)
 {
     struct pickle_list values = {0};
     size_t from = pickle_marked(m);
 
-    (void)kind, (void)n;
     if (!from || pickle_move(m, &values, from))
         return -1;
     return pickle_push_object(m, values.n ? values.item[0] : NULL, &values);
 }
 
 /* NEWOBJ_EX: a class, a tuple and a dict. */
-static int pickle_op_newobj_ex(struct pickle_machine *m, int kind, size_t n)
+static int pickle_op_newobj_ex(struct pickle_machine *m)
 {
     struct pickle_value *item[3];
 
-    (void)kind, (void)n;
     for (int i = 2; i >= 0; i--)
         if (!(item[i] = pickle_pop(m)))
             return -1;
@@ -270,31 +251,28 @@ static int pickle_op_newobj_ex(struct pickle_machine *m, int kind, size_t n)
 
 /* PERSID: a line, EXT: n bytes, which say nothing outside of the program that
  * wrote them. */
-static int pickle_op_private(struct pickle_machine *m, int kind, size_t n)
+static int pickle_op_private(struct pickle_machine *m)
 {
     struct pickle_text line;
     uint64_t code;
 
-    (void)kind;
-    if (n ? pickle_number(m, n, &code) : pickle_line(m, &line))
+    if (m->n ? pickle_number(m, m->n, &code) : pickle_line(m, &line))
         return -1;
     return pickle_push_object(m, NULL, NULL);
 }
 
-static int pickle_op_refused(struct pickle_machine *m, int kind, size_t n)
+static int pickle_op_refused(struct pickle_machine *m)
 {
-    (void)kind, (void)n;
     return pickle_fail(m, PICKLE_NO_DATA);
 }
 
 /* A name and its arguments: called (REDUCE), or made new (NEWOBJ: n = 0).  An
  * object, called, is one more. */
-static int pickle_op_call(struct pickle_machine *m, int kind, size_t n)
+static int pickle_op_call(struct pickle_machine *m)
 {
     struct pickle_value *args = pickle_pop(m);
     struct pickle_value *name = args ? pickle_pop(m) : NULL;
 
-    (void)kind;
     if (!name)
         return -1;
     if ((name->kind != PICKLE_NAME && name->kind != PICKLE_OBJECT)
@@ -306,7 +284,7 @@ static int pickle_op_call(struct pickle_machine *m, int kind, size_t n)
         return pickle_push(m, pickle_make_object(
             m, name->kind == PICKLE_OBJECT ? &name->u.object->of
                                            : name->u.name, &args->u.list));
-    if (n)
+    if (m->n)
         return pickle_push(m, pickle_call(m, name->u.name, args));
     if (args->u.list.n)
         return pickle_fail(m, "of %zu arguments (expected none)",
@@ -315,33 +293,30 @@ static int pickle_op_call(struct pickle_machine *m, int kind, size_t n)
 }
 
 /* BUILD: give the object below its state. */
-static int pickle_op_build(struct pickle_machine *m, int kind, size_t n)
+static int pickle_op_build(struct pickle_machine *m)
 {
     struct pickle_value *state = pickle_pop(m);
     struct pickle_value *object = state ? pickle_top(m) : NULL;
 
-    (void)kind, (void)n;
     return object ? pickle_build(m, object, state) : -1;
 }
 
 /* BINPERSID: what the identifier stands for, a storage of PyTorch's. */
-static int pickle_op_binpersid(struct pickle_machine *m, int kind, size_t n)
+static int pickle_op_binpersid(struct pickle_machine *m)
 {
     struct pickle_value *id = pickle_pop(m);
 
-    (void)kind, (void)n;
     return id ? pickle_push(m, pickle_persistent(m, id)) : -1;
 }
 
 /* ---- opcodes: the file -------------------------------------------------- */
 
 /* PROTO: a version that there was when this was written. */
-static int pickle_op_proto(struct pickle_machine *m, int kind, size_t n)
+static int pickle_op_proto(struct pickle_machine *m)
 {
     uint64_t version;
 
-    (void)kind;
-    if (pickle_number(m, n, &version))
+    if (pickle_number(m, m->n, &version))
         return -1;
     if (version > 5)
         return pickle_fail(m, "protocol %d (expected 0 to 5)", (int)version);
@@ -349,12 +324,11 @@ static int pickle_op_proto(struct pickle_machine *m, int kind, size_t n)
 }
 
 /* FRAME: only a promise of bytes, which must be there. */
-static int pickle_op_frame(struct pickle_machine *m, int kind, size_t n)
+static int pickle_op_frame(struct pickle_machine *m)
 {
     uint64_t bytes;
 
-    (void)kind;
-    if (pickle_number(m, n, &bytes))
+    if (pickle_number(m, m->n, &bytes))
         return -1;
     if (bytes > m->size - m->at)
         return pickle_fail(m, "%llu bytes where %zu are left",
@@ -363,9 +337,8 @@ static int pickle_op_frame(struct pickle_machine *m, int kind, size_t n)
 }
 
 /* STOP: the last value on the stack is the pickle's. */
-static int pickle_op_stop(struct pickle_machine *m, int kind, size_t n)
+static int pickle_op_stop(struct pickle_machine *m)
 {
-    (void)kind, (void)n;
     m->p->root = pickle_pop(m);
     if (!m->p->root)
         return -1;
@@ -379,11 +352,11 @@ static int pickle_op_stop(struct pickle_machine *m, int kind, size_t n)
 
 static const struct {
     const char *name;
-    int (*run)(struct pickle_machine *m, int kind, size_t n);
-    int kind;               /* of the value that it makes */
-    size_t n;               /* bytes or values that it takes */
+    int (*run)(struct pickle_machine *m);
+    enum pickle_kind kind;
+    size_t n;
 } pickle_opcode[256] = {
-    ['('] = {"MARK", pickle_op_mark, 0, 0},
+    ['('] = {"MARK", pickle_push_mark, 0, 0},
     ['.'] = {"STOP", pickle_op_stop, 0, 0},
     ['0'] = {"POP", pickle_op_pop, 0, 0},
     ['1'] = {"POP_MARK", pickle_op_pop_mark, 0, 0},
@@ -468,7 +441,9 @@ static int pickle_run(struct pickle_machine *m)
         if (!pickle_opcode[c].run)
             return error_set(m->err, EX_DATAERR, "byte %zu: 0x%02x is not an "
                              "opcode (is this a pickle?)", m->op_at, c);
-        if (pickle_opcode[c].run(m, pickle_opcode[c].kind, pickle_opcode[c].n))
+        m->kind = pickle_opcode[c].kind;
+        m->n = pickle_opcode[c].n;
+        if (pickle_opcode[c].run(m))
             return -1;
     }
     return 0;

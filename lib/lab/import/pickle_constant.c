@@ -37,17 +37,16 @@ static int pickle_push_float(struct pickle_machine *m, double f)
     return pickle_push(m, v);
 }
 
-int pickle_op_constant(struct pickle_machine *m, int kind, size_t value)
+int pickle_op_constant(struct pickle_machine *m)
 {
-    return pickle_push_int(m, kind, (int64_t)value);
+    return pickle_push_int(m, m->kind, (int64_t)m->n);
 }
 
-int pickle_op_int_line(struct pickle_machine *m, int kind, size_t n)
+int pickle_op_int_line(struct pickle_machine *m)
 {
     char line[PICKLE_LINE], *end;
     long long i;
 
-    (void)kind, (void)n;
     if (pickle_number_line(m, line))
         return -1;
     if (m->op[0] == 'I' && (!strcmp(line, "00") || !strcmp(line, "01")))
@@ -60,24 +59,22 @@ int pickle_op_int_line(struct pickle_machine *m, int kind, size_t n)
     return pickle_push_int(m, PICKLE_INT, i);
 }
 
-int pickle_op_int(struct pickle_machine *m, int kind, size_t n)
+int pickle_op_int(struct pickle_machine *m)
 {
     uint64_t i;
 
-    (void)kind;
-    if (pickle_number(m, n, &i))
+    if (pickle_number(m, m->n, &i))
         return -1;
-    return pickle_push_int(m, PICKLE_INT, n == 4 ? (int32_t)(uint32_t)i
-                                                 : (int64_t)i);
+    return pickle_push_int(m, PICKLE_INT, m->n == 4 ? (int32_t)(uint32_t)i
+                                                    : (int64_t)i);
 }
 
-int pickle_op_long(struct pickle_machine *m, int kind, size_t n)
+int pickle_op_long(struct pickle_machine *m)
 {
     const unsigned char *p;
     uint64_t bytes, i = 0;
 
-    (void)kind;
-    if (pickle_number(m, n, &bytes) || !(p = pickle_bytes(m, bytes)))
+    if (pickle_number(m, m->n, &bytes) || !(p = pickle_bytes(m, bytes)))
         return -1;
     if (bytes > 8)
         return pickle_push_text(m, PICKLE_LONG, p, (size_t)bytes);
@@ -88,12 +85,11 @@ int pickle_op_long(struct pickle_machine *m, int kind, size_t n)
     return pickle_push_int(m, PICKLE_INT, (int64_t)i);
 }
 
-int pickle_op_float_line(struct pickle_machine *m, int kind, size_t n)
+int pickle_op_float_line(struct pickle_machine *m)
 {
     char line[PICKLE_LINE], *end;
     double f;
 
-    (void)kind, (void)n;
     if (pickle_number_line(m, line))
         return -1;
     f = strtod(line, &end);
@@ -102,28 +98,27 @@ int pickle_op_float_line(struct pickle_machine *m, int kind, size_t n)
     return pickle_push_float(m, f);
 }
 
-int pickle_op_float(struct pickle_machine *m, int kind, size_t n)
+int pickle_op_float(struct pickle_machine *m)
 {
-    const unsigned char *p = pickle_bytes(m, n);
+    const unsigned char *p = pickle_bytes(m, m->n);
     uint64_t bits = 0;
     double f;
 
-    (void)kind;
     if (!p)
         return -1;
-    for (size_t i = 0; i < n; i++)
+    for (size_t i = 0; i < m->n; i++)
         bits = bits << 8 | p[i];
     memcpy(&f, &bits, sizeof f);
     return pickle_push_float(m, f);
 }
 
-int pickle_op_string(struct pickle_machine *m, int kind, size_t n)
+int pickle_op_string(struct pickle_machine *m)
 {
     uint64_t bytes;
 
-    if (pickle_number(m, n, &bytes))
+    if (pickle_number(m, m->n, &bytes))
         return -1;
-    return pickle_push_text(m, kind, pickle_bytes(m, bytes), (size_t)bytes);
+    return pickle_push_text(m, m->kind, pickle_bytes(m, bytes), (size_t)bytes);
 }
 
 /* Its value, or -1. */
@@ -167,13 +162,13 @@ static size_t pickle_put_utf8(char *out, unsigned long c)
     return n;
 }
 
-int pickle_op_text_line(struct pickle_machine *m, int kind, size_t n)
+int pickle_op_text_line(struct pickle_machine *m)
 {
     struct pickle_text line;
     const char *p, *end;
     char *out;
+    size_t n = 0;
 
-    n = 0;
     if (pickle_line(m, &line) || !(out = pickle_alloc_string(m, 2 * line.n)))
         return -1;
     for (p = line.p, end = p + line.n; p < end;) {
@@ -188,7 +183,7 @@ int pickle_op_text_line(struct pickle_machine *m, int kind, size_t n)
         n += pickle_put_utf8(out + n, (unsigned long)c);
         p += digits ? digits + 2 : 1;
     }
-    return pickle_push_text(m, kind, out, n);
+    return pickle_push_text(m, m->kind, out, n);
 }
 
 /* One character of a Python 2 string literal; *p moves behind it. */
@@ -214,12 +209,12 @@ static int pickle_unescape(const char **p, const char *end)
     return c;
 }
 
-int pickle_op_string_line(struct pickle_machine *m, int kind, size_t n)
+int pickle_op_string_line(struct pickle_machine *m)
 {
     struct pickle_text line;
     char *out;
+    size_t n = 0;
 
-    n = 0;
     if (pickle_line(m, &line))
         return -1;
     if (line.n < 2 || (line.p[0] != '\'' && line.p[0] != '"') ||
@@ -230,5 +225,5 @@ int pickle_op_string_line(struct pickle_machine *m, int kind, size_t n)
         return -1;
     for (const char *p = line.p + 1, *end = line.p + line.n - 1; p < end;)
         out[n++] = (char)pickle_unescape(&p, end);
-    return pickle_push_text(m, kind, out, n);
+    return pickle_push_text(m, m->kind, out, n);
 }

@@ -35,7 +35,9 @@ struct pickle_machine {
     const unsigned char *data;
     size_t size, at;        /* at: of the next byte to read */
     size_t op_at;           /* of the opcode */
-    const char *op;         /* its name */
+    const char *op;         /* its name, */
+    enum pickle_kind kind;  /* the kind of the value that it makes, */
+    size_t n;               /* and the bytes or values that it takes */
     struct pickle *p;
     struct pickle_value **stack;    /* NULL: a mark */
     size_t top, room;
@@ -168,26 +170,26 @@ struct pickle_value *pickle_torch_size(struct pickle_machine *m,
 
 /* ---- opcodes of constants (pickle_constant.c) --------------------------- */
 
-/* Each pushes a value of `kind`; n is the bytes of the number, or of the
+/* Each pushes a value of m->kind; n: m->n, the bytes of the number, or of the
  * length of the string, behind the opcode. */
 
-/* None, True and False: kind and value. */
-int pickle_op_constant(struct pickle_machine *m, int kind, size_t value);
+/* None, True and False: n is the value. */
+int pickle_op_constant(struct pickle_machine *m);
 /* A decimal line, with or without the L of Python 2. */
-int pickle_op_int_line(struct pickle_machine *m, int kind, size_t n);
+int pickle_op_int_line(struct pickle_machine *m);
 /* A number of n bytes; only four have a sign. */
-int pickle_op_int(struct pickle_machine *m, int kind, size_t n);
+int pickle_op_int(struct pickle_machine *m);
 /* Two's complement, lowest byte first, behind a length of n bytes. */
-int pickle_op_long(struct pickle_machine *m, int kind, size_t n);
+int pickle_op_long(struct pickle_machine *m);
 /* A line of text, as strtod reads it. */
-int pickle_op_float_line(struct pickle_machine *m, int kind, size_t n);
+int pickle_op_float_line(struct pickle_machine *m);
 /* Eight bytes, highest first. */
-int pickle_op_float(struct pickle_machine *m, int kind, size_t n);
+int pickle_op_float(struct pickle_machine *m);
 /* A string behind its length of n bytes. */
-int pickle_op_string(struct pickle_machine *m, int kind, size_t n);
+int pickle_op_string(struct pickle_machine *m);
 /* Latin1, and other characters as \uXXXX or \UXXXXXXXX. */
-int pickle_op_text_line(struct pickle_machine *m, int kind, size_t n);
+int pickle_op_text_line(struct pickle_machine *m);
 /* A literal of Python 2, in quotes. */
-int pickle_op_string_line(struct pickle_machine *m, int kind, size_t n);
+int pickle_op_string_line(struct pickle_machine *m);
 
 #endif
