@@ -35,8 +35,7 @@ struct http_server {
     bool ended;
 };
 
-/* ---- pictures -------------------------------------------------------------
- */
+/* ---- pictures ------------------------------------------------------------ */
 
 /* One holder less. */
 static void http_drop(struct shot *s)
@@ -122,8 +121,7 @@ static int http_write(struct http_server *s, const uint8_t *rgb, size_t width,
     return 0;
 }
 
-/* ---- those who look -------------------------------------------------------
- */
+/* ---- those who look ------------------------------------------------------ */
 
 struct viewer {
     struct http_server *server;
@@ -237,8 +235,7 @@ static struct MHD_Response *http_text(const char *type, const char *text)
     return r;
 }
 
-/* ---- the server -----------------------------------------------------------
- */
+/* ---- the server ---------------------------------------------------------- */
 
 static const char page[] =
     "<!DOCTYPE html><html lang=\"en\"><meta charset=\"utf-8\">"

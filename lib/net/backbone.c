@@ -106,8 +106,7 @@ void backbone_backward(const float *dfeatures, struct backbone *b)
         dino_base_backward(dfeatures, &b->impl->dino);
 }
 
-/* ---- as a graph ------------------------------------------------------------
- */
+/* ---- as a graph ---------------------------------------------------------- */
 
 void backbone_graph(struct graph *g, size_t input, const struct backbone *b)
 {

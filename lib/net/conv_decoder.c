@@ -223,8 +223,7 @@ void conv_decoder_backward(float *dfeatures, float *ddir, float *drgb_logit,
     }
 }
 
-/* ---- as a graph ------------------------------------------------------------
- */
+/* ---- as a graph ---------------------------------------------------------- */
 
 void conv_decoder_graph(struct graph *g, size_t n,
                         const struct conv_decoder *d)

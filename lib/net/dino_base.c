@@ -82,8 +82,7 @@ int dino_base_init(struct dino_base *d, struct params *ps, const char *prefix,
     return 0;
 }
 
-/* ---- planning -------------------------------------------------------------
- */
+/* ---- planning ------------------------------------------------------------ */
 
 /* A unit on B maps (h,w,C). */
 static void dino_unit_plan(struct residual_unit *u, struct nn_plan *p,
@@ -218,8 +217,7 @@ void dino_base_release(struct dino_base *d)
     memset(d, 0, sizeof *d);
 }
 
-/* ---- one pass -------------------------------------------------------------
- */
+/* ---- one pass ------------------------------------------------------------ */
 
 /* y += conv2(relu(conv1(relu(x)))); y holds x, and what else is summed. */
 static void dino_unit_forward(float *y, const float *x, size_t n,
@@ -321,8 +319,7 @@ const float *dino_base_stage(size_t s[4], const struct dino_base *d,
          : stage == DINO_REFINE ? f->o : d->feature;
 }
 
-/* ---- and back -------------------------------------------------------------
- */
+/* ---- and back ------------------------------------------------------------ */
 
 /* In the forward pass: y = ... + x + conv2(relu(conv1(relu(x)))).
  * dx (holding dy on entry) += the inner way's part; a, b are scratch. */

@@ -202,8 +202,7 @@ void dinov2_release(struct dinov2 *d)
     memset(d, 0, sizeof *d);
 }
 
-/* ---- one pass -------------------------------------------------------------
- */
+/* ---- one pass ------------------------------------------------------------ */
 
 PARALLEL(dinov2_forward_part, k, struct dinov2_impl *, im,
          const struct params *, ps, float *, x, size_t, T, size_t, R, size_t, E)
@@ -266,8 +265,7 @@ const float *dinov2_position(const struct dinov2 *d)
     return d->impl->position;
 }
 
-/* ---- and back -------------------------------------------------------------
- */
+/* ---- and back ------------------------------------------------------------ */
 
 /* The embeddings: dcls, dpos, and the patches' gradient to ds. */
 static void dinov2_embedding_backward(struct dinov2 *d)

@@ -257,8 +257,7 @@ void gaussian_head_backward(float *draw, float *drgb_logit,
                                      h->colors + 4);
 }
 
-/* ---- as a graph ------------------------------------------------------------
- */
+/* ---- as a graph ---------------------------------------------------------- */
 
 void gaussian_head_graph(struct graph *g, int raw, int rgb_logit, size_t N,
                          const struct gaussian_head *h)

@@ -38,8 +38,7 @@ void harmonic_backward(float *ddir, const float *denc, const float *dir,
     }
 }
 
-/* ---- as a graph ------------------------------------------------------------
- */
+/* ---- as a graph ---------------------------------------------------------- */
 
 int harmonic_graph(struct graph *g, int dir)
 {

@@ -64,8 +64,7 @@ double matte_net_loss(float *dlogit, const float *logit, const float *alpha,
     return sum;
 }
 
-/* ---- as a graph ------------------------------------------------------------
- */
+/* ---- as a graph ---------------------------------------------------------- */
 
 void matte_net_graph(struct graph *g, const struct matte_net *m)
 {

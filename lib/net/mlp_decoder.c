@@ -268,8 +268,7 @@ void mlp_decoder_backward(float *dfeatures, float *ddir, float *drgb_logit,
     conv_backward(dfeatures, a, im->y[0], im->features, &im->trunk[0]);
 }
 
-/* ---- as a graph ------------------------------------------------------------
- */
+/* ---- as a graph ---------------------------------------------------------- */
 
 void mlp_decoder_graph(struct graph *g, size_t N,
                        const struct mlp_decoder *d)

@@ -102,8 +102,7 @@ struct mobilenet_impl {
     float *grad[3];               /* gradients on their way */
 };
 
-/* ---- declaring ------------------------------------------------------------
- */
+/* ---- declaring ----------------------------------------------------------- */
 
 /* Tensors under `at`: a convolution named conv, its norm named bn. */
 static void mobilenet_unit_init(struct mobilenet_unit *u,
@@ -237,8 +236,7 @@ void mobilenet_release(struct mobilenet *m)
     memset(m, 0, sizeof *m);
 }
 
-/* ---- planning -------------------------------------------------------------
- */
+/* ---- planning ------------------------------------------------------------ */
 
 /* One unit; add: the block's input is added to what it gives. */
 static void mobilenet_unit_plan(struct mobilenet_unit *u, struct nn_plan *p,
@@ -339,8 +337,7 @@ int mobilenet_plan(struct mobilenet *m, size_t batch, size_t height,
     return nn_plan_finish(p, err);
 }
 
-/* ---- one pass -------------------------------------------------------------
- */
+/* ---- one pass ------------------------------------------------------------ */
 
 /* Returns the unit's output; res (or NULL) is added to it. */
 static float *mobilenet_unit_forward(struct mobilenet_unit *u, const float *x,
@@ -481,8 +478,7 @@ const float *mobilenet_stage(size_t shape[4], const struct mobilenet *m,
     return u->y;
 }
 
-/* ---- as a graph ------------------------------------------------------------
- */
+/* ---- as a graph ---------------------------------------------------------- */
 
 static int mobilenet_unit_graph(struct graph *g, int x,
                                 const struct mobilenet_unit *u)

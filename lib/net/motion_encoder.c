@@ -160,8 +160,7 @@ void motion_encoder_backward(float *drgb, const float *dout,
     mobilenet_backward(drgb, m->dpooled, &m->net);
 }
 
-/* ---- as a graph ------------------------------------------------------------
- */
+/* ---- as a graph ---------------------------------------------------------- */
 
 void motion_encoder_graph(struct graph *g, const struct motion_encoder *m)
 {

@@ -11,8 +11,7 @@
 #define COLORS NARROW_END_COLORS
 #define TILE WINOGRAD_TILE
 
-/* ---- one correction for a place -------------------------------------------
- */
+/* ---- one correction for a place ------------------------------------------ */
 
 void narrow_end_spread(float *colors, const float *tint, float max, size_t n)
 {
@@ -38,8 +37,7 @@ void narrow_end_spread_backward(float *dtint, const float *dcolors,
     }
 }
 
-/* ---- two layers as one -----------------------------------------------------
- */
+/* ---- two layers as one --------------------------------------------------- */
 
 /* Both layers' weights, one after the other's. */
 static void narrow_end_update(void *end)
@@ -84,8 +82,7 @@ void narrow_end_plan(struct narrow_end *e, struct conv *rgb,
                                       sizeof **e->list);
 }
 
-/* ---- what is seen ----------------------------------------------------------
- */
+/* ---- what is seen -------------------------------------------------------- */
 
 /* Whether one of the cell's pixels is covered: bits of numbers that are not
  * negative. */
@@ -183,8 +180,7 @@ void narrow_end_set_coverage(struct narrow_end *e, struct conv *before,
     g->list = e->list[1];
 }
 
-/* ---- running ---------------------------------------------------------------
- */
+/* ---- running ------------------------------------------------------------- */
 
 /* rgb (4,4,3), rows `line` floats apart, += a cell's numbers. */
 static void narrow_end_add(float *rgb, size_t line, const float *cell)

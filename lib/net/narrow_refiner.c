@@ -426,8 +426,7 @@ void narrow_refiner_backward(float *dfeat, float *dphoto, const float *drgb,
             dfeat[i * C + c] += drgb[i * 3 + c];
 }
 
-/* ---- as a graph ------------------------------------------------------------
- */
+/* ---- as a graph ---------------------------------------------------------- */
 
 /* To h x w pixels: body(r (1 + s) + t), s and t the halves of what the
  * condition's layer makes of the map e. */

@@ -109,8 +109,7 @@ void plane_init_backward(float *din, const float *ddelta,
     conv_backward(din, im->grad[1], im->y[0], im->in, &im->conv[0]);
 }
 
-/* ---- as a graph ------------------------------------------------------------
- */
+/* ---- as a graph ---------------------------------------------------------- */
 
 void plane_init_graph(struct graph *g, size_t n, const struct plane_init *p)
 {

@@ -136,8 +136,7 @@ void refiner_backward(const struct refiner_gradients *g, const float *drgb,
         memcpy(g->turn, r->impl->narrow.dturn, sizeof r->impl->narrow.dturn);
 }
 
-/* ---- as a graph ------------------------------------------------------------
- */
+/* ---- as a graph ---------------------------------------------------------- */
 
 void refiner_graph(struct graph *g, size_t h, size_t w,
                    const struct refiner *r)

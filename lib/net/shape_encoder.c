@@ -66,8 +66,7 @@ void shape_encoder_backward(float *drgb, const float *dbeta,
     mobilenet_backward(drgb, s->dpooled, &s->net);
 }
 
-/* ---- as a graph ------------------------------------------------------------
- */
+/* ---- as a graph ---------------------------------------------------------- */
 
 void shape_encoder_graph(struct graph *g, const struct shape_encoder *s)
 {

@@ -175,8 +175,7 @@ void small_backbone_backward(const float *dfeatures, struct small_backbone *s)
     conv_backward(NULL, s->db[0], s->a[0], s->x, &s->down[0]);
 }
 
-/* ---- as a graph ------------------------------------------------------------
- */
+/* ---- as a graph ---------------------------------------------------------- */
 
 int small_backbone_graph(struct graph *g, int picture, size_t input,
                          const struct small_backbone *s)

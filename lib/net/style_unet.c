@@ -15,8 +15,7 @@ size_t style_unet_width(const struct style_unet *s, size_t side)
     return n < 8 ? 8 : (n + 7) / 8 * 8;
 }
 
-/* ---- declaring ------------------------------------------------------------
- */
+/* ---- declaring ----------------------------------------------------------- */
 
 /* StyleGAN2's decoder: style layers, constant input, levels from 4x4 on. */
 static void style_unet_decoder_init(struct style_unet *s, const char *prefix)
@@ -148,8 +147,7 @@ int style_unet_init(struct style_unet *s, struct params *ps,
     return 0;
 }
 
-/* ---- planning -------------------------------------------------------------
- */
+/* ---- planning ------------------------------------------------------------ */
 
 /* The way down, in the order of the forward pass. */
 static void style_unet_plan_encoder(struct style_unet *s)

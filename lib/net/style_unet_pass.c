@@ -135,6 +135,14 @@ void style_unet_forward(float *image, const float *feat, struct style_unet *s)
 
 /* ---- backward ------------------------------------------------------------ */
 
+static void style_unet_swap(float **a, float **b)
+{
+    float *was = *a;
+
+    *a = *b;
+    *b = was;
+}
+
 /* d(x scale + shift): dscale = d x, then d = d scale. */
 PARALLEL(style_unet_transform_backward, k, float *, d, float *, dscale,
          const float *, x, const float *, scale, size_t, n)
@@ -176,9 +184,7 @@ static void style_unet_level_backward(struct style_unet *s, size_t i,
                         &l->enlarge);
     style_res_backward(g[2], g[1], l->f, g[3], g[4], &l->up);
     memcpy(other->ddown, g[2], half * sizeof *g[2]);
-    float *swap = g[1];
-    g[1] = g[2];
-    g[2] = swap;
+    style_unet_swap(&g[1], &g[2]);
 }
 
 /* dlatent through the eight layers and the normalisation, to the innermost
@@ -191,9 +197,7 @@ static void style_unet_style_backward(float *dinner, struct style_unet *s)
     for (size_t i = 8; i-- > 0;) {
         conv_backward(b, a, s->style[i], i ? s->style[i - 1] : s->normal,
                       &s->mlp[i]);
-        float *swap = a;
-        a = b;
-        b = swap;
+        style_unet_swap(&a, &b);
     }
     for (size_t n = 0; n < s->batch; n++) {
         const float *c = s->code + n * Z;
@@ -233,15 +237,11 @@ static void style_unet_encoder_backward(float *dfeat, struct style_unet *s)
         if (i)
             image_add(g[1], s->level[i - 1].ddown,
                       style_res_size(&s->level[i - 1].down));
-        float *swap = g[0];
-        g[0] = g[1];
-        g[1] = swap;
+        style_unet_swap(&g[0], &g[1]);
     }
     if (s->halve) {
         style_res_backward(g[1], g[0], s->x0, g[2], g[3], &s->first_res);
-        float *swap = g[0];
-        g[0] = g[1];
-        g[1] = swap;
+        style_unet_swap(&g[0], &g[1]);
     }
     conv_backward(s->in && dfeat ? g[1] : dfeat, g[0], s->x0, s->feat,
                   &s->first);
@@ -265,9 +265,7 @@ void style_unet_backward(float *dfeat, const float *dimage,
         style_unet_level_backward(s, i,
                                   i ? s->level[i - 1].same.y : s->conv1.y,
                                   drgb, dprev);
-        float *swap = drgb;
-        drgb = dprev;
-        dprev = swap;
+        style_unet_swap(&drgb, &dprev);
     }
     to_rgb_backward(g[0], s->dlatent, NULL, drgb, s->conv1.y, s->style[7],
                     g[3], &s->rgb1);

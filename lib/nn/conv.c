@@ -75,8 +75,7 @@ void deconv_init(struct conv *c, struct params *ps, const char *name,
                          PARAM_ZERO, 0.0f);
 }
 
-/* ---- the methods -----------------------------------------------------------
- */
+/* ---- the methods --------------------------------------------------------- */
 
 /* n pixels with those before them and all that the last window sees. */
 static size_t conv_padded(size_t n, size_t before, size_t windows,
@@ -236,8 +235,7 @@ static bool conv_pointwise(const struct conv *c)
     return c->impl->method->plan == pointwise_plan;
 }
 
-/* ---- planning -------------------------------------------------------------
- */
+/* ---- planning ------------------------------------------------------------ */
 
 /* Along one axis of `size` pixels: the padding before and after, and how many
  * outputs there are. */
@@ -353,8 +351,7 @@ struct winograd *conv_winograd(struct conv *c)
                ? &c->impl->winograd : NULL;
 }
 
-/* ---- running --------------------------------------------------------------
- */
+/* ---- running ------------------------------------------------------------- */
 
 /* stage (f*f*O,in) <-> w (in,O,f,f) of a transposed convolution; back adds. */
 static void conv_shuffle_weights(const struct conv *c, float *w, bool back)

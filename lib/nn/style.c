@@ -282,8 +282,7 @@ void style_conv_backward(float *dx, float *dlatent, const float *dy,
     image_add(dlatent, s->dlatent, B * s->modulation.in);
 }
 
-/* ---- the picture ----------------------------------------------------------
- */
+/* ---- the picture --------------------------------------------------------- */
 
 void to_rgb_init(struct to_rgb *t, struct params *ps, const char *name,
                  size_t in, size_t latent, bool first)

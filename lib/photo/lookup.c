@@ -32,8 +32,7 @@ size_t texture_level(const struct texture *t, const struct splat_place_view *v,
     return best;
 }
 
-/* ---- runs of pixels ------------------------------------------------------
- */
+/* ---- runs of pixels ------------------------------------------------------ */
 
 void texture_shader_init(struct texture_shader *s, const struct texture *t,
                          const struct splat_place_view *v, size_t size,

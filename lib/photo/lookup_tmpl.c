@@ -62,8 +62,7 @@ static bool ISA(lookup_places)(struct lookup_run *r,
     return vm_any(vf_gt(max, zero));
 }
 
-/* ---- bicubic --------------------------------------------------------------
- */
+/* ---- bicubic ------------------------------------------------------------- */
 
 #define PARTS (16 / VEC)        /* vectors that hold four pixels' channels */
 
@@ -266,8 +265,7 @@ static void ISA(texture_bicubic)(float *photo, const float *u, const float *v,
     }
 }
 
-/* ---- over what was drawn -------------------------------------------------
- */
+/* ---- over what was drawn ------------------------------------------------- */
 
 /* Four pixels. */
 VEC_INLINE void lookup_mix_four(float *color, float *alpha,
