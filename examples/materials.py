@@ -1,23 +1,26 @@
 #!/usr/bin/env python3
-r"""Where people have hair and cloth, for a head's template avatar.
+r"""Where people have hair and cloth, and how far hair stands off, for a head's
+template avatar.
 
     materials.py HEAD STREAM
 
 STREAM: people of scans of the training split, each turned to SIDES sides.  The
 head that ships has these:
 
-    spid-synth --assets ASSETS --seed 61000 -n 160 --frames 5 --size 192 \
-        --turn 0,45,90,-45,-90 -o people.spid
+    spid-synth --assets ASSETS --seed 61000 -n 160 --frames 9 --size 192 \
+        --effects 0 --turn 0,30,60,90,-90,-60,-30,45:25,-45:25 -o people.spid
 
-HEAD: a head's safetensors file, of which the tensors avatar.hair, avatar.cloth,
-avatar.hair_share, avatar.cloth_share and avatar.look (lib/head/head_avatar.h) are
-written anew: STYLES ways to wear hair, each the chance of hair at every vertex,
-both sides alike, and how many wear it so; and as many of cloth where there is no
-hair.  They are mixtures of independent vertices (EM from people in the order of how
-much they show of it); the mean of all people counts as one more of each style, and
-the scalp's density (hair) as one more of all.  Of hair the bald are left out: their
-scalp goes on as hair does, in its own colour, and fair hair is easily taken for
-one.  And what tells skin from either by its colour beside the face's mean: logistic
+HEAD: a head's safetensors file, of which the tensors avatar.hair, avatar.relief,
+avatar.cloth, avatar.hair_share, avatar.cloth_share and avatar.look
+(lib/head/head_avatar.h) are written anew: STYLES ways to wear hair, each the chance
+of hair at every vertex, both sides alike, how far it stands off there, and how many
+wear it so; and as many of cloth where there is no hair.  They are mixtures of
+independent vertices (EM from people in the order of how much they show of it), of
+hair by where it is and by where it is as high as HIGH; the mean of all people counts
+as one more of each style, and the scalp's density (hair) as one more of all.  Of
+hair the bald are left out: their scalp goes on as hair does, in its own colour, and
+fair hair is easily taken for one.  Hair is as high as the person's visual hull along
+a vertex' normal (Laurentini 1994), where all views that it faces show hair.  And what tells skin from either by its colour beside the face's mean: logistic
 regressions on hue and brightness, hair or cloth of each person weighing as much as
 skin.  Needs NumPy.
 """
@@ -31,11 +34,14 @@ import numpy as np
 from meshview import nearest, project, surface
 from spidstream import read_stream
 
-SIDES = 5
+SIDES = 9
 STYLES = 6
 TURNS = 60              # of EM
 GRID = 128              # side of the depth map
 CLOSE = 0.03            # head units: two points at one depth
+HEIGHTS = np.arange(1, 31) * .025   # head units: 15 cm in all
+HIGH = 0.1              # head units: more than short hair is
+FACING, BESIDE = .2, -.15   # cosines: a view that shows a vertex, or its rim
 FACE, LIPS, SCALP = 1, 2, .5   # of the head's regions, and density of hair
 SKIN = [1, 10, 11]      # of spid-synth's labels: skin, neck, ears
 HAIR, CLOTH = 5, 8
@@ -57,11 +63,62 @@ def look(rgb, mean):
     return np.stack([np.ones_like(a), hue, hue ** 2, light, light ** 2], 1)
 
 
+def normals(verts, faces):
+    a, b, c = (verts[faces[:, k]] for k in range(3))
+    face, out = np.cross(b - a, c - a), np.zeros_like(verts)
+    for k in range(3):
+        np.add.at(out, faces[:, k], face)
+    return out / (np.linalg.norm(out, axis=1, keepdims=True) + 1e-9)
+
+
+def cosine(verts, normal, cam):
+    """Of normals and the way to the camera."""
+    p = verts @ cam[:, :3].T + cam[:, 3]
+    return -((normal @ cam[:, :3].T) * p).sum(1) / np.linalg.norm(p, axis=1)
+
+
+def height(views, faces):
+    """How far a person's hair stands off each vertex (V), from (verts, cam,
+    label) of each view."""
+    normal = [normals(verts, faces) for verts, _, _ in views]
+    best = np.max([cosine(verts, n, cam)
+                   for (verts, cam, _), n in zip(views, normal)], 0)
+    least = np.where(best > FACING, FACING, BESIDE)
+    out, up = np.zeros(len(best)), np.ones(len(best), bool)
+    for h in HEIGHTS:
+        facing, hair = np.zeros(len(best), int), np.zeros(len(best), int)
+        for (verts, cam, label), n in zip(views, normal):
+            at = verts + h * n
+            cell, inside, _ = project(at, cam, len(label))
+            what = label.ravel()[cell]
+            up &= ~inside | (what != 0)
+            shows = inside & (cosine(at, n, cam) > least)
+            facing += shows
+            hair += shows & (what == HAIR)
+        up &= (facing > 0) & (hair == facing)
+        out[up] = h
+    return out
+
+
+def smooth(values, faces):
+    """values (V,n), each the mean of itself and its neighbours, again and again:
+    ears and the steps between HEIGHTS go."""
+    edge = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    edge = np.unique(np.sort(edge, 1), axis=0)
+    degree = np.bincount(edge.ravel(), minlength=len(values))[:, None]
+    for _ in range(12):
+        about = np.zeros_like(values)
+        np.add.at(about, edge[:, 0], values[edge[:, 1]])
+        np.add.at(about, edge[:, 1], values[edge[:, 0]])
+        values = .4 * values + .6 * about / np.maximum(degree, 1)
+    return values
+
+
 def count(path, faces, region, scalp):
-    """How often hair, cloth and skin is what each vertex shows (people,3,V), and
-    looks of them, three lists of people's."""
+    """How often hair, cloth and skin is what each vertex shows (people,3,V), how
+    far hair stands off (people,V), and looks of them, three lists of people's."""
     picture, sums, looks = {}, [], ([], [], [])
-    pictures = 0
+    pictures, views, high = 0, [], []
     with open(path, "rb") as f:
         for rec in read_stream(f):
             if rec.type in ("MESH", "IMAG"):
@@ -75,6 +132,10 @@ def count(path, faces, region, scalp):
             pictures += 1
             verts, cam = (picture["MESH"][k].numpy() for k in ("verts", "cam"))
             label = picture["IMAG"]["label"].numpy()
+            views.append((verts, cam, label))
+            if len(views) == SIDES:
+                high.append(height(views, faces))
+                views = []
             seen = shown(verts, faces, cam)
             at = label.ravel()[project(verts, cam, len(label))[0]]
             hair, cloth = seen & (at == HAIR), seen & (at == CLOTH)
@@ -88,31 +149,39 @@ def count(path, faces, region, scalp):
                                             skin & (region != LIPS))):
                     to[-1].append(look(rgb[part], rgb[face].mean(0)))
             picture = {}
-    return (np.array(sums),
+    return (np.array(sums), np.array(high),
             [[np.concatenate(p) for p in of_all] for of_all in looks])
 
 
-def mixture(shows, other, first):
-    """Shares (STYLES) and chances (STYLES,V) of styles, from how often something
-    and anything else is shown (people,V); first (V): chances of one more."""
+def mixture(shows, other, first, high=None):
+    """Shares (1,STYLES), chances (V,STYLES) and heights (V,STYLES) of styles, from
+    how often something and anything else is shown (people,V) and how high it is
+    (people,V, or None); first (V): chances of one more."""
     sums = shows + other
     known = sums > 0
     hair = np.where(known, shows / np.maximum(sums, 1), 0)
     mean = (hair.sum(0) + first) / (known.sum(0) + 1)
     order = np.argsort((hair - mean * known).sum(1), kind="stable")
     part = np.zeros((len(shows), STYLES))
+    if high is None:
+        high = np.zeros_like(hair)
+    off = (high / HIGH).clip(0, 1)
     part[order, np.arange(len(order)) * STYLES // len(order)] = 1
     for _ in range(TURNS):
         share = part.mean(0)
         chance = (part.T @ hair + mean) / (part.T @ known + 1)
         p = chance.clip(.02, .98)
         log = hair @ np.log(p).T + (known - hair) @ np.log(1 - p).T
+        p = ((part.T @ off + off.mean(0)) /
+             (part.sum(0)[:, None] + 1)).clip(.02, .98)
+        log += off @ np.log(p).T + (1 - off) @ np.log(1 - p).T
         log += np.log(share + 1e-9)
         part = np.exp(log - log.max(1, keepdims=True))
         part /= part.sum(1, keepdims=True)
     print("shares of styles, and vertices with it:",
           *("%.2f %d" % (s, (c > .5).sum()) for s, c in zip(share, chance)))
-    return share[None], chance.T
+    return (share[None], chance.T,
+            ((part.T @ high + high.mean(0)) / (part.sum(0)[:, None] + 1)).T)
 
 
 def regression(people):
@@ -152,21 +221,23 @@ def main():
 
     faces, scalp = tensor("f"), tensor("hair")
     mirror = tensor("avatar.mirror")[:len(scalp)]
-    shows, looks = count(sys.argv[2], faces, tensor("region"), scalp)
+    shows, high, looks = count(sys.argv[2], faces, tensor("region"), scalp)
     shows += shows[:, :, mirror]
+    high = (high + high[:, mirror]) / 2
     hair, cloth, skin = shows.transpose(1, 0, 2)
     bald = hair[:, scalp > SCALP].sum(1) <= skin[:, scalp > SCALP].sum(1)
-    hair_share, hair_chance = mixture(hair[~bald], (cloth + skin)[~bald], scalp)
-    cloth_share, cloth_chance = mixture(cloth, skin, 0 * scalp)
+    hair_share, hair_chance, relief = mixture(
+        hair[~bald], (cloth + skin)[~bald], scalp, high[~bald])
+    cloth_share, cloth_chance, _ = mixture(cloth, skin, 0 * scalp)
     made = {"avatar.hair": hair_chance, "avatar.hair_share": hair_share,
+            "avatar.relief": smooth(relief, faces),
             "avatar.cloth": cloth_chance, "avatar.cloth_share": cloth_share,
             "avatar.look": np.stack([regression(list(zip(looks[k], looks[2])))
                                      for k in (0, 1)]).reshape(1, -1)}
     made = {name: value.astype("<f2") for name, value in made.items()}
 
     out, block = {"__metadata__": head.pop("__metadata__", {})}, b""
-    for name in [n for n in head if n not in made and
-                 n != "avatar.hair_look"] + list(made):
+    for name in [n for n in head if n not in made] + list(made):
         if name in made:
             kind, shape = "F16", made[name].shape
             part = made[name].tobytes()

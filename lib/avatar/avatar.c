@@ -9,6 +9,7 @@
 #include <sysexits.h>
 
 #include "lib/avatar/lip_lining.h"
+#include "lib/avatar/relief.h"
 #include "lib/base/relative_pose.h"
 #include "lib/base/slices.h"
 #include "lib/net/model.h"
@@ -240,6 +241,22 @@ static void avatar_look_further(struct avatar *a,
         avatar_mouth_white(white, a, light);
         mouth_branch_add(&a->picture, &a->source, white, &a->mouth);
     }
+}
+
+void avatar_relief(float *offset, struct avatar *a,
+                   const struct avatar_source *src)
+{
+    float *relief = a->densified;       /* nothing is driven yet */
+
+    memset(offset, 0, 3 * a->head->V * sizeof *offset);
+    if (!a->config.rgb_skip || a->without & WITHOUT_DYNAMIC)
+        return;
+    for (size_t k = 0; k <= src->nmore; k++) {
+        avatar_look(a, k ? src->more + k - 1 : src);
+        dynamic_branch_relief(relief, k > 0, &a->picture, &a->source,
+                              &a->dynamic);
+    }
+    relief_drape(offset, a->dynamic.tmp, relief, &a->source, &a->dense);
 }
 
 /* Of the mesh where Gaussians lie on it; elsewhere of what the source's camera

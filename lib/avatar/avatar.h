@@ -126,6 +126,11 @@ int avatar_plan(struct avatar *a, struct nn_options opt, struct error *err);
 /* Free what _init and _plan allocated; zeroed then.  ps and head stay. */
 void avatar_release(struct avatar *a);
 
+/* offset (V,3): how the mesh of src, at rest, is to stand off the head where hair is
+ * that no picture shows (relief.h); 0 without the prior.  Before avatar_bake. */
+void avatar_relief(float *offset, struct avatar *a,
+                   const struct avatar_source *src);
+
 /* Phase A: fill a->set and what stands beside it. */
 void avatar_bake(struct avatar *a, const struct avatar_source *src);
 

@@ -172,6 +172,17 @@ static void baker_view_release(struct baker_view *v)
     free(v->rest);
 }
 
+/* The mesh of id as p's picture shows it. */
+static void baker_view_pose(struct baker_view *v, const struct person *p,
+                            const struct identity *id)
+{
+    struct head_motion pose = p->source.pose;
+
+    pose.exp = p->source.exp;
+    head_pose(v->verts, id, &pose);
+    identity_rest(v->rest, id);
+}
+
 /* The picture of p at the model's size, and the mesh of id on it. */
 static int baker_view_init(struct baker_view *v, struct avatar_source *out,
                            const struct baker *b, const struct person *p,
@@ -179,7 +190,6 @@ static int baker_view_init(struct baker_view *v, struct avatar_source *out,
 {
     const size_t size = b->config.size, n = size * size;
     const size_t mesh = 3 * b->head->V * sizeof(float);
-    struct head_motion pose = p->source.pose;
 
     memset(v, 0, sizeof *v);
     v->own = malloc(3 * n);
@@ -187,9 +197,7 @@ static int baker_view_init(struct baker_view *v, struct avatar_source *out,
     v->rest = malloc(mesh);
     if (!v->own || !v->verts || !v->rest)
         return error_set(err, EX_OSERR, "no memory for the source picture");
-    pose.exp = p->source.exp;
-    head_pose(v->verts, id, &pose);
-    identity_rest(v->rest, id);
+    baker_view_pose(v, p, id);
     motion_camera(v->cam, &p->source);
     if (p->size != size && person_resize(&v->small, p, size, err))
         return -1;
@@ -207,9 +215,35 @@ static int baker_view_init(struct baker_view *v, struct avatar_source *out,
     return 0;
 }
 
+/* Through SpiD's, once hidden hair stands off the meshes of view: the person's
+ * offset. */
+static int baker_bake_spid(struct baker *b, const struct avatar_source *s,
+                           struct baker_view *view, struct person *p,
+                           struct error *err)
+{
+    struct identity id;
+    float *offset = malloc(3 * b->head->V * sizeof *offset);
+    int rc = -1;
+
+    if (!offset)
+        return error_set(err, EX_OSERR, "no memory for hair");
+    avatar_relief(offset, &b->avatar, s);
+    p->noffset = b->head->V;
+    if (person_copy(&p->offset, offset, 3 * p->noffset, err) == 0 &&
+        person_fold(&id, b->head, p, err) == 0) {
+        for (size_t k = 0; k <= p->nmore; k++)
+            baker_view_pose(view + k, k ? p->more + k - 1 : p, &id);
+        identity_release(&id);
+        avatar_bake(&b->avatar, s);
+        rc = 0;
+    }
+    free(offset);
+    return rc;
+}
+
 /* Through the system's networks. */
 static int baker_run(struct baker *b, const struct avatar_source *s,
-                     struct person *p, struct error *err)
+                     struct baker_view *view, struct person *p, struct error *err)
 {
     switch (b->config.system) {
     case SYSTEM_GAGAVATAR:
@@ -217,8 +251,7 @@ static int baker_run(struct baker *b, const struct avatar_source *s,
     case SYSTEM_LAM:
         return baker_bake_lam(b, s, p, err);
     default:
-        avatar_bake(&b->avatar, s);
-        return 0;
+        return baker_bake_spid(b, s, view, p, err);
     }
 }
 
@@ -231,10 +264,8 @@ int baker_bake(struct baker *b, float *verts, struct person *p,
     size_t n = 0;
     int rc = 0;
 
-    if (b->config.system == SYSTEM_LAM) {
-        free(p->offset);
-        p->offset = NULL;
-    }
+    free(p->offset);            /* of another bake */
+    p->offset = NULL;
     if (baker_check(b, p, err) || person_fold(&id, b->head, p, err))
         return -1;
     for (; n <= p->nmore && rc == 0; n++)
@@ -244,7 +275,7 @@ int baker_bake(struct baker *b, float *verts, struct person *p,
     source->more = source + 1;
     source->nmore = p->nmore;
     if (rc == 0)
-        rc = baker_run(b, source, p, err);
+        rc = baker_run(b, source, view, p, err);
     if (rc == 0)
         memcpy(verts, view->verts, 3 * b->head->V * sizeof *verts);
     while (n > 0)

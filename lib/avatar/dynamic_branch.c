@@ -12,6 +12,7 @@
 #include "lib/avatar/further.h"
 #include "lib/avatar/lip_lining.h"
 #include "lib/avatar/material.h"
+#include "lib/avatar/relief.h"
 #include "lib/avatar/tilt.h"
 #include "lib/avatar/white_point.h"
 #include "lib/base/gaussians.h"
@@ -246,6 +247,12 @@ PARALLEL(dynamic_branch_logit_part, i, float *, rgb)
     rgb[i] = attribute_logit(rgb[i]);
 }
 
+/* How far Gaussian k is on the side of the head that the source shows. */
+static float dynamic_branch_front(const struct dynamic_branch *b, size_t k)
+{
+    return b->seen[k] * branch_ramp(b->facing[k], -0.4f, -0.1f);
+}
+
 /* What the picture shows of every densified vertex: visibility, coverage and
  * matte, into the extra columns of the decoder's input; colours, trust in them
  * (none where a nearer surface is as close as the pose may be off) and shifts. */
@@ -286,6 +293,24 @@ void dynamic_branch_begin(const struct source_picture *picture,
     }
     memset(b->more, 0, FURTHER_SUMS * b->count * sizeof *b->more);
     b->has_more = true;
+}
+
+void dynamic_branch_relief(float *relief, bool more,
+                           const struct source_picture *picture,
+                           const struct source_mesh *mesh,
+                           struct dynamic_branch *b)
+{
+    const struct white_point_colors seen = {b->pixel, b->trust, b->tmp};
+    const struct relief_work work = {b->beside, b->as, b->tmp + b->count};
+    float *front = b->tmp;
+
+    dynamic_branch_geometry(mesh, b);
+    dynamic_branch_look(picture, mesh, b);
+    if (!more)
+        relief_find(relief, &work, &seen, b->held, picture, mesh, b->dense);
+    for (size_t v = 0; v < b->dense->V; v++)
+        front[v] = dynamic_branch_front(b, v);
+    relief_limit(relief, front, picture, mesh);
 }
 
 /* color (D,stride: red, green, blue and others) of a head that light `from` falls
@@ -346,8 +371,8 @@ static void dynamic_branch_start(const struct source_picture *picture,
     dynamic_branch_hull(picture, mesh, b);
     if (b->has_more)
         further_take(b->pixel, b->trust, rgb, b->facing, b->more, b->count);
-    material_layers(b->as, b->chance, b->tmp + b->count, &seen, b->held,
-                    mesh->head, b->dense);
+    material_layers(b->as, b->chance, b->tmp + b->count, b->beside, &seen,
+                    b->held, mesh->head, b->dense);
     dynamic_branch_complete(rgb, mesh, b);
     for (size_t i = 0; i < 3 * b->count; i++) {
         const size_t k = i / 3;
@@ -371,12 +396,6 @@ static float dynamic_branch_visibility(const struct dynamic_branch *b, size_t k)
 {
     return b->in[(k + 1) * b->inputs - DYNAMIC_BRANCH_EXTRA + 2] *
            (1 - b->seam[k]) * (1 - b->fold[k]);
-}
-
-/* How far Gaussian k is on the side of the head that the source shows. */
-static float dynamic_branch_front(const struct dynamic_branch *b, size_t k)
-{
-    return b->seen[k] * branch_ramp(b->facing[k], -0.4f, -0.1f);
 }
 
 /* How far the photograph says what is to be seen where Gaussian k is: the side

@@ -59,6 +59,7 @@ struct dynamic_branch {
     float *trust;                       /* (D) in its colour elsewhere, too, */
     float *as;                          /* (MATERIALS,D) and as each material's */
     float *chance;                      /* (MATERIALS,D) of each material */
+    float beside[HEAD_STYLES];          /* of relief_beside; set by _relief */
     float *first;                       /* (D,4) colour and trust of the first
                                          * picture */
     float *more;                        /* (D,FURTHER_SUMS) of further ones
@@ -84,6 +85,14 @@ int dynamic_branch_plan(struct dynamic_branch *b, size_t points,
                         struct nn_options opt, struct error *err);
 /* Free what it holds; zeroed then. */
 void dynamic_branch_release(struct dynamic_branch *b);
+
+/* relief (V), head units along the normals: how far hidden hair stands off the head
+ * by what the picture shows of the rest, and could hide; more: a further picture,
+ * which leaves no more of it than it could hide (relief.h).  Before a forward. */
+void dynamic_branch_relief(float *relief, bool more,
+                           const struct source_picture *picture,
+                           const struct source_mesh *mesh,
+                           struct dynamic_branch *b);
 
 /* Further pictures of the person, before a forward: begin with the first
  * picture and its mesh, then add each other with its own.  What they show of a

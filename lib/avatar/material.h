@@ -28,17 +28,31 @@ void material_expect(float *chance, const struct material_share *share,
 void material_odds(float odds[MATERIALS], const float rgb[3],
                    const float face[3], const struct head_avatar *a);
 
-/* The shares by Bayes' rule, from how far each vertex is seen (V, 0..1) and the
- * odds there (V,MATERIALS). */
-struct material_share material_find(const float *seen, const float *odds,
+/* A chance that is no nearer to 0 or 1 than what is known of it. */
+float material_limited(float chance);
+
+/* The shares by Bayes' rule, from log likelihoods (HEAD_STYLES) of the ways to wear
+ * hair by what is beside the mesh (relief_beside), how far each vertex is seen (V,
+ * 0..1) and the odds there (V,MATERIALS). */
+struct material_share material_find(const float *beside, const float *seen,
+                                    const float *odds,
                                     const struct head_avatar *a);
 
-/* The material of the points that a photograph shows: chance (MATERIALS,V+E)
- * by what is seen, of it how far each point is where it is (held), which says more
- * than how far its colour is trusted; and trust (MATERIALS,V+E) in what is seen
- * as each material's colour.  Where no face is seen the chances stay.  tmp
- * (MATERIALS,V+E). */
-void material_layers(float *trust, float *chance, float *tmp,
+/* The shares of the person whom a photograph shows, and the odds (V+E,MATERIALS)
+ * there by the person's own colours, of it how far each point is where it is (held),
+ * which says more than how far its colour is trusted.  Those of all people, and 1,
+ * where no face is seen.  chance (MATERIALS,V+E): scratch. */
+struct material_share material_person(float *odds, float *chance,
+                                      const float *beside,
+                                      const struct white_point_colors *seen,
+                                      const float *held, const struct head *h,
+                                      const struct densify *d);
+
+/* The material of the points that a photograph shows: chance (MATERIALS,V+E) by
+ * the shares, trust (MATERIALS,V+E) in what is seen as each material's colour.  The
+ * rest as material_person has it. */
+void material_layers(float *trust, float *chance, float *odds,
+                     const float *beside,
                      const struct white_point_colors *seen, const float *held,
                      const struct head *h, const struct densify *d);
 

@@ -25,6 +25,7 @@ static const struct avatar_array {
     ARRAY(crease, ROWS_POINTS, 1), ARRAY(lips, ROWS_POINTS, 1),
     ARRAY(hair, ROWS_VERTICES, HEAD_STYLES),
     ARRAY(hair_share, ROWS_ONE, HEAD_STYLES),
+    ARRAY(relief, ROWS_VERTICES, HEAD_STYLES),
     ARRAY(cloth, ROWS_VERTICES, HEAD_STYLES),
     ARRAY(cloth_share, ROWS_ONE, HEAD_STYLES),
     ARRAY(look, ROWS_ONE, 2 * HEAD_LOOKS),

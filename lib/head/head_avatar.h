@@ -64,6 +64,7 @@ struct head_avatar {
     float *hair;            /* (V,HEAD_STYLES) chance of hair in each of these
                              * ways to wear it, and */
     float *hair_share;      /* (HEAD_STYLES) of people who do */
+    float *relief;          /* (V,HEAD_STYLES) how far it stands off the mesh */
     float *cloth;           /* (V,HEAD_STYLES) chance of cloth where no hair is */
     float *cloth_share;     /* (HEAD_STYLES) */
     float *look;            /* (2,HEAD_LOOKS) how a colour speaks for skin and

@@ -51,7 +51,7 @@ PY
     grep -q "me1.png: 1 picture" two.txt
     spid-dump --check two.avatar
     [ "$(spid-dump --json two.avatar | grep -o '"type":"[A-Z]*"' | cut -d'"' -f4 | xargs)" = \
-        "CONF SRCI SHAP MOTN SRCI GAUS" ]
+        "CONF SRCI SHAP MOTN SRCI SHAP GAUS" ]
     python3 "$TOP/examples/spidstream.py" <two.avatar >second.json
     [ "$(grep -c '"type": *"SRCI"' second.json)" = 2 ]
     spid-shape -q me1.png -o alone.spid

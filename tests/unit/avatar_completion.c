@@ -1,12 +1,14 @@
 /* What the photograph does not show: colours of the head's hidden half from the
  * mirror image, without a seam, hair's from hair and a collar's from cloth
- * (completion.h, material.h); the slope of what is seen (tilt.h). */
+ * (completion.h, material.h), how far hair stands off (relief.h); the slope of what
+ * is seen (tilt.h). */
 #include <math.h>
 #include <string.h>
 
 #include "lib/avatar/completion.h"
 #include "lib/avatar/dynamic_branch.h"
 #include "lib/avatar/material.h"
+#include "lib/avatar/relief.h"
 #include "lib/avatar/tilt.h"
 #include "lib/base/camera.h"
 #include "lib/base/gaussians.h"
@@ -138,12 +140,12 @@ static void completion_layers(void)
 
 /* ---- who wears hair and cloth where ----------------------------------------- */
 
-/* Ten vertices of a brow, ten of an ear and ten behind it, which is not seen: half
+/* 100 vertices of a brow, 100 of an ear and 100 behind it, which is not seen: half
  * of all people cover their ears, and then what is behind them; the other half wear
  * cloth there. */
 static void material_ears(void)
 {
-    enum { PART = 10, ALL = 3 * PART };
+    enum { PART = 100, ALL = 3 * PART };
     float hair[ALL * HEAD_STYLES] = {0}, cloth[ALL * HEAD_STYLES] = {0};
     float shares[HEAD_STYLES] = {0.5f, 0.5f}, one[HEAD_STYLES] = {1};
     float seen[ALL] = {0}, odds[MATERIALS * ALL], out[MATERIALS * ALL];
@@ -151,6 +153,7 @@ static void material_ears(void)
     const struct head_avatar a = {.V = ALL, .hair = hair, .hair_share = shares,
                                   .cloth = cloth, .cloth_share = one};
     const struct densify d = {.V = ALL};
+    float beside[HEAD_STYLES] = {0};
     struct material_share share = material_all(&a);
 
     for (size_t v = 0; v < ALL; v++) {
@@ -162,20 +165,132 @@ static void material_ears(void)
     }
     material_expect(out, &share, &a, &d);
     expect("before: what all people have", behind[ALL], 0.45, 1e-6);
-    share = material_find(seen, odds, &a);
+    share = material_find(beside, seen, odds, &a);
     material_expect(out, &share, &a, &d);
     check("a bare ear: no hair behind it", behind[ALL], 0.05);
     check_range("but cloth", behind[2 * ALL], 0.95, 1);
     for (size_t v = PART; v < 2 * PART; v++)
         odds[MATERIALS * v + MATERIAL_HAIR] = 1e4f;
-    share = material_find(seen, odds, &a);
+    share = material_find(beside, seen, odds, &a);
     material_expect(out, &share, &a, &d);
     check_range("a covered one: hair behind it", behind[ALL], 0.8, 0.9);
     expect("shares are of all", share.hair[0] + share.hair[1], 1, 1e-5);
     expect("chances, too", behind[0] + behind[ALL] + behind[2 * ALL], 1, 1e-5);
     memset(seen, 0, sizeof seen);
-    share = material_find(seen, odds, &a);
+    share = material_find(beside, seen, odds, &a);
     expect("nothing seen: as before", share.hair[1], 0.5, 1e-6);
+    beside[1] = logf(3);
+    share = material_find(beside, seen, odds, &a);
+    expect("three times as likely beside the mesh", share.hair[1], 0.75, 1e-6);
+    for (size_t v = 0; v < 2 * PART; v++)
+        seen[v] = 1;
+    for (size_t v = 0; v < ALL; v++)
+        odds[MATERIALS * v + MATERIAL_HAIR] = 0;
+    share = material_find(beside, seen, odds, &a);
+    check("a bare ear says more", share.hair[1], 0.6);
+}
+
+/* A wall of 9 x 9 vertices, a head unit wide, that faces away from the camera behind
+ * a mesh of depth 10 in the middle of the picture; the person is in its upper half.
+ * Hair of the second style stands off half a unit, that of the first not at all. */
+static void relief_wall(void)
+{
+    enum { SIDE = 9, ALL = SIDE * SIDE, N = 16 };
+    static int32_t corners[6 * (SIDE - 1) * (SIDE - 1)];
+    float verts[3 * ALL], normals[3 * ALL] = {0}, depth[N * N];
+    float front[ALL] = {0}, relief[ALL], offset[3 * ALL], tmp[3 * ALL];
+    float heights[ALL * HEAD_STYLES] = {0};
+    uint8_t colours[3 * N * N] = {0}, matte[N * N] = {0};
+    const struct head h = {.V = ALL};
+    const struct head_avatar a = {.V = ALL, .relief = heights};
+    const struct source_mesh mesh = {
+        .head = &h, .weights = &a, .n = N, .verts = verts, .normals = normals,
+        .depth = depth, .cam = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 11}};
+    const struct material_share share = {.hair = {0.75f, 0.25f}};
+    struct source_picture p = {0};
+    struct densify d = {0};
+    struct error err = {0};
+    double low = 0, step = 0;
+
+    for (size_t v = 0; v < ALL; v++) {
+        verts[3 * v] = (float)(v % SIDE) / (SIDE - 1) - 0.5f;
+        verts[3 * v + 1] = (float)(v / SIDE) / (SIDE - 1) - 0.5f;
+        verts[3 * v + 2] = 0;
+        normals[3 * v + 2] = 1;
+        heights[HEAD_STYLES * v + 1] = 0.5f;
+    }
+    for (size_t i = 0; i < 2 * (SIDE - 1) * (SIDE - 1); i++) {
+        const int32_t at = (int32_t)(i / 2 / (SIDE - 1) * SIDE + i / 2 % (SIDE - 1));
+        const int32_t corner[2][3] = {{0, 1, SIDE}, {1, SIDE + 1, SIDE}};
+
+        for (size_t k = 0; k < 3; k++)
+            corners[3 * i + k] = at + corner[i % 2][k];
+    }
+    for (size_t i = 0; i < N * N; i++) {
+        matte[i] = i < N * N / 2 ? 255 : 0;
+        depth[i] = 10;
+    }
+    source_picture_init(&p, N, &err);
+    source_picture_set(&p, colours, matte, NULL, false);
+    densify_init(&d, corners, sizeof corners / sizeof *corners / 3, ALL, &err);
+
+    relief_expect(relief, &share, &a);
+    expect("what is expected of the styles", relief[ALL / 2], 0.125, 1e-6);
+    front[0] = 0.5f;
+    relief_limit(relief, front, &p, &mesh);
+    expect("half behind what shows: half of it", relief[0], 0.0625, 1e-6);
+    expect("behind the person: all of it", relief[SIDE], 0.125, 1e-6);
+    for (size_t v = ALL - 2 * SIDE; v < ALL; v++)
+        low = fmax(low, relief[v]);
+    expect("beside the person: none", low, 0, 0);
+    relief_drape(offset, tmp, relief, &mesh, &d);
+    for (size_t v = 0; v < ALL; v++) {
+        low = fmax(low, relief[v] > 0 ? 0 : fabs(offset[3 * v + 2]));
+        if (v >= SIDE)
+            step = fmax(step, fabs(offset[3 * v + 2] -
+                                   offset[3 * (v - SIDE) + 2]));
+    }
+    expect("what has no hair stays", low, 0, 0);
+    check("no step is left where hair ends", step, 0.1);
+    check_range("and hair that stands off", offset[3 * SIDE + 2], 0.06, 0.125);
+    densify_release(&d);
+    source_picture_release(&p);
+}
+
+/* The same wall's outline: hair beside it speaks for the style that has some. */
+static void relief_outline(void)
+{
+    enum { N = 16 };
+    float verts[3] = {0}, normals[3] = {1, 0, 0}, depth[N * N];
+    float heights[HEAD_STYLES] = {0, 0.5f}, beside[HEAD_STYLES];
+    float look[2 * HEAD_LOOKS] = {0};
+    uint8_t colours[3 * N * N] = {0}, matte[N * N] = {0};
+    const struct head h = {.V = 1};
+    const struct head_avatar a = {.V = 1, .relief = heights, .look = look};
+    const struct source_mesh mesh = {
+        .head = &h, .weights = &a, .n = N, .verts = verts, .normals = normals,
+        .depth = depth, .cam = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 11}};
+    const float face[3] = {0.5f, 0.5f, 0.5f};
+    struct source_picture p = {0};
+    struct error err = {0};
+
+    for (size_t i = 0; i < N * N; i++)
+        depth[i] = INFINITY;
+    source_picture_init(&p, N, &err);
+    source_picture_set(&p, colours, matte, NULL, false);
+    relief_beside(beside, face, &p, &mesh);
+    expect("nobody there: no hair", 40 * (beside[0] - beside[1]),
+           log(0.98 / 0.02), 1e-4);
+    memset(matte, 255, sizeof matte);
+    source_picture_set(&p, colours, matte, NULL, false);
+    relief_beside(beside, face, &p, &mesh);
+    expect("somebody there: hair or something else",
+           40 * (beside[1] - beside[0]), log(0.99 / 0.51), 1e-4);
+    for (size_t i = 0; i < N * N; i++)
+        depth[i] = 10;
+    relief_beside(beside, face, &p, &mesh);
+    expect("before the mesh nothing is said", beside[1] - beside[0], 0, 0);
+    source_picture_release(&p);
 }
 
 /* Log odds of skin 1 - 20 hue + 10 hue^2 + light - 2 light^2, by double, over hair;
@@ -308,6 +423,8 @@ int main(void)
     completion_layers();
     material_ears();
     material_colours();
+    relief_wall();
+    relief_outline();
     picture_edge();
     tilt_slopes();
     return check_status();

@@ -13,7 +13,7 @@ enum { TENSORS = 64, META = 32 };
 #define PREFIX "avatar."
 
 /* How people wear hair and cloth, for a head of the same mesh; else all hair is on
- * its scalp, and no cloth on its neck. */
+ * its scalp, flat, and no cloth on its neck. */
 static void avatar_copy_styles(struct head_avatar *to, const struct head *h,
                                const struct head_avatar *from)
 {
@@ -26,6 +26,7 @@ static void avatar_copy_styles(struct head_avatar *to, const struct head *h,
     for (size_t i = 0; i < n; i++) {
         to->hair[i] = same ? from->hair[i]
                       : h->hair ? h->hair[i / HEAD_STYLES] : 0;
+        to->relief[i] = same ? from->relief[i] : 0;
         to->cloth[i] = same ? from->cloth[i] : 0;
     }
 }

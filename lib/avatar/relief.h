@@ -1,0 +1,47 @@
+/* How far hair stands off the head where no photograph shows it.  The mesh is bald,
+ * and hair that a photograph shows beside it is the plane's, which ends where the
+ * picture does.  People who wear their hair alike wear it about as far off the head
+ * (head_avatar.h's styles), so that the side which is hidden rises by what people of
+ * scans have there, as far as it would not have been seen. */
+#ifndef SPID_AVATAR_RELIEF_H
+#define SPID_AVATAR_RELIEF_H
+
+#include "lib/avatar/material.h"
+#include "lib/avatar/source_mesh.h"
+#include "lib/avatar/source_picture.h"
+
+/* beside (HEAD_STYLES), log: how likely it is in each way to wear hair that hair is
+ * where the picture has it beside the bare mesh.  face (3): the face's mean
+ * colour. */
+void relief_beside(float *beside, const float face[3],
+                   const struct source_picture *picture,
+                   const struct source_mesh *mesh);
+
+/* relief (V), head units along the normals: what is expected of the styles. */
+void relief_expect(float *relief, const struct material_share *share,
+                   const struct head_avatar *a);
+
+/* The same of the styles that a picture of the person speaks for: what is seen of the
+ * mesh, how far it is where it is (held), and what is beside it. */
+struct relief_work {
+    float *beside;      /* (HEAD_STYLES) out */
+    float *chance;      /* (MATERIALS,V+E) scratch */
+    float *odds;        /* (MATERIALS,V+E) scratch */
+};
+void relief_find(float *relief, const struct relief_work *work,
+                 const struct white_point_colors *seen, const float *held,
+                 const struct source_picture *picture,
+                 const struct source_mesh *mesh, const struct densify *d);
+
+/* No more of it than a picture could have hidden: as far as a vertex is behind
+ * what it shows (front (V), 0: wholly), within the person and behind the mesh. */
+void relief_limit(float *relief, const float *front,
+                  const struct source_picture *picture,
+                  const struct source_mesh *mesh);
+
+/* offset (V,3), head frame: hair hangs over its relief as a membrane, without the
+ * ears' shape and without steps where it ends.  tmp (V,3). */
+void relief_drape(float *offset, float *tmp, const float *relief,
+                  const struct source_mesh *mesh, const struct densify *d);
+
+#endif
