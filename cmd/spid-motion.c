@@ -50,6 +50,8 @@ static const struct cli_option options[] = {
                   "write to FILE (\"-\": standard output, the default)"),
     OPTION_FLOAT("fps", 0, &source_options.rate, 0.001, 100000, "RATE",
                  "frames a second of pictures without times (default 25)"),
+    OPTION_FLAG("bt601", 0, &source_options.bt601,
+                "Y4M and video files are BT.601, whatever they say"),
     OPTION_STRING("identity", 'i', &identity_path, "FILE",
                   "shape of the driver, for crop and overlay (default: mean)"),
     OPTION_HEAD(&head_path),

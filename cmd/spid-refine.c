@@ -40,6 +40,8 @@ static const struct cli_option options[] = {
                 "keep transparency: straight RGBA (not y4m and mp4)"),
     OPTION_FLOAT("fps", 0, &fps, 0.001, 100000, "RATE",
                  "frames a second of y4m and mp4 (default CONF's, else 25)"),
+    OPTION_FLAG("bt601", 0, &sink_options.bt601,
+                "write Y4M in BT.601 (default BT.709)"),
     {0}
 };
 

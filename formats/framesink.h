@@ -67,6 +67,7 @@ struct framesink_options {
                              * that video_has_alpha does not know refuse it */
     bool covered;           /* FEAT: only the pixels whose alpha is not 0 */
     bool anyone;            /* HTTP: for other machines, too */
+    bool bt601;             /* Y4M matrix, BT.709 otherwise */
     const struct background *background;    /* NULL: black; borrowed */
 };
 

@@ -45,7 +45,7 @@ static int framesink_write_y4m(struct framesink *s)
         s->y4m = (struct y4m){
             .width = s->width, .height = s->height, .chroma = Y4M_444,
             .rate_num = s->opt.rate_num, .rate_den = s->opt.rate_den,
-            .aspect_num = 1, .aspect_den = 1
+            .aspect_num = 1, .aspect_den = 1, .bt601 = s->opt.bt601,
         };
         s->planes = malloc(y4m_frame_bytes(&s->y4m));
         if (!s->planes) {

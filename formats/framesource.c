@@ -121,6 +121,7 @@ static int framesource_open_y4m(struct framesource *s, struct error *err)
     line[strcspn(line, "\n")] = 0;
     if (y4m_parse(&s->y4m, line, err) != 0)
         return error_prefix(err, "%s", s->name);
+    s->y4m.bt601 = s->opt.bt601;
     if (s->y4m.width * s->y4m.height > s->opt.max_pixels)
         return error_set(err, EX_DATAERR, "%s: frames of %zu x %zu pixels "
                          "(at most %zu pixels)", s->name, s->y4m.width,
@@ -208,7 +209,7 @@ static int framesource_open_file(struct framesource *s, const char *path,
         return 0;
     }
     s->kind = KIND_VIDEO;
-    s->video = video_open(path, err);
+    s->video = video_open(path, s->opt.bt601, err);
     if (!s->video)
         return -1;
     framesource_set_rate(s, video_rate(s->video));
@@ -245,7 +246,7 @@ static int framesource_open_next(struct framesource *s, struct error *err)
     if (!video_is_live(path))
         return framesource_open_file(s, path, err);
     s->kind = KIND_VIDEO;
-    s->video = video_open(path, err);
+    s->video = video_open(path, s->opt.bt601, err);
     if (s->video)
         framesource_set_rate(s, video_rate(s->video));
     return s->video ? 0 : -1;

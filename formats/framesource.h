@@ -13,6 +13,8 @@
 struct framesource_options {
     double rate;            /* frames a second where the input has no times;
                              * 0: 25 */
+    bool bt601;             /* Y4M and videos: BT.601 (otherwise Y4M BT.709,
+                             * videos as they say) */
     size_t max_pixels;      /* of a frame; 0: IMAGE_MAX_PIXELS */
 };
 

@@ -47,8 +47,8 @@ struct media_module {
  * Planes that Y4M has a name for become colours by the program's to_rgb
  * (y4m_rows_to_rgb). */
 struct video_module {
-    struct video_reader *(*open)(const char *path, y4m_rows_fn *to_rgb,
-                                 struct error *err);
+    struct video_reader *(*open)(const char *path, bool bt601,
+                                 y4m_rows_fn *to_rgb, struct error *err);
     struct video_writer *(*create)(const char *path,
                                    const struct video_options *opt,
                                    struct error *err);

@@ -18,7 +18,8 @@ static bool video_file_is_webp(const char *path)
     return video_is_webp(b, n);
 }
 
-struct video_reader *video_open(const char *path, struct error *err)
+struct video_reader *video_open(const char *path, bool bt601,
+                                struct error *err)
 {
     const bool camera = video_is_camera(path);
 
@@ -32,7 +33,7 @@ struct video_reader *video_open(const char *path, struct error *err)
         const struct video_module *m = module_video(err);
 
         if (m)
-            return m->open(path, y4m_rows_to_rgb, err);
+            return m->open(path, bt601, y4m_rows_to_rgb, err);
     }
     error_prefix(err, "%s", path);
     return NULL;

@@ -24,8 +24,10 @@ bool video_is_webp(const uint8_t *begin, size_t n);
  * (formats/door.h): turned or mirrored, with square pixels and cropped as the
  * file says, fields woven to whole frames (bwdif), colours by the matrix,
  * range, primaries and transfer that it says; where it does not name a matrix,
- * BT.709 from 1280 columns or 577 rows on, else BT.601. */
-struct video_reader *video_open(const char *path, struct error *err);
+ * BT.709 from 1280 columns or 577 rows on, else BT.601.  bt601: BT.601 whatever
+ * it says. */
+struct video_reader *video_open(const char *path, bool bt601,
+                                struct error *err);
 /* Frames a second; 0 when unknown. */
 double video_rate(const struct video_reader *v);
 /* Frames the container announces, about; 0 when unknown. */

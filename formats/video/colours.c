@@ -5,10 +5,12 @@
 #include "formats/video/table.h"
 
 /* swscale's name of the matrix that the frame says, or that players take. */
-static int colours_matrix(const AVFrame *f)
+static int colours_matrix(const AVFrame *f, bool bt601)
 {
     const enum AVColorSpace says = f->colorspace;
 
+    if (bt601)
+        return SWS_CS_ITU601;
     if (says == AVCOL_SPC_BT709)
         return SWS_CS_ITU709;
     if (says == AVCOL_SPC_BT2020_NCL || says == AVCOL_SPC_BT2020_CL)
@@ -58,7 +60,7 @@ const char *video_to_rgb(uint8_t *rgb, size_t stride, int bits,
                          const AVFrame *f, struct video_colours *c)
 {
     const uint8_t *const *planes = (const uint8_t *const *)f->data;
-    const int matrix = colours_matrix(f);
+    const int matrix = colours_matrix(f, c->bt601);
     uint8_t *to[4] = {rgb};
     const int line[4] = {(int)stride};
     struct y4m y;

@@ -498,8 +498,8 @@ static const struct video_reading reader_functions = {
     reader_close
 };
 
-struct video_reader *reader_open(const char *path, y4m_rows_fn *to_rgb,
-                                 struct error *err)
+struct video_reader *reader_open(const char *path, bool bt601,
+                                 y4m_rows_fn *to_rgb, struct error *err)
 {
     const bool live = video_is_live(path);
     struct stat st;
@@ -521,7 +521,8 @@ struct video_reader *reader_open(const char *path, y4m_rows_fn *to_rgb,
         r->packet = av_packet_alloc();
         r->frame = av_frame_alloc();
         r->next = av_frame_alloc();
-        r->colours.to_rgb = to_rgb;
+        r->colours = (struct video_colours){.bt601 = bt601,
+                                            .to_rgb = to_rgb};
         r->live = live;
     }
     if (!r || !r->path || !r->packet || !r->frame || !r->next) {

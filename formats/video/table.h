@@ -6,8 +6,8 @@
 
 /* What formats/video.h promises of video_open; to_rgb: the program's
  * y4m_rows_to_rgb. */
-struct video_reader *reader_open(const char *path, y4m_rows_fn *to_rgb,
-                                 struct error *err);
+struct video_reader *reader_open(const char *path, bool bt601,
+                                 y4m_rows_fn *to_rgb, struct error *err);
 /* video_create's. */
 struct video_writer *writer_create(const char *path,
                                    const struct video_options *opt,
@@ -29,6 +29,7 @@ bool video_is_cut(const struct AVFormatContext *file,
 
 /* A clip's way to RGB. */
 struct video_colours {
+    bool bt601;                 /* whatever the file says */
     y4m_rows_fn *to_rgb;        /* the program's */
     struct SwsContext *swscale; /* for what is no planes of Y4M's */
 };

@@ -237,3 +237,23 @@ np.save('feat.npy', np.concatenate([f, f[:2]]))"
     spid-pack -t FEAT feat.npy -o alone.spid
     status 65 spid-refine alone.spid -o c.pam
 }
+
+@test "Y4M in BT.709, or BT.601 where that is asked for" {
+    spid-refine -q feat.spid -o plain.pam
+    spid-refine -q feat.spid -o hd.y4m
+    spid-refine -q --bt601 feat.spid -o sd.y4m
+    "$PYTHON" - <<'PY'
+import numpy as np
+rgb = np.frombuffer(open('plain.pam', 'rb').read()[-64 * 64 * 3:], 'u1')
+rgb = rgb.reshape(64, 64, 3) / 255.
+for name, kr, kb in (('hd.y4m', .2126, .0722), ('sd.y4m', .299, .114)):
+    y4m = open(name, 'rb').read()
+    luma = np.frombuffer(y4m[y4m.index(b'FRAME\n') + 6:][:64 * 64], 'u1')
+    full = b'XCOLORRANGE=FULL' in y4m[:200]
+    y = rgb @ [kr, 1 - kr - kb, kb]
+    y = 255 * y if full else 16 + 219 * y
+    off = abs(luma.reshape(64, 64) - y).max()
+    print(name, off)
+    assert off <= 1
+PY
+}

@@ -26,7 +26,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 
     if (fd < 0)
         return 0;
-    v = video_open(path, &err);
+    v = video_open(path, false, &err);
     for (int i = 0; v && i < 4; i++) {
         const uint8_t *rgb;
         size_t width, height, sum = 0;

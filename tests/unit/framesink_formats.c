@@ -146,7 +146,7 @@ static void test_video(void)
     check_error("v.mp4",
                 write_clip(folder_at("v.mp4"), 64, 48, 1, 0, 0, opt, &err) == 0,
                 &err);
-    v = video_open(folder_at("v.mp4"), &err);
+    v = video_open(folder_at("v.mp4"), false, &err);
     while (v && video_read(v, &rgb, &W, &H, &t, &err) == 1)
         if (n++ == 0) {
             printf("red comes back from mp4 as %d %d %d\n", rgb[0], rgb[1],

@@ -69,7 +69,7 @@ static const char *mark_probe(const char *path)
 static void check_video(const char *path, bool marked)
 {
     struct error err = {0};
-    struct video_reader *v = video_open(path, &err);
+    struct video_reader *v = video_open(path, false, &err);
     const uint8_t *rgb;
     size_t w, h, n = 0;
     double t;

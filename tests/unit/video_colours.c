@@ -23,13 +23,13 @@ static void colours_compare(const char *what, const uint8_t *rgb, size_t pixels)
     check(what, worst, 4);
 }
 
-static void read_back(const char *path, const char *what)
+static void read_back(const char *path, bool bt601, const char *what)
 {
     struct error err = { 0 };
     const uint8_t *rgb;
     size_t w, h;
     double t;
-    struct video_reader *v = video_open(path, &err);
+    struct video_reader *v = video_open(path, bt601, &err);
 
     if (!v || video_read(v, &rgb, &w, &h, &t, &err) != 1) {
         check_error(what, false, &err);
@@ -40,7 +40,7 @@ static void read_back(const char *path, const char *what)
 }
 
 static void from_ffmpeg(const char *dir, const char *name, const char *size,
-                        const char *matrix, const char *tags)
+                        const char *matrix, const char *tags, bool bt601)
 {
     char path[300], command[900];
 
@@ -54,7 +54,7 @@ static void from_ffmpeg(const char *dir, const char *name, const char *size,
         printf("%s: ffmpeg did not write it\n", name);
         exit(77);
     }
-    read_back(path, name);
+    read_back(path, bt601, name);
 }
 
 /* Our writer's HD file as a player that takes it for BT.709 sees it. */
@@ -75,7 +75,7 @@ static void to_ffmpeg(const char *dir)
         check_error("ours.mp4", false, &err);
         return;
     }
-    read_back(path, "ours.mp4 read by us");
+    read_back(path, false, "ours.mp4 read by us");
     snprintf(command, sizeof command, "ffmpeg -v error -i %s -frames:v 1 -vf "
              "scale=in_color_matrix=bt709:in_range=tv,format=rgb24 -f rawvideo "
              "- 2>/dev/null",
@@ -113,7 +113,7 @@ static void colours_rotated(const char *dir)
              "format=gbrp,format=rgb24 -f rawvideo -", path);
     FILE *p = popen(command, "r");
     bool there = p && fread(seen, 1, sizeof seen, p) == sizeof seen;
-    struct video_reader *v = video_open(path, &err);
+    struct video_reader *v = video_open(path, false, &err);
 
     if (there && v && video_read(v, &rgb, &w, &h, &t, &err) == 1 &&
         w == 48 && h == 64) {
@@ -153,13 +153,14 @@ int main(void)
         return 77;
     }
     folder_make();
-    from_ffmpeg(folder, "small-709.mp4", "320x240", "bt709", tags709);
-    from_ffmpeg(folder, "small-709.mkv", "320x240", "bt709", tags709);
-    from_ffmpeg(folder, "small-601.mp4", "320x240", "bt601", tags601);
-    from_ffmpeg(folder, "small.mp4", "320x240", "bt601", "");
-    from_ffmpeg(folder, "hd.mp4", "1280x720", "bt709", "");
-    from_ffmpeg(folder, "hd-601.mov", "1280x720", "bt601", tags601);
-    from_ffmpeg(folder, "hd-601.mkv", "1280x720", "bt601", tags601);
+    from_ffmpeg(folder, "small-709.mp4", "320x240", "bt709", tags709, false);
+    from_ffmpeg(folder, "small-709.mkv", "320x240", "bt709", tags709, false);
+    from_ffmpeg(folder, "small-601.mp4", "320x240", "bt601", tags601, false);
+    from_ffmpeg(folder, "small.mp4", "320x240", "bt601", "", false);
+    from_ffmpeg(folder, "hd.mp4", "1280x720", "bt709", "", false);
+    from_ffmpeg(folder, "hd-601.mov", "1280x720", "bt601", tags601, false);
+    from_ffmpeg(folder, "hd-601.mkv", "1280x720", "bt601", tags601, false);
+    from_ffmpeg(folder, "lying.mp4", "1280x720", "bt601", tags709, true);
     to_ffmpeg(folder);
     colours_rotated(folder);
     colours_planes("yuv420p", "mpeg2video");

@@ -31,7 +31,7 @@ static double sound_onset(const char *name, double *length)
 static double flash_time(const char *name)
 {
     struct error err = {0};
-    struct video_reader *v = video_open(folder_at(name), &err);
+    struct video_reader *v = video_open(folder_at(name), false, &err);
     const uint8_t *rgb;
     size_t w, h;
     double t, found = -1;

@@ -28,7 +28,7 @@ static void times_back(const char *what, const char *name,
     }
     REQUIRE(video_finish(w, 0, &err) == 0, "%s", err.text);
 
-    struct video_reader *r = video_open(path, &err);
+    struct video_reader *r = video_open(path, false, &err);
     const uint8_t *seen;
     size_t width, height;
     double t;
