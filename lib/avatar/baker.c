@@ -222,23 +222,19 @@ static int baker_bake_spid(struct baker *b, const struct avatar_source *s,
                            struct error *err)
 {
     struct identity id;
-    float *offset = malloc(3 * b->head->V * sizeof *offset);
-    int rc = -1;
 
-    if (!offset)
-        return error_set(err, EX_OSERR, "no memory for hair");
-    avatar_relief(offset, &b->avatar, s);
     p->noffset = b->head->V;
-    if (person_copy(&p->offset, offset, 3 * p->noffset, err) == 0 &&
-        person_fold(&id, b->head, p, err) == 0) {
-        for (size_t k = 0; k <= p->nmore; k++)
-            baker_view_pose(view + k, k ? p->more + k - 1 : p, &id);
-        identity_release(&id);
-        avatar_bake(&b->avatar, s);
-        rc = 0;
-    }
-    free(offset);
-    return rc;
+    p->offset = malloc(3 * p->noffset * sizeof *p->offset);
+    if (!p->offset)
+        return error_set(err, EX_OSERR, "no memory for hair");
+    avatar_relief(p->offset, &b->avatar, s);
+    if (person_fold(&id, b->head, p, err))
+        return -1;
+    for (size_t k = 0; k <= p->nmore; k++)
+        baker_view_pose(view + k, k ? p->more + k - 1 : p, &id);
+    identity_release(&id);
+    avatar_bake(&b->avatar, s);
+    return 0;
 }
 
 /* Through the system's networks. */
@@ -266,6 +262,7 @@ int baker_bake(struct baker *b, float *verts, struct person *p,
 
     free(p->offset);            /* of another bake */
     p->offset = NULL;
+    p->noffset = 0;
     if (baker_check(b, p, err) || person_fold(&id, b->head, p, err))
         return -1;
     for (; n <= p->nmore && rc == 0; n++)

@@ -45,12 +45,12 @@ void relief_beside(float *beside, const float face[3],
             continue;
         source_picture_sample(rgba, picture, place, 1);
         material_odds(odds, rgba, face, a);
+        /* else as often nothing as something: skin or cloth */
+        const float other = (1 - rgba[3]) / 2 +
+            rgba[3] * (odds[MATERIAL_SKIN] + odds[MATERIAL_CLOTH]) / 4;
         for (size_t s = 0; s < HEAD_STYLES; s++) {
-            /* else as often nothing as something: skin or cloth */
             const float hair = material_limited(
                 a->relief[HEAD_STYLES * v + s] / (2 * RISE));
-            const float other = (1 - rgba[3]) / 2 +
-                rgba[3] * (odds[MATERIAL_SKIN] + odds[MATERIAL_CLOTH]) / 4;
 
             beside[s] += logf(hair * rgba[3] * odds[MATERIAL_HAIR] +
                               (1 - hair) * other) / ALIKE;
