@@ -4,6 +4,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "lib/base/parallel.h"
+
 #define KEEP 10.0f      /* weight of a trusted colour, for one of a step */
 #define ANCHOR 0.02f    /* of the mirror image's, where there is no other: lights
                          * differ from side to side */
@@ -51,47 +53,146 @@ void completion_mirror(size_t *mirror, const size_t *vertices,
 
 /* ---- the system ---------------------------------------------------------- */
 
-/* What is solved for: weight (N) x colours, and steps along half edges.  Of a
- * midpoint that is colour = share (b + its ends' colours), share = 1 / (weight +
- * 2), so that only the vertices are sought (completion_eliminate): the same as
- * all points after twice the steps, of four times the numbers each. */
+typedef float v4f __attribute__((vector_size(16), aligned(4), may_alias));
+typedef double v4d __attribute__((vector_size(32)));
+
+/* A layer's, for weight (N) x colours and steps along half edges.  Of a midpoint
+ * that is colour = share (b + its ends' colours), share = 1 / (weight + 2), so that
+ * only the vertices are sought: the same as all points after twice the steps, of
+ * four times the numbers each.  Theirs are times the root of the diagonal, which
+ * leaves 1 there (Jacobi's preconditioner). */
 struct completion {
     const struct densify *d;
-    size_t N;
-    float *weight;              /* then (V) A's diagonal, (E) shares */
+    float *weight;              /* (N), then (V) roots, (E) shares */
     float *tie;                 /* (2E) weights of the half edges' steps */
+    float *link;                /* (E) what midpoints leave between their ends */
+    v4f *b;                     /* (N), then (V) residuals; at last colours */
+    v4f *x, *p, *Ap;            /* (V) */
 };
 
-/* b (N,3) and the weights, midpoints taken out of the vertices' part. */
-static void completion_eliminate(float *b, struct completion *c)
+/* The parts of scratch. */
+static struct completion completion_parts(const struct densify *d,
+                                          float *scratch)
 {
+    const size_t V = d->V, E = d->E;
+    v4f *b = (v4f *)(scratch + V + 4 * E);
+
+    return (struct completion){
+        d, scratch, scratch + V + E, scratch + V + 3 * E, b,
+        b + V + E, b + 2 * V + E, b + 3 * V + E
+    };
+}
+
+/* The weights, ties and b from the photograph's colours rgb (N,3); mean (3):
+ * theirs where nothing is. */
+static void completion_wants(struct completion *c, const float *rgb,
+                             const float *trust, const float *layer,
+                             const float mean[3], const size_t *mirror)
+{
+    for (size_t i = 0; i < c->d->V + c->d->E; i++) {
+        const float own = KEEP * trust[i];
+        const float across = ANCHOR * (1 - trust[i]) * trust[mirror[i]];
+
+        c->weight[i] = own + across + FLOOR;
+        for (size_t k = 0; k < 3; k++)
+            c->b[i][k] = own * rgb[3 * i + k] +
+                         across * rgb[3 * mirror[i] + k] + FLOOR * mean[k];
+        c->b[i][3] = 0;
+    }
     for (size_t h = 0; h < 2 * c->d->E; h++) {
         const size_t i = (size_t)c->d->edge[h], j = c->d->V + h / 2;
+        const size_t p = mirror[i], q = mirror[j];
+        const float own = trust[i] * trust[j];
+        const float across = (1 - own) * trust[p] * trust[q];
+        const float sum = own + across + FLAT;
+
+        c->tie[h] = APART + (1 - APART) * layer[i] * layer[j];
+        for (size_t k = 0; k < 3; k++) {
+            const float step = (own * (rgb[3 * j + k] - rgb[3 * i + k]) +
+                                across * (rgb[3 * q + k] - rgb[3 * p + k])) /
+                               sum;
+
+            c->b[i][k] -= c->tie[h] * step;
+            c->b[j][k] += c->tie[h] * step;
+        }
+    }
+}
+
+/* Midpoints taken out of the vertices' part, which is scaled. */
+static void completion_eliminate(struct completion *c)
+{
+    const size_t V = c->d->V, E = c->d->E;
+    const int32_t *edge = c->d->edge;
+
+    for (size_t h = 0; h < 2 * E; h++) {
+        const size_t i = (size_t)edge[h], j = V + h / 2;
 
         if (h % 2 == 0)
             c->weight[j] = 1 / (c->weight[j] + c->tie[h] + c->tie[h + 1]);
         c->weight[i] += c->tie[h] * (1 - c->tie[h] * c->weight[j]);
-        for (size_t k = 0; k < 3; k++)
-            b[3 * i + k] += c->tie[h] * c->weight[j] * b[3 * j + k];
+        c->b[i] += c->tie[h] * c->weight[j] * c->b[j];
+    }
+    for (size_t i = 0; i < V; i++)
+        c->weight[i] = sqrtf(c->weight[i]);
+    for (size_t e = 0; e < E; e++)
+        c->link[e] = c->weight[V + e] * c->tie[2 * e] * c->tie[2 * e + 1] /
+                     (c->weight[edge[2 * e]] * c->weight[edge[2 * e + 1]]);
+}
+
+/* Ap = A p; edges lie in the order of their first ends. */
+static void completion_apply(struct completion *c)
+{
+    const int32_t *edge = c->d->edge;
+
+    memcpy(c->Ap, c->p, c->d->V * sizeof *c->p);
+    for (size_t e = 0; e < c->d->E;) {
+        const int32_t i = edge[2 * e];
+        const v4f own = c->p[i];
+        v4f sum = c->Ap[i];
+
+        for (; e < c->d->E && edge[2 * e] == i; e++) {
+            const int32_t j = edge[2 * e + 1];
+
+            sum -= c->link[e] * c->p[j];
+            c->Ap[j] -= c->link[e] * own;
+        }
+        c->Ap[i] = sum;
     }
 }
 
-/* out (V,3) = A x. */
-static void completion_apply(float *out, const struct completion *c,
-                             const float *x)
+/* Sum of a b over n colours. */
+static double completion_dot(const v4f *a, const v4f *b, size_t n)
 {
-    for (size_t i = 0; i < 3 * c->d->V; i++)
-        out[i] = c->weight[i / 3] * x[i];
-    for (size_t e = 0; e < c->d->E; e++) {
-        const size_t i = 3 * (size_t)c->d->edge[2 * e];
-        const size_t j = 3 * (size_t)c->d->edge[2 * e + 1];
-        const float share = c->weight[c->d->V + e] * c->tie[2 * e] *
-                            c->tie[2 * e + 1];
+    v4d sum = {0};
 
-        for (size_t k = 0; k < 3; k++) {
-            out[i + k] -= share * x[j + k];
-            out[j + k] -= share * x[i + k];
+    for (size_t i = 0; i < n; i++)
+        sum += __builtin_convertvector(a[i] * b[i], v4d);
+    return sum[0] + sum[1] + sum[2];
+}
+
+/* x by conjugate gradients from where it is. */
+static void completion_descend(struct completion *c)
+{
+    const size_t V = c->d->V;
+
+    memcpy(c->p, c->x, V * sizeof *c->p);
+    completion_apply(c);
+    for (size_t i = 0; i < V; i++)
+        c->p[i] = c->b[i] = c->b[i] / c->weight[i] - c->Ap[i];
+    double rr = completion_dot(c->b, c->b, V);
+    for (int it = 0; it < ITERATIONS && rr > 1e-9; it++) {
+        completion_apply(c);
+        const float a = (float)(rr / completion_dot(c->p, c->Ap, V));
+
+        for (size_t i = 0; i < V; i++) {
+            c->x[i] += a * c->p[i];
+            c->b[i] -= a * c->Ap[i];
         }
+        const double next = completion_dot(c->b, c->b, V);
+        const float more = (float)(next / rr);
+        for (size_t i = 0; i < V; i++)
+            c->p[i] = c->b[i] + more * c->p[i];
+        rr = next;
     }
 }
 
@@ -113,105 +214,29 @@ static void completion_mean(float mean[3], const float *rgb, const float *trust,
         mean[k] /= total;
 }
 
-/* b (N,3) and the weights from the photograph's colours rgb (N,3); mean (3): theirs
- * where nothing is. */
-static void completion_wants(float *b, struct completion *c, const float *rgb,
-                             const float *trust, const float *layer,
-                             const float mean[3], const size_t *mirror)
+/* Layer m of all, whose colours become b. */
+PARALLEL(completion_layer, m, struct completion *, all, const float *, rgb,
+         const float *, trust, const float *, chance, const float *, mean,
+         const size_t *, mirror)
 {
-    for (size_t i = 0; i < c->N; i++) {
-        const float own = KEEP * trust[i];
-        const float across = ANCHOR * (1 - trust[i]) * trust[mirror[i]];
-
-        c->weight[i] = own + across + FLOOR;
-        for (size_t k = 0; k < 3; k++)
-            b[3 * i + k] = own * rgb[3 * i + k] +
-                           across * rgb[3 * mirror[i] + k] +
-                           FLOOR * mean[k];
-    }
-    for (size_t h = 0; h < 2 * c->d->E; h++) {
-        const size_t i = (size_t)c->d->edge[h], j = c->d->V + h / 2;
-        const size_t p = mirror[i], q = mirror[j];
-        const float own = trust[i] * trust[j];
-        const float across = (1 - own) * trust[p] * trust[q];
-        const float sum = own + across + FLAT;
-
-        c->tie[h] = APART + (1 - APART) * layer[i] * layer[j];
-        for (size_t k = 0; k < 3; k++) {
-            const float step = (own * (rgb[3 * j + k] - rgb[3 * i + k]) +
-                                across * (rgb[3 * q + k] - rgb[3 * p + k])) /
-                               sum;
-
-            b[3 * i + k] -= c->tie[h] * step;
-            b[3 * j + k] += c->tie[h] * step;
-        }
-    }
-}
-
-/* Sum of x y over n numbers. */
-static double completion_dot(const float *x, const float *y, size_t n)
-{
-    double sum = 0;
-
-    for (size_t i = 0; i < n; i++)
-        sum += (double)x[i] * y[i];
-    return sum;
-}
-
-/* z = r over A's diagonal. */
-static void completion_precondition(float *z, const float *r,
-                                    const struct completion *c)
-{
-    for (size_t i = 0; i < 3 * c->d->V; i++)
-        z[i] = r[i] / c->weight[i / 3];
-}
-
-/* rgb (N,3) complete, of one layer: how far each point belongs to it (N); mean (3)
- * where it is not seen. */
-static void completion_layer(float *rgb, const float *trust, const float *layer,
-                             const float mean[3], const size_t *mirror,
-                             const struct densify *d, float *scratch)
-{
-    const size_t N = d->V + d->E, n = 3 * d->V;
+    struct completion *c = all + m;
+    const struct densify *d = c->d;
+    const size_t N = d->V + d->E;
     float own[3] = {mean[0], mean[1], mean[2]};
-    struct completion c = {d, N, scratch, scratch + N};
-    float *r = c.tie + 2 * d->E, *z = r + 3 * N, *p = z + n, *Ap = p + n;
 
-    completion_mean(own, rgb, trust, 1, N);
-    completion_wants(r, &c, rgb, trust, layer, own, mirror);
-    completion_eliminate(r, &c);
-    completion_apply(Ap, &c, rgb);
-    for (size_t i = 0; i < n; i++)
-        r[i] -= Ap[i];
-    completion_precondition(z, r, &c);
-    memcpy(p, z, n * sizeof *p);
-    double rz = completion_dot(r, z, n);
-    for (int it = 0; it < ITERATIONS && rz > 1e-9; it++) {
-        completion_apply(Ap, &c, p);
-        const float a = (float)(rz / completion_dot(p, Ap, n));
-
-        for (size_t i = 0; i < n; i++) {
-            rgb[i] += a * p[i];
-            r[i] -= a * Ap[i];
-        }
-        completion_precondition(z, r, &c);
-        const double next = completion_dot(r, z, n);
-        const float more = (float)(next / rz);
-        for (size_t i = 0; i < n; i++)
-            p[i] = z[i] + more * p[i];
-        rz = next;
-    }
-    for (size_t e = 0; e < d->E; e++) {
-        const float *a = rgb + 3 * (size_t)d->edge[2 * e];
-        const float *b = rgb + 3 * (size_t)d->edge[2 * e + 1];
-
-        for (size_t j = d->V + e, k = 0; k < 3; k++)
-            rgb[3 * j + k] = c.weight[j] *
-                             (r[3 * j + k] + c.tie[2 * e] * a[k] +
-                              c.tie[2 * e + 1] * b[k]);
-    }
-    for (size_t i = 0; i < 3 * N; i++)
-        rgb[i] = fminf(fmaxf(rgb[i], 0), 1);
+    completion_mean(own, rgb, trust + m * N, 1, N);
+    completion_wants(c, rgb, trust + m * N, chance + m * N, own, mirror);
+    completion_eliminate(c);
+    for (size_t i = 0; i < d->V; i++)
+        c->x[i] = c->weight[i] * (v4f){rgb[3 * i], rgb[3 * i + 1],
+                                       rgb[3 * i + 2]};
+    completion_descend(c);
+    for (size_t i = 0; i < d->V; i++)
+        c->b[i] = c->x[i] / c->weight[i];
+    for (size_t e = 0, j = d->V; e < d->E; e++, j++)
+        c->b[j] = c->weight[j] *
+                  (c->b[j] + c->tie[2 * e] * c->b[d->edge[2 * e]] +
+                   c->tie[2 * e + 1] * c->b[d->edge[2 * e + 1]]);
 }
 
 void completion_solve(float *rgb, const float *trust, const float *chance,
@@ -219,17 +244,18 @@ void completion_solve(float *rgb, const float *trust, const float *chance,
                       float *scratch)
 {
     const size_t N = d->V + d->E;
-    float *seen = scratch, *layer = seen + 3 * N;
+    struct completion layer[MATERIALS];
     float mean[3] = {0};
 
-    memcpy(seen, rgb, 3 * N * sizeof *rgb);
-    completion_mean(mean, seen, trust, MATERIALS, N);
+    for (size_t m = 0; m < MATERIALS; m++)
+        layer[m] = completion_parts(d, scratch +
+                                    m * COMPLETION_SCRATCH(N) / MATERIALS);
+    completion_mean(mean, rgb, trust, MATERIALS, N);
+    parallel_each(completion_layer, MATERIALS, 1, layer, rgb, trust, chance,
+                  mean, mirror);
     memset(rgb, 0, 3 * N * sizeof *rgb);
-    for (size_t m = 0; m < MATERIALS; m++) {
-        memcpy(layer, seen, 3 * N * sizeof *layer);
-        completion_layer(layer, trust + m * N, chance + m * N, mean, mirror, d,
-                         layer + 3 * N);
+    for (size_t m = 0; m < MATERIALS; m++)
         for (size_t i = 0; i < 3 * N; i++)
-            rgb[i] += chance[m * N + i / 3] * layer[i];
-    }
+            rgb[i] += chance[m * N + i / 3] *
+                      fminf(fmaxf(layer[m].b[i / 3][i % 3], 0), 1);
 }

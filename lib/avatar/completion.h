@@ -15,7 +15,7 @@
 #include "lib/base/densify.h"
 
 /* Floats of scratch for N points. */
-#define COMPLETION_SCRATCH(N) (21 * (N))
+#define COMPLETION_SCRATCH(N) (17 * MATERIALS * (N))
 
 /* rgb (N,3), N = V + E of d: in the photograph's colours, out complete.
  *   trust (MATERIALS,N)   in them as each material's, 0..1
