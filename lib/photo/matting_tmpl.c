@@ -24,6 +24,7 @@
 #define MIXED 0.3f              /* of a rim, where both are as likely */
 #define EVIDENCE 0.25f          /* of a cell: what coarser cells count for it */
 #define STATES 8                /* of alpha: 0, six intervals between, 1 */
+#define RUN 16                  /* pixels at once */
 
 enum { SIDE_BACK, SIDE_FORE, SIDES };
 enum { MOMENTS = 10 };          /* 1, c, and the lower half of c c' */
@@ -254,50 +255,75 @@ static inline float matting_prior(struct matting_row *row,
     return row->left + tx * row->step;
 }
 
+/* Pixels of a row that lie between the same two cells: how far they do, colours
+ * and prior probabilities; then mean of alpha and standard deviation. */
+struct matting_run {
+    size_t n;                   /* others' numbers mean nothing */
+    float t[RUN], c[3][RUN], p[RUN], mean[RUN], doubt[RUN];
+};
+
 /* The polynomial of `terms` coefficients, those of a and b mixed, at `in`. */
 static inline float matting_sum(const float (*a)[STATES],
                                 const float (*b)[STATES], float t,
-                                const float *in, int terms, int state)
+                                const float (*in)[RUN], int terms, int state,
+                                size_t i)
 {
-    float sum = 0;
+    float left = 0, right = 0;
 
 #pragma GCC unroll 16
-    for (int i = 0; i < terms; i++)
-        sum += in[i] * (a[i][state] + t * (b[i][state] - a[i][state]));
-    return sum;
+    for (int k = 0; k < terms; k++) {
+        left += in[k][i] * a[k][state];
+        right += in[k][i] * b[k][state];
+    }
+    return left + t * (right - left);
 }
 
-/* Mean of alpha, and *doubt its standard deviation, of a pixel of colour c
- * between cells a and b, whose prior probability is p. */
-static float matting_posterior(float *doubt, const struct matting_cell *a,
-                               const struct matting_cell *b, float t,
-                               const float c[3], float p)
+/* The posterior of a run between cells a and b. */
+static void matting_posterior(struct matting_run *r,
+                              const struct matting_cell *a,
+                              const struct matting_cell *b)
 {
-    const float in[FORM] = {c[0] * c[0], c[1] * c[0], c[1] * c[1], c[2] * c[0],
-                            c[2] * c[1], c[2] * c[2], c[0], c[1], c[2], 1};
-    const float rim = MIXED * 2 * sqrtf(p * (1 - p)) / (STATES - 2);
-    float sum = 0, mean = 0, square = 0;
+    float in[FORM][RUN], none[RUN], rim[RUN], sum[RUN] = {0}, square[RUN] = {0};
 
-#pragma omp simd reduction(+ : sum, mean, square)
+    for (int j = 0, l = 0; j < 3; j++) {
+        memcpy(in[6 + j], r->c[j], sizeof in[j]);
+        for (int h = 0; h <= j; h++, l++)
+            for (size_t i = 0; i < RUN; i++)
+                in[l][i] = r->c[j][i] * r->c[h][i];
+    }
+    for (size_t i = 0; i < RUN; i++) {
+        in[9][i] = 1;
+        none[i] = 1 - r->p[i];
+        rim[i] = MIXED * 2 * sqrtf(r->p[i] * none[i]) / (STATES - 2);
+        r->mean[i] = 0;
+    }
     for (int s = 0; s < STATES; s++) {
-        const float prior = s == 0 ? 1 - p : s == STATES - 1 ? p : rim;
+        const float *prior = s == 0 ? none : s == STATES - 1 ? r->p : rim;
         const float strange = s == STATES - 1 ? STRANGE_BACK + STRANGE_FORE
                                               : STRANGE_BACK;
-        const float likely = math_exp(matting_sum(a->form, b->form, t, in,
-                                                  FORM, s)) + strange;
-        const float alpha = matting_clamp(matting_sum(a->gain, b->gain, t,
-                                                      in + 6, GAIN, s));
-        const float spread = a->spread[s] + t * (b->spread[s] - a->spread[s]);
-        const float fit = prior * likely;
+#pragma omp simd
+        for (size_t i = 0; i < RUN; i++) {
+            const float likely = math_exp(matting_sum(a->form, b->form, r->t[i],
+                                                      in, FORM, s, i)) + strange;
+            const float alpha = matting_clamp(
+                matting_sum(a->gain, b->gain, r->t[i], in + 6, GAIN, s, i));
+            const float spread = a->spread[s] +
+                                 r->t[i] * (b->spread[s] - a->spread[s]);
+            const float fit = prior[i] * likely;
 
-        sum += fit;
-        mean += fit * alpha;
-        square += fit * (alpha * alpha + spread);
+            sum[i] += fit;
+            r->mean[i] += fit * alpha;
+            square[i] += fit * (alpha * alpha + spread);
+        }
     }
-    mean /= sum;
-    square = square / sum - mean * mean;
-    *doubt = square > 0 ? sqrtf(square) : 0;
-    return mean;
+#pragma omp simd
+    for (size_t i = 0; i < RUN; i++) {
+        const float mean = r->mean[i] / sum[i];
+        const float variance = square[i] / sum[i] - mean * mean;
+
+        r->mean[i] = mean;
+        r->doubt[i] = sqrtf(variance > 0 ? variance : 0);
+    }
 }
 
 /* A colour's share in a sum that is c, as far as it can be one. */
@@ -346,37 +372,44 @@ static void matting_layer(struct matting *m, const struct matting_cell *a,
     }
 }
 
-/* Pixel (x,y): alpha and certainty, unless that is known, and the layers, if
- * they are wanted. */
-static void matting_pixel(struct matting *m, const struct matting_work *k,
-                          struct matting_row *row, size_t x, size_t y)
+/* The run from pixel (x,y) on, with the prior's alpha in m; returns its first cell. */
+static size_t matting_take(struct matting_run *r, struct matting *m,
+                           const struct matting_work *k,
+                           struct matting_row *row, size_t x, size_t y)
 {
-    const size_t n = m->n, i = y * n + x;
-    const bool seen = extent_has(&m->inside, x, y), given = k->known && seen;
-    const float p = given ? (float)m->alpha[i] / 255
-                          : matting_prior(row, k, x, y, n);
-    const uint8_t *rgb = m->rgb + 3 * i;
-    const float c[3] = {rgb[0] / 255.f, rgb[1] / 255.f, rgb[2] / 255.f};
-    uint8_t *alpha = m->alpha + i;
-    float t, doubt;
+    const size_t n = m->n, first = pyramid_between(r->t, x, n, CELLS);
 
-    *alpha = matting_byte(p);
-    m->confidence[i] = seen ? 255 : 0;
-    /* a prior that shows in no byte decides */
-    if (!seen || (*alpha > 0 && *alpha < 255)) {
-        const size_t u = pyramid_between(&t, x, n, CELLS);
-        const struct matting_cell *a = matting_row_cell(row, k, u, y, n);
-        const struct matting_cell *b = matting_row_cell(row, k, u + 1, y, n);
+    for (r->n = 0; r->n < RUN && x < n &&
+                   pyramid_between(r->t + r->n, x, n, CELLS) == first;
+         r->n++, x++) {
+        const size_t i = y * n + x;
+        const bool given = k->known && extent_has(&m->inside, x, y);
 
-        if (seen && !given) {
-            *alpha = matting_byte(matting_posterior(&doubt, a, b, t, c, p));
-            m->confidence[i] = matting_byte(1 - 2 * doubt);
-        }
-        if (m->back && (!seen || (*alpha > 0 && *alpha <= MATTING_BACK)))
-            matting_layer(m, a, b, t, c, i, seen);
+        for (size_t c = 0; c < 3; c++)
+            r->c[c][r->n] = m->rgb[3 * i + c] / 255.f;
+        r->p[r->n] = given ? (float)m->alpha[i] / 255
+                           : matting_prior(row, k, x, y, n);
+        m->alpha[i] = matting_byte(r->p[r->n]);
     }
-    if (m->back && seen && *alpha == 0)
-        memcpy(m->back + 3 * i, rgb, 3);
+    return first;
+}
+
+/* Pixel j of a run between cells a and b, which is pixel i: alpha and certainty,
+ * unless that is known, and the layers, if they are wanted. */
+static void matting_pixel(struct matting *m, const struct matting_run *r,
+                          const struct matting_cell *a,
+                          const struct matting_cell *b, size_t j, size_t i,
+                          bool seen, bool known)
+{
+    const float c[3] = {r->c[0][j], r->c[1][j], r->c[2][j]};
+    uint8_t *alpha = m->alpha + i;
+
+    if (seen && !known) {
+        *alpha = matting_byte(r->mean[j]);
+        m->confidence[i] = matting_byte(1 - 2 * r->doubt[j]);
+    }
+    if (m->back && (!seen || (*alpha > 0 && *alpha <= MATTING_BACK)))
+        matting_layer(m, a, b, r->t[j], c, i, seen);
 }
 
 /* One row. */
@@ -384,11 +417,31 @@ PARALLEL(matting_pixels_part, y, struct matting *, m,
          const struct matting_work *, k)
 {
     struct matting_row row;
+    struct matting_run r = {0};
 
     row.column = 0;
     memset(row.made, 0, sizeof row.made);
-    for (size_t x = 0; x < m->n; x++)
-        matting_pixel(m, k, &row, x, y);
+    for (size_t x = 0, i = y * m->n; x < m->n;) {
+        const size_t u = matting_take(&r, m, k, &row, x, y);
+        const struct matting_cell *a = NULL, *b = NULL;
+
+        for (size_t j = 0; j < r.n; j++, i++, x++) {
+            const bool seen = extent_has(&m->inside, x, y);
+
+            m->confidence[i] = seen ? 255 : 0;
+            /* a prior that shows in no byte decides */
+            if (!seen || (m->alpha[i] > 0 && m->alpha[i] < 255)) {
+                if (!a) {
+                    a = matting_row_cell(&row, k, u, y, m->n);
+                    b = matting_row_cell(&row, k, u + 1, y, m->n);
+                    matting_posterior(&r, a, b);
+                }
+                matting_pixel(m, &r, a, b, j, i, seen, k->known);
+            }
+            if (m->back && seen && m->alpha[i] == 0)
+                memcpy(m->back + 3 * i, m->rgb + 3 * i, 3);
+        }
+    }
 }
 
 /* ---- together ----------------------------------------------------------- */
