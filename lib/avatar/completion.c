@@ -54,7 +54,7 @@ void completion_mirror(size_t *mirror, const size_t *vertices,
 /* ---- the system ---------------------------------------------------------- */
 
 typedef float v4f __attribute__((vector_size(16), aligned(4), may_alias));
-typedef double v4d __attribute__((vector_size(32)));
+typedef double v2d __attribute__((vector_size(16)));
 
 /* A layer's, for weight (N) x colours and steps along half edges.  Of a midpoint
  * that is colour = share (b + its ends' colours), share = 1 / (weight + 2), so that
@@ -163,11 +163,17 @@ static void completion_apply(struct completion *c)
 /* Sum of a b over n colours. */
 static double completion_dot(const v4f *a, const v4f *b, size_t n)
 {
-    v4d sum = {0};
+    v2d left = {0}, right = {0};
 
-    for (size_t i = 0; i < n; i++)
-        sum += __builtin_convertvector(a[i] * b[i], v4d);
-    return sum[0] + sum[1] + sum[2];
+    for (size_t i = 0; i < n; i++) {
+        const v4f ab = a[i] * b[i];
+
+        left += __builtin_convertvector(__builtin_shufflevector(ab, ab, 0, 1),
+                                        v2d);
+        right += __builtin_convertvector(__builtin_shufflevector(ab, ab, 2, 3),
+                                         v2d);
+    }
+    return left[0] + left[1] + right[0];
 }
 
 /* x by conjugate gradients from where it is. */

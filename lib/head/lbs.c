@@ -7,6 +7,7 @@
 #include <sysexits.h>
 
 #include "lib/base/cpu.h"
+#include "lib/base/parallel.h"
 #include "lib/base/rotation.h"
 #include "lib/head/lbs_kernel.h"
 
@@ -138,6 +139,26 @@ static void lbs_fold_lids_backward(float *beta, const float *dverts,
     }
 }
 
+/* The shape's block b. */
+PARALLEL(lbs_fold_block, b, float *, shaped, const struct head *, h,
+         const float *, beta, size_t, nbeta)
+{
+    const float *t = h->template_blocks + b * ROW;
+    double sum[ROW];
+
+    for (int i = 0; i < ROW; i++)
+        sum[i] = t[i];
+    for (size_t k = 0; k < nbeta; k++) {
+        const float *d = h->shape_dirs + (b * h->nshape + k) * ROW;
+
+        if (beta[k] != 0 && head_shape_moves(h, b, k))
+            for (int i = 0; i < ROW; i++)
+                sum[i] += (double)beta[k] * d[i];
+    }
+    for (int i = 0; i < ROW; i++)
+        shaped[b * ROW + i] = (float)sum[i];
+}
+
 int head_fold(struct identity *id, const struct head *h, const float *beta,
               size_t nbeta, struct error *err)
 {
@@ -159,22 +180,7 @@ int head_fold(struct identity *id, const struct head *h, const float *beta,
     for (size_t k = 0; k < nbeta; k++)
         for (int i = 0; i < 3 * HEAD_JOINTS; i++)
             id->joints[i] += (double)beta[k] * h->joint_shape[15 * k + i];
-    for (size_t b = 0; b < h->blocks; b++) {
-        double sum[ROW];
-        const float *t = h->template_blocks + b * ROW;
-
-        for (int i = 0; i < ROW; i++)
-            sum[i] = t[i];
-        for (size_t k = 0; k < nbeta; k++) {
-            const float *d = h->shape_dirs + (b * h->nshape + k) * ROW;
-
-            if (beta[k] != 0 && head_shape_moves(h, b, k))
-                for (int i = 0; i < ROW; i++)
-                    sum[i] += (double)beta[k] * d[i];
-        }
-        for (int i = 0; i < ROW; i++)
-            id->shaped[b * ROW + i] = (float)sum[i];
-    }
+    parallel_each(lbs_fold_block, h->blocks, 8, id->shaped, h, beta, nbeta);
     return 0;
 }
 

@@ -7,6 +7,8 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/parallel.h"
+
 /* Of a block of the posing layout, and where it has y and z. */
 enum { ROW = 3 * HEAD_BLOCK, Y = HEAD_BLOCK, Z = 2 * HEAD_BLOCK };
 
@@ -25,7 +27,7 @@ struct directions {
                              * zero there; NULL: any */
     size_t words;
     size_t *across;         /* (V) the vertex on the other side */
-    float *image;           /* (blocks,96) a direction's mirror image */
+    float *images;          /* (threads,blocks,96) a direction's mirror image */
     double *square;         /* (n) lengths squared */
 };
 
@@ -101,7 +103,7 @@ static const float *mirror_row(const struct directions *s, size_t k, size_t b)
 }
 
 /* The mirror image of direction k is added to the image, where it has any. */
-static void mirror_image(struct directions *s, size_t k)
+static void mirror_image(float *image, const struct directions *s, size_t k)
 {
     for (size_t b = 0; b < s->blocks; b++) {
         const float *from = mirror_row(s, k, b);
@@ -109,7 +111,7 @@ static void mirror_image(struct directions *s, size_t k)
 
         for (size_t i = 0; from && i < HEAD_BLOCK && i < rest; i++, from++) {
             const size_t w = s->across[first + i];
-            float *to = s->image + w / HEAD_BLOCK * ROW + w % HEAD_BLOCK;
+            float *to = image + w / HEAD_BLOCK * ROW + w % HEAD_BLOCK;
 
             to[0] -= from[0];
             to[Y] += from[Y];
@@ -119,7 +121,7 @@ static void mirror_image(struct directions *s, size_t k)
 }
 
 /* Zeros where direction k's was added: most are small parts of a head. */
-static void mirror_clear(struct directions *s, size_t k)
+static void mirror_clear(float *image, const struct directions *s, size_t k)
 {
     for (size_t b = 0; b < s->blocks; b++) {
         const size_t first = b * HEAD_BLOCK, rest = s->V - first;
@@ -127,7 +129,7 @@ static void mirror_clear(struct directions *s, size_t k)
         for (size_t i = 0; mirror_row(s, k, b) && i < HEAD_BLOCK && i < rest;
              i++) {
             const size_t w = s->across[first + i];
-            float *to = s->image + w / HEAD_BLOCK * ROW + w % HEAD_BLOCK;
+            float *to = image + w / HEAD_BLOCK * ROW + w % HEAD_BLOCK;
 
             to[0] = to[Y] = to[Z] = 0;
         }
@@ -146,50 +148,47 @@ static double mirror_row_product(const float *p, const float *q)
 }
 
 /* Inner product of direction j with the image. */
-static double mirror_product(const struct directions *s, size_t j)
+static double mirror_product(const float *image, const struct directions *s,
+                             size_t j)
 {
     double sum = 0;
 
     for (size_t b = 0; b < s->blocks; b++) {
         const float *p = mirror_row(s, j, b);
 
-        sum += p ? mirror_row_product(p, s->image + b * ROW) : 0;
+        sum += p ? mirror_row_product(p, image + b * ROW) : 0;
     }
     return sum;
 }
 
-/* Whether k's mirror image, which is s->image, is j, or j with the other
- * sign. */
-static int mirror_pair(struct head_mirror *m, const struct directions *s,
-                       size_t k, size_t j)
+/* Whether k's mirror image is j, or j with the other sign. */
+static bool mirror_pair(struct head_mirror *m, const float *image,
+                        const struct directions *s, size_t k, size_t j)
 {
     double a = s->square[k], b = s->square[j], with;
 
     if (fabs(a - b) > SIMILAR * (a + b))
-        return 0;
-    with = mirror_product(s, j);
+        return false;
+    with = mirror_product(image, s, j);
     if (fabs(with) < SAME * sqrt(a * b))
-        return 0;
+        return false;
     m->from[k] = (int)j;
     m->sign[k] = with < 0 ? -1 : 1;
-    return 1;
+    return true;
 }
 
-/* Each direction's mirror image: itself with a sign, or another one. */
-static int mirror_find_pairs(struct head_mirror *m, struct directions *s)
+/* Direction k's mirror image: itself with a sign, or another one, or -1. */
+PARALLEL(mirror_find_pair, k, struct head_mirror *, m,
+         const struct directions *, s)
 {
-    m->n = s->n;
-    for (size_t k = 0; k < s->n; k++) {
-        mirror_image(s, k);
-        int found = mirror_pair(m, s, k, k);
+    float *image = s->images + parallel_slot() * s->blocks * ROW;
 
-        for (size_t j = 0; j < s->n && !found; j++)
-            found = mirror_pair(m, s, k, j);
-        mirror_clear(s, k);
-        if (!found)
-            return 0;
-    }
-    return 1;
+    m->from[k] = -1;
+    mirror_image(image, s, k);
+    bool found = mirror_pair(m, image, s, k, k);
+    for (size_t j = 0; j < s->n && !found; j++)
+        found = mirror_pair(m, image, s, k, j);
+    mirror_clear(image, s, k);
 }
 
 /* Direction k's length squared. */
@@ -216,9 +215,10 @@ static int mirror_make(struct head_mirror *m, const struct head *h,
     s.V = h->V;
     s.blocks = h->blocks;
     s.across = malloc(h->V * sizeof *s.across);
-    s.image = calloc(h->blocks * ROW, sizeof *s.image);
+    s.images = calloc((size_t)parallel_width() * h->blocks * ROW,
+                      sizeof *s.images);
     s.square = calloc(s.n + 1, sizeof *s.square);
-    if (!s.across || !s.image || !s.square) {
+    if (!s.across || !s.images || !s.square) {
         error_set(err, EX_OSERR, "no memory for %zu directions", s.n);
         goto out;
     }
@@ -226,10 +226,14 @@ static int mirror_make(struct head_mirror *m, const struct head *h,
         goto out;
     for (size_t k = 0; k < s.n; k++)
         s.square[k] = mirror_square(&s, k);
-    rc = mirror_find_pairs(m, &s);
+    m->n = s.n;
+    parallel_each(mirror_find_pair, s.n, 8, m, &s);
+    rc = 1;
+    for (size_t k = 0; k < s.n; k++)
+        rc = rc && m->from[k] >= 0;
 out:
     free(s.across);
-    free(s.image);
+    free(s.images);
     free(s.square);
     return rc;
 }
