@@ -189,11 +189,13 @@ static void avatar_views(struct avatar *a)
     relative_lamp(a->lamp, a->drive.source, a->light);
 }
 
-/* The picture and the mesh on it. */
+/* The picture, unless it was the last one looked at, and the mesh on it. */
 static void avatar_look(struct avatar *a, const struct avatar_source *src)
 {
-    source_picture_set(&a->picture, src->rgb, src->matte, src->certain,
-                       a->config.rgb_skip);
+    if (src->rgb != a->looked)
+        source_picture_set(&a->picture, src->rgb, src->matte, src->certain,
+                           a->config.rgb_skip);
+    a->looked = src->rgb;
     source_mesh_set(&a->source, src->verts, src->rest, src->cam,
                     !(a->without & WITHOUT_NECK));
 }
@@ -291,6 +293,7 @@ void avatar_bake(struct avatar *a, const struct avatar_source *src)
     memcpy(a->dynamic.light, a->light, sizeof a->light);
     avatar_look_further(a, src);
     avatar_look(a, src);
+    a->looked = NULL;           /* the next one's may lie where it does */
     tilt_find(&a->tilted, &a->picture, &a->source);
     backbone_forward(a->features, a->picture.rgb, &a->backbone);
     /* the dynamic branch first: its decoder may write rows beyond its own,

@@ -85,6 +85,8 @@ struct avatar {
 
     /* Set by avatar_bake. */
     struct source_picture picture;
+    const uint8_t *looked;              /* whose it is, from avatar_relief to
+                                         * avatar_bake; else NULL */
     struct source_mesh source;
     struct tilt tilted;                 /* slopes of what the source shows */
     size_t first[BRANCH_COUNT + 1];     /* branch b: first[b]..first[b+1] */
@@ -127,7 +129,8 @@ int avatar_plan(struct avatar *a, struct nn_options opt, struct error *err);
 void avatar_release(struct avatar *a);
 
 /* offset (V,3): how the mesh of src, at rest, is to stand off the head where hair is
- * that no picture shows (relief.h); 0 without the prior.  Before avatar_bake. */
+ * that no picture shows (relief.h); 0 without the prior.  Before avatar_bake of the
+ * same pictures, which need not be read again. */
 void avatar_relief(float *offset, struct avatar *a,
                    const struct avatar_source *src);
 

@@ -86,35 +86,42 @@ static void matte_guess(struct matte *k)
     }
 }
 
-/* Place i of out by its neighbours; whether it grew. */
-static bool matte_reach(float *out, float prior, size_t i)
+/* A place by one beside it; whether it grew. */
+static inline bool matte_reach(float *at, float prior, float beside)
 {
-    const size_t x = i % SIDE, y = i / SIDE;
-    float best = out[i];
+    if (beside <= *at || prior <= *at)
+        return false;
+    *at = beside < prior ? beside : prior;
+    return true;
+}
 
-    best = fmaxf(best, x > 0 ? out[i - 1] : 0);
-    best = fmaxf(best, x + 1 < SIDE ? out[i + 1] : 0);
-    best = fmaxf(best, y > 0 ? out[i - SIDE] : 0);
-    best = fminf(prior, fmaxf(best, y + 1 < SIDE ? out[i + SIDE] : 0));
-    const bool grew = best > out[i];
-    out[i] = best;
+/* A row by the one beside it, then along itself to both ends. */
+static bool matte_spread(float *row, const float *prior, const float *beside)
+{
+    bool grew = false;
+
+    for (size_t x = 0; x < SIDE; x++)
+        grew |= matte_reach(row + x, prior[x], beside[x]);
+    for (size_t x = 1; x < SIDE; x++)
+        grew |= matte_reach(row + x, prior[x], row[x - 1]);
+    for (size_t x = SIDE - 1; x > 0; x--)
+        grew |= matte_reach(row + x - 1, prior[x - 1], row[x]);
     return grew;
 }
 
 void matte_connect(float *out, const float *prior, const uint8_t *head)
 {
-    bool grew = true;
+    bool grew;
 
     for (size_t i = 0; i < PIXELS; i++)
         out[i] = head[i] > 127 ? prior[i] : 0;
-    for (bool back = false; grew; back = !back) {
+    do {
         grew = false;
-        for (size_t k = 0; k < PIXELS; k++) {
-            const size_t i = back ? PIXELS - 1 - k : k;
-
-            grew |= matte_reach(out, prior[i], i);
-        }
-    }
+        for (size_t i = 0; i < PIXELS; i += SIDE)
+            grew |= matte_spread(out + i, prior + i, out + (i ? i - SIDE : 0));
+        for (size_t i = PIXELS - SIDE; i > 0; i -= SIDE)
+            grew |= matte_spread(out + i - SIDE, prior + i - SIDE, out + i);
+    } while (grew);
 }
 
 int matte_find(struct matting *m, bool *seen, const uint8_t *head,

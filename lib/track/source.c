@@ -150,22 +150,16 @@ out:
     return rc;
 }
 
-static void source_forget_window(struct source *s)
-{
-    free(s->person.rgb);
-    free(s->person.matte);
-    free(s->person.back);
-    free(s->person.confidence);
-}
-
-/* The portrait window at S x S pixels, and which of them the picture has. */
+/* The portrait window as fine as it is in the photograph and is wanted, but not
+ * coarser than the networks see it, and which of its pixels the picture has. */
 static int source_cut_window(struct source *s, const struct image *im,
-                             size_t S, struct error *err)
+                             struct error *err)
 {
+    const double own = fmin(round(s->window.size), (double)s->finest);
+    const size_t S = own > (double)s->size ? (size_t)own : s->size;
     double begun = cpu_seconds();
     int rc;
 
-    source_forget_window(s);
     s->person.size = S;
     s->person.rgb = malloc(3 * S * S);
     s->person.matte = malloc(S * S);
@@ -278,16 +272,16 @@ static int source_make_matte(struct source *s, const struct image *im,
     return rc;
 }
 
-/* The shape once more, by the matte at the networks' size n. */
-static int source_fit_outline(struct source *s, size_t n,
-                              const struct head *head, struct error *err)
+/* The shape once more, by the matte at the networks' size. */
+static int source_fit_outline(struct source *s, const struct head *head,
+                              struct error *err)
 {
     struct person *p = &s->person, small, seen = *p;
     struct outline_report found;
     const double begun = cpu_seconds();
 
     seen.back = seen.confidence = NULL;
-    if (person_resize(&small, &seen, n, err))
+    if (person_resize(&small, &seen, s->size, err))
         return -1;
     small.source = p->source;
     small.has_source = p->has_source;
@@ -301,16 +295,6 @@ static int source_fit_outline(struct source *s, size_t n,
     return rc;
 }
 
-/* The window's picture as fine as it is in the photograph and is wanted. */
-static int source_enlarge(struct source *s, const struct image *im,
-                          struct error *err)
-{
-    const double own = fmin(round(s->window.size), (double)s->finest);
-
-    return own > (double)s->person.size
-               ? source_cut_window(s, im, (size_t)own, err) : 0;
-}
-
 int source_find(struct source *s, struct image *im, struct image *mask,
                 const struct head *head, struct encoders *nets,
                 const struct track_options *opt, struct error *err)
@@ -320,6 +304,7 @@ int source_find(struct source *s, struct image *im, struct image *mask,
     struct track t = {0};
 
     memset(s, 0, sizeof *s);
+    s->size = (size_t)opt->size;
     s->finest = opt->finest ? opt->finest : PERSON_LARGEST;
     whole.whole = true;
     whole.still = true;
@@ -331,7 +316,7 @@ int source_find(struct source *s, struct image *im, struct image *mask,
              track_init(&t, &mean, &nets->motion, &whole, err) ||
              source_find_face(s, &t, im, mask, err) ||
              source_find_shape(s, &t, head, nets, err) ||
-             source_cut_window(s, im, (size_t)opt->size, err) ? -1 : 0;
+             source_cut_window(s, im, err) ? -1 : 0;
     track_release(&t);
     identity_release(&mean);
     if (rc)
@@ -343,11 +328,8 @@ int source_cut_out(struct source *s, const struct image *im,
                    const struct image *mask, const struct head *head,
                    struct encoders *nets, struct error *err)
 {
-    const size_t n = s->person.size;
-
-    if (source_enlarge(s, im, err) == 0 &&
-        source_make_matte(s, im, mask, head, nets, err) == 0 &&
-        source_fit_outline(s, n, head, err) == 0)
+    if (source_make_matte(s, im, mask, head, nets, err) == 0 &&
+        source_fit_outline(s, head, err) == 0)
         return 0;
     source_release(s);
     return -1;

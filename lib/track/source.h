@@ -23,7 +23,8 @@ struct source {
                                  * shape and motion; no hashes */
     enum source_matte how;
     struct square window;       /* in the picture */
-    size_t finest;              /* pixels along it that are kept at most */
+    size_t size, finest;        /* pixels along it that the networks see, and
+                                 * that are kept at most */
     struct track_faces faces;   /* in it, as it stands upright */
     struct extent inside;       /* the window's pixels that show it */
     float confidence;                 /* of E_m that it shows a face, 0 to 1 */
