@@ -19,10 +19,11 @@ struct prepare_head {
     struct prepare *p;
     const char *path;
     struct error *err;
+    bool two;                   /* as a thread */
     int rc;
 };
 
-/* The head and its edges, as a thread or not. */
+/* The head and its edges; in time that is left to a thread the detector, too. */
 static void *prepare_run_head(void *arg)
 {
     struct prepare_head *l = arg;
@@ -31,29 +32,28 @@ static void *prepare_run_head(void *arg)
     l->rc = head_load(&p->head, l->path, l->err) ||
             densify_init(&p->dense, p->head.f, p->head.F, p->head.V, l->err)
                 ? -1 : 0;
+    struct error none;          /* told where a face is looked for */
+    if (l->two)
+        p->detector = facedetect_open(&none);
     return NULL;
 }
 
 int prepare_open(struct prepare *p, const char *model, const char *head,
                  struct error *err)
 {
-    struct prepare_head l = {p, head, err, 0};
+    struct prepare_head l = {p, head, err, parallel_width() > 1, 0};
     struct error other;
     pthread_t thread;
 
     if (model_open(&p->model, model, err))
         return -1;
-    const bool two = parallel_width() > 1 &&
-                     !pthread_create(&thread, NULL, prepare_run_head, &l);
+    l.two = l.two && !pthread_create(&thread, NULL, prepare_run_head, &l);
     module_preload(p->soon, sizeof p->soon / sizeof *p->soon);
-    if (!two)
+    if (!l.two)
         prepare_run_head(&l);
     int rc = encoders_open(&p->nets, &p->model, true, p->precision, &other);
-    struct error none;          /* told where a face is looked for */
-    if (two) {
-        p->detector = facedetect_open(&none);   /* the head takes longer */
+    if (l.two)
         pthread_join(thread, NULL);
-    }
     if (rc && !l.rc)
         *err = other;
     return rc || l.rc ? -1 : 0;

@@ -8,6 +8,7 @@
 #include "lib/avatar/coverage.h"
 #include "lib/base/slices.h"
 #include "lib/base/camera.h"
+#include "lib/base/parallel.h"
 #include "lib/base/resample.h"
 
 #define SMOOTH 2.0f     /* cells */
@@ -33,23 +34,20 @@ void tilt_release(struct tilt *t)
     memset(t, 0, sizeof *t);
 }
 
-/* Depth from the plane's on, and presence, at each cell: both times the
- * person's matte. */
-static void tilt_maps(struct tilt *t, const struct source_picture *picture,
-                      const struct source_mesh *mesh)
+/* Depth from the plane's on, and presence, at cell k: both times the person's
+ * matte. */
+PARALLEL(tilt_map, k, struct tilt *, t, const struct source_picture *, picture,
+         const struct source_mesh *, mesh)
 {
     const size_t n = t->n;
+    const float at[2] = {(float)(2 * (k % n) + 1) / (float)n - 1,
+                         (float)(2 * (k / n) + 1) / (float)n - 1};
+    const float z = mesh->depth[k];
+    float rgba[4];
 
-    for (size_t k = 0; k < n * n; k++) {
-        const float at[2] = {(float)(2 * (k % n) + 1) / (float)n - 1,
-                             (float)(2 * (k / n) + 1) / (float)n - 1};
-        const float z = mesh->depth[k];
-        float rgba[4];
-
-        source_picture_sample(rgba, picture, at, 1);
-        t->person[k] = fminf(rgba[3], 1);
-        t->depth[k] = isfinite(z) ? t->person[k] * (z - mesh->cam[11]) : 0;
-    }
+    source_picture_sample(rgba, picture, at, 1);
+    t->person[k] = fminf(rgba[3], 1);
+    t->depth[k] = isfinite(z) ? t->person[k] * (z - mesh->cam[11]) : 0;
 }
 
 void tilt_find(struct tilt *t, const struct source_picture *picture,
@@ -58,7 +56,7 @@ void tilt_find(struct tilt *t, const struct source_picture *picture,
     const size_t n = t->n;
     const float step = 2 * source_mesh_spacing(mesh, n);
 
-    tilt_maps(t, picture, mesh);
+    parallel_each(tilt_map, n * n, n, t, picture, mesh);
     coverage_blur(t->smooth, t->depth, n, SMOOTH, t->tmp);
     coverage_blur(t->depth, t->person, n, SMOOTH, t->tmp);
     /* the mean depth of the person, and down its outline */
@@ -75,18 +73,22 @@ void tilt_find(struct tilt *t, const struct source_picture *picture,
     }
 }
 
+/* Of Gaussian i. */
+PARALLEL(tilt_sample_part, i, float *, tilt, const struct tilt *, t,
+         const float *, uv, const float *, neck)
+{
+    const float at[2] = {2 * uv[2 * i] - 1, 2 * uv[2 * i + 1] - 1};
+    float *to = tilt + 2 * i;
+
+    grid_sample(to, t->slope, at, 1, t->n, t->n, 2, 1, false, RESAMPLE_BORDER);
+    const float steep = sqrtf(to[0] * to[0] + to[1] * to[1]);
+    const float by = (1 - neck[i]) * fminf(1, TILT_STEEPEST / fmaxf(steep, 1));
+    for (int k = 0; k < 2; k++)
+        to[k] *= by;
+}
+
 void tilt_sample(float *tilt, const struct tilt *t, const float *uv,
                  const float *neck, size_t N)
 {
-    for (size_t i = 0; i < N; i++) {
-        const float at[2] = {2 * uv[2 * i] - 1, 2 * uv[2 * i + 1] - 1};
-        float *to = tilt + 2 * i;
-
-        grid_sample(to, t->slope, at, 1, t->n, t->n, 2, 1, false,
-                    RESAMPLE_BORDER);
-        const float steep = sqrtf(to[0] * to[0] + to[1] * to[1]);
-        const float by = (1 - neck[i]) * fminf(1, TILT_STEEPEST / fmaxf(steep, 1));
-        for (int k = 0; k < 2; k++)
-            to[k] *= by;
-    }
+    parallel_each(tilt_sample_part, N, 256, tilt, t, uv, neck);
 }

@@ -69,8 +69,7 @@ static inline void resample_grid_taps(struct taps *t, double slope[2],
     }
 }
 
-#define FEW 8192               /* numbers that one thread writes by itself: half a
-                                * millisecond's (tests/bench/README.md) */
+#define FEW 65536              /* numbers that one thread writes by itself */
 
 /* o (C): what lies at place g (2) of picture x (H,W,C). */
 static inline void resample_grid_point(float *o, const float *x,
