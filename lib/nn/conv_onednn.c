@@ -120,6 +120,32 @@ static void conv_onednn_describe_backward(struct conv_onednn_mds *m,
         m->wei.data_type = dnnl_f32;
 }
 
+/* The implementation of a forward.  For floats and more than one tap oneDNN would
+ * take one whose tens of kernels are no faster than the next one's few, but each
+ * changes the protection of a page, for which all threads stop. */
+static dnnl_status_t conv_onednn_choose(dnnl_primitive_desc_t *pd,
+                                        const dnnl_convolution_desc_t *d,
+                                        const_dnnl_primitive_attr_t attr,
+                                        const struct conv *c)
+{
+    const bool few = c->impl->input == dnnl_f32 && c->kernel > 1;
+    dnnl_primitive_desc_iterator_t it;
+    const char *name = NULL;
+    dnnl_status_t ok = dnnl_primitive_desc_iterator_create(&it, d, attr,
+                                                           nn_engine(), NULL);
+
+    if (ok)
+        return ok;
+    do {
+        dnnl_primitive_desc_destroy(*pd);
+        *pd = dnnl_primitive_desc_iterator_fetch(it);
+        dnnl_primitive_desc_query(*pd, dnnl_query_impl_info_str, 0, &name);
+    } while (few && !strncmp(name, "brgconv:", 8) &&
+             !dnnl_primitive_desc_iterator_next(it));
+    dnnl_primitive_desc_iterator_destroy(it);
+    return dnnl_success;
+}
+
 /* The primitive descriptor of one pass; NULL after telling the plan. */
 static dnnl_primitive_desc_t conv_onednn_primitive(const struct conv *c,
                                                    enum conv_onednn_pass pass,
@@ -141,7 +167,7 @@ static dnnl_primitive_desc_t conv_onednn_primitive(const struct conv *c,
         dnnl_convolution_direct, &m.src, &m.wei,
         pass == FORWARD ? &m.bia : NULL, &m.dst, m.stride, m.pad0, m.pad1);
     if (!ok)
-        ok = dnnl_primitive_desc_create(&pd, &d, attr, nn_engine(), NULL);
+        ok = conv_onednn_choose(&pd, &d, attr, c);
     if (!ok && pass != FORWARD) {
         hint = pd;
         pd = NULL;
