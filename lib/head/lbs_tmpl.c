@@ -5,33 +5,26 @@
 
 #include <string.h>
 
-#if defined(ISA_AVX512)
-#define W 16            /* floats of a vector */
-#elif defined(ISA_AVX2)
-#define W 8
-#else
-#define W 4
-#endif
+#include "lib/base/simd.h"
+
 #define B HEAD_BLOCK
 #define ROW (3 * B)
-#define HV (B / W)      /* vectors of one coordinate */
+#define HV (B / VEC)      /* vectors of one coordinate */
 #define NV (3 * HV)     /* vectors of a row: all x, all y, all z */
 #define CHUNK (NV < 12 ? NV : 12)   /* sums held in registers at once */
 
-typedef float vec __attribute__((vector_size(4 * W), may_alias));
-
 /* a += value[i] * rows[index[i]] */
-static inline void lbs_add_rows(vec a[NV], const float *rows, const int *index,
+static inline void lbs_add_rows(vf a[NV], const float *rows, const int *index,
                                 const float *value, size_t n)
 {
     for (int c = 0; c < NV; c += CHUNK) {
-        vec s[CHUNK];
+        vf s[CHUNK];
 
 #pragma GCC unroll 12
         for (int k = 0; k < CHUNK; k++)
             s[k] = a[c + k];
         for (size_t i = 0; i < n; i++) {
-            const vec *d = (const vec *)(rows + (size_t)index[i] * ROW) + c;
+            const vf *d = (const vf *)(rows + (size_t)index[i] * ROW) + c;
             float v = value[i];
 
 #pragma GCC unroll 12
@@ -66,11 +59,11 @@ static inline size_t lbs_live_rows(int *at, float *with, const int *index,
 }
 
 /* p = T + B_S + B_E + B_P of block b. */
-static inline void lbs_rest_block(vec p[NV], const struct lbs_frame *fr,
+static inline void lbs_rest_block(vf p[NV], const struct lbs_frame *fr,
                                   size_t b)
 {
     const struct head *h = fr->id->head;
-    const vec *shaped = (const vec *)(fr->id->shaped + b * ROW);
+    const vf *shaped = (const vf *)(fr->id->shaped + b * ROW);
     int at[HEAD_MAX_EXP];
     float with[HEAD_MAX_EXP];
     size_t n;
@@ -86,10 +79,10 @@ static inline void lbs_rest_block(vec p[NV], const struct lbs_frame *fr,
 }
 
 /* M (12) = sum_j w_j A_j for vector s of the block. */
-static inline void lbs_skin_blend(vec M[12], const struct lbs_frame *fr,
-                                  const vec *skin, int s)
+static inline void lbs_skin_blend(vf M[12], const struct lbs_frame *fr,
+                                  const vf *skin, int s)
 {
-    vec w = skin[s];
+    vf w = skin[s];
 
     for (int k = 0; k < 12; k++)
         M[k] = w * fr->A[0][k];
@@ -101,14 +94,14 @@ static inline void lbs_skin_blend(vec M[12], const struct lbs_frame *fr,
 }
 
 /* q = M p with the blended transform of each vertex of block b. */
-static inline void lbs_skin_block(vec q[NV], const vec p[NV],
+static inline void lbs_skin_block(vf q[NV], const vf p[NV],
                                   const struct lbs_frame *fr, size_t b)
 {
     const struct head *h = fr->id->head;
-    const vec *skin = (const vec *)(h->skin + b * HEAD_JOINTS * B);
+    const vf *skin = (const vf *)(h->skin + b * HEAD_JOINTS * B);
 
     for (int s = 0; s < HV; s++) {
-        vec M[12];
+        vf M[12];
 
         lbs_skin_blend(M, fr, skin, s);
         for (int i = 0; i < 3; i++)
@@ -118,7 +111,7 @@ static inline void lbs_skin_block(vec q[NV], const vec p[NV],
 }
 
 /* out (n,3) from a block's rows. */
-static inline void lbs_write_block(float *out, const vec q[NV], size_t n)
+static inline void lbs_write_block(float *out, const vf q[NV], size_t n)
 {
     const float *x = (const float *)q, *y = x + B, *z = y + B;
 
@@ -142,7 +135,7 @@ static void lbs_pose(float *verts, const struct lbs_frame *fr)
     const struct head *h = fr->id->head;
 
     for (size_t b = 0; b < h->blocks; b++) {
-        vec p[NV], q[NV];
+        vf p[NV], q[NV];
 
         lbs_rest_block(p, fr, b);
         lbs_skin_block(q, p, fr, b);
@@ -155,27 +148,27 @@ static void lbs_pose(float *verts, const struct lbs_frame *fr)
 /* ---- backward ---------------------------------------------------------- */
 
 /* Sum of a vector's lanes, in one order for every width. */
-static inline float lbs_sum_lanes(const vec *v)
+static inline float lbs_sum_lanes(const vf *v)
 {
     const float *x = (const float *)v;
     float s[4] = {0};
 
-    for (int i = 0; i < W; i++)
+    for (int i = 0; i < VEC; i++)
         s[i % 4] += x[i];
     return (s[0] + s[1]) + (s[2] + s[3]);
 }
 
 /* out[k] += rows[k] . g for the n rows, those alive (NULL: all). */
-static inline void lbs_dot_rows(float *out, const float *rows, const vec g[NV],
+static inline void lbs_dot_rows(float *out, const float *rows, const vf g[NV],
                                 size_t n, const uint64_t *live)
 {
     for (size_t k = 0; k < n; k++) {
-        const vec *d = (const vec *)(rows + k * ROW);
+        const vf *d = (const vf *)(rows + k * ROW);
 
         if (live && !(live[k / 64] >> k % 64 & 1))
             continue;
 
-        vec s = d[0] * g[0];
+        vf s = d[0] * g[0];
 
 #pragma GCC unroll 24
         for (int i = 1; i < NV; i++)
@@ -185,15 +178,15 @@ static inline void lbs_dot_rows(float *out, const float *rows, const vec g[NV],
 }
 
 /* Undo q = M p: dp = M^T dq, and dA_j += w_j dq [p;1]^T. */
-static inline void lbs_skin_back(vec dp[NV], vec dA[HEAD_JOINTS][12],
-                                 const vec dq[NV], const vec p[NV],
+static inline void lbs_skin_back(vf dp[NV], vf dA[HEAD_JOINTS][12],
+                                 const vf dq[NV], const vf p[NV],
                                  const struct lbs_frame *fr, size_t b)
 {
     const struct head *h = fr->id->head;
-    const vec *skin = (const vec *)(h->skin + b * HEAD_JOINTS * B);
+    const vf *skin = (const vf *)(h->skin + b * HEAD_JOINTS * B);
 
     for (int o = 0; o < HV; o++) {
-        vec M[12];
+        vf M[12];
 
         lbs_skin_blend(M, fr, skin, o);
         for (int c = 0; c < 3; c++)
@@ -201,7 +194,7 @@ static inline void lbs_skin_back(vec dp[NV], vec dA[HEAD_JOINTS][12],
                              M[8 + c] * dq[2 * HV + o];
         for (int j = 0; j < HEAD_JOINTS; j++)
             for (int i = 0; i < 3; i++) {
-                vec wd = skin[HV * j + o] * dq[HV * i + o];
+                vf wd = skin[HV * j + o] * dq[HV * i + o];
 
                 for (int c = 0; c < 3; c++)
                     dA[j][4 * i + c] += wd * p[HV * c + o];
@@ -214,12 +207,12 @@ static void lbs_back(struct lbs_sums *s, const float *dverts,
                    const struct lbs_frame *fr)
 {
     const struct head *h = fr->id->head;
-    vec dA[HEAD_JOINTS][12];
+    vf dA[HEAD_JOINTS][12];
 
     memset(dA, 0, sizeof dA);
     for (size_t b = 0; b < h->blocks; b++) {
         size_t n = lbs_block_length(h, b);
-        vec p[NV], dq[NV], dp[NV];
+        vf p[NV], dq[NV], dp[NV];
         float *g = (float *)dq;
 
         memset(dq, 0, sizeof dq);

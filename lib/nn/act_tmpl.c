@@ -4,7 +4,7 @@
 #include "lib/nn/vector.h"
 
 /* math_act and math_slope, to the bit, of a vector. */
-VF_INLINE vf act_of(vf x, int act)
+VEC_INLINE vf act_of(vf x, int act)
 {
     vf t;
 
@@ -31,29 +31,23 @@ VF_INLINE vf act_of(vf x, int act)
     }
 }
 
-/* m ? a : b in each lane. */
-VF_INLINE vf act_choose(vf_i32 m, vf a, vf b)
-{
-    return (vf)((m & (vf_i32)a) | (~m & (vf_i32)b));
-}
-
 /* math_slope, to the bit, of a vector. */
-VF_INLINE vf act_slope_of(vf x, int act)
+VEC_INLINE vf act_slope_of(vf x, int act)
 {
     const vf zero = vf_set(0), one = vf_set(1);
     vf in, y, t;
 
     switch (act) {
     case ACT_RELU:
-        return act_choose(x > 0.0f, one, zero);
+        return vf_sel(vf_gt(x, vf_set(0)), one, zero);
     case ACT_LRELU:
-        return act_choose(x > 0.0f, one, vf_set(ACT_SLOPE));
+        return vf_sel(vf_gt(x, vf_set(0)), one, vf_set(ACT_SLOPE));
     case ACT_HARDSWISH:
-        in = act_choose(x > -3.0f, (2.0f * x + 3.0f) * (1.0f / 6), zero);
-        return act_choose(x < 3.0f, in, one);
+        in = vf_sel(vf_gt(x, vf_set(-3)), (2.0f * x + 3.0f) * (1.0f / 6), zero);
+        return vf_sel(vf_gt(vf_set(3), x), in, one);
     case ACT_HARDSIGMOID:
-        in = act_choose(x > -3.0f, vf_set(1.0f / 6), zero);
-        return act_choose(x < 3.0f, in, zero);
+        in = vf_sel(vf_gt(x, vf_set(-3)), vf_set(1.0f / 6), zero);
+        return vf_sel(vf_gt(vf_set(3), x), in, zero);
     case ACT_SIGMOID:
         y = vf_sigmoid(x);
         return y * (1.0f - y);
@@ -76,14 +70,14 @@ VF_INLINE vf act_slope_of(vf x, int act)
 /* How many values the vectors above serve: gelu's erf is the C library's. */
 static size_t act_whole(int act, size_t n)
 {
-    return act == ACT_GELU ? 0 : n / VF_LANES * VF_LANES;
+    return act == ACT_GELU ? 0 : n / VEC * VEC;
 }
 
 void ISA(act_forward)(float *y, const float *x, int act, size_t n)
 {
     size_t whole = act_whole(act, n);
 #define LOOP(A)                                                              \
-    for (size_t i = 0; i < whole; i += VF_LANES)                             \
+    for (size_t i = 0; i < whole; i += VEC)                             \
         vf_store(y + i, act_of(vf_load(x + i), A));                          \
     for (size_t i = whole; i < n; i++)                                       \
         y[i] = math_act(x[i], A);
@@ -96,7 +90,7 @@ void ISA(act_backward)(float *dx, const float *dy, const float *x, int act,
 {
     size_t whole = act_whole(act, n);
 #define LOOP(A)                                                              \
-    for (size_t i = 0; i < whole; i += VF_LANES)                             \
+    for (size_t i = 0; i < whole; i += VEC)                             \
         vf_store(dx + i,                                                     \
                  vf_load(dy + i) * act_slope_of(vf_load(x + i), A));         \
     for (size_t i = whole; i < n; i++)                                       \

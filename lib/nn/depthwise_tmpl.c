@@ -17,15 +17,15 @@ struct depthwise_source {
 };
 
 /* One row of the picture into to (w, 16 lanes), step lanes apart. */
-VF_INLINE void depthwise_copy_row(float *to, size_t step,
-                                  const struct depthwise_source *s, size_t y)
+VEC_INLINE void depthwise_copy_row(float *to, size_t step,
+                                   const struct depthwise_source *s, size_t y)
 {
     size_t at = y * s->w * s->C + s->c0;
     const float *p = s->data + at;
 
     if (s->m == LANES)
         for (size_t x = 0; x < s->w; x++, p += s->C, to += step)
-            for (size_t i = 0; i < LANES; i += VF_LANES)
+            for (size_t i = 0; i < LANES; i += VEC)
                 vf_store(to + i, vf_load(p + i));
     else if (s->m == LANES / 2)
         for (size_t x = 0; x < s->w; x++, p += s->C, to += step)
@@ -64,9 +64,9 @@ static void depthwise_fill(float *pad, const struct depthwise_source *s,
 }
 
 /* seven columns of one row: acc = bias + sum of taps */
-VF_INLINE void depthwise_columns(vf acc[T], const float *pad,
-                                 const float *taps, vf bias, size_t cols,
-                                 int K, int S)
+VEC_INLINE void depthwise_columns(vf acc[T], const float *pad,
+                                  const float *taps, vf bias, size_t cols,
+                                  int K, int S)
 {
     for (int t = 0; t < T; t++)
         acc[t] = bias;
@@ -86,7 +86,7 @@ struct depthwise_target {
 };
 
 /* math_act, to the bit: a loop over lanes stays scalar code. */
-VF_INLINE vf depthwise_activate(vf x, int act)
+VEC_INLINE vf depthwise_activate(vf x, int act)
 {
     vf zero = { 0 }, t;
 
@@ -101,15 +101,15 @@ VF_INLINE vf depthwise_activate(vf x, int act)
     }
 }
 
-/* Lanes [lane, lane + VF_LANES) of the 16, as far as there are channels. */
-VF_INLINE void depthwise_store(const struct depthwise_target *o, size_t y,
-                               size_t x, size_t lane, vf v, int act)
+/* Lanes [lane, lane + VEC) of the 16, as far as there are channels. */
+VEC_INLINE void depthwise_store(const struct depthwise_target *o, size_t y,
+                                size_t x, size_t lane, vf v, int act)
 {
     float *to = o->data + (y * o->w + x) * o->C + o->c0 + lane;
     size_t left = o->m - lane;
 
     v = depthwise_activate(v, act);
-    if (left >= VF_LANES)
+    if (left >= VEC)
         vf_store(to, v);
     else if (left == LANES / 2)
         memcpy(to, &v, LANES / 2 * sizeof *to);
@@ -119,16 +119,16 @@ VF_INLINE void depthwise_store(const struct depthwise_target *o, size_t y,
 
 /* Rows [y0,y1) of the output from pad, whose first row is y0's first tap.
  * taps (K*K,16); bias 16 lanes. */
-VF_INLINE void depthwise_rows(const struct depthwise_target *o,
-                              const float *pad, const float *taps,
-                              const float *bias, size_t y0, size_t y1,
-                              size_t cols, int K, int S, int act)
+VEC_INLINE void depthwise_rows(const struct depthwise_target *o,
+                               const float *pad, const float *taps,
+                               const float *bias, size_t y0, size_t y1,
+                               size_t cols, int K, int S, int act)
 {
     vf acc[T];
 
     for (size_t y = y0; y < y1; y++)
         for (size_t x = 0; x < o->w; x += T)
-            for (size_t i = 0; i < LANES && i < o->m; i += VF_LANES) {
+            for (size_t i = 0; i < LANES && i < o->m; i += VEC) {
                 const float *p = pad +
                     ((y - y0) * cols + x) * (size_t)S * LANES;
 
@@ -214,8 +214,8 @@ void ISA(depthwise_backward_data)(float *din, const float *dout, float *pad,
 }
 
 /* acc[K] += one row of dout times the K shifted rows of the input */
-VF_INLINE void depthwise_row_taps(vf *acc, const float *pad, const float *g,
-                                  size_t w, int K, int S)
+VEC_INLINE void depthwise_row_taps(vf *acc, const float *pad, const float *g,
+                                   size_t w, int K, int S)
 {
     for (size_t x = 0; x < w; x++) {
         vf dy = vf_load(g + x * LANES);
@@ -226,11 +226,11 @@ VF_INLINE void depthwise_row_taps(vf *acc, const float *pad, const float *g,
 }
 
 /* sum (K*K,16) += the taps' gradients from `rows` rows of dout. */
-VF_INLINE void depthwise_weights(float *sum, const float *pad, const float *g,
-                                 size_t rows, size_t w, size_t cols, int K,
-                                 int S)
+VEC_INLINE void depthwise_weights(float *sum, const float *pad, const float *g,
+                                  size_t rows, size_t w, size_t cols, int K,
+                                  int S)
 {
-    for (int i = 0; i < LANES * K; i += VF_LANES) {
+    for (int i = 0; i < LANES * K; i += VEC) {
         int ky = i / LANES, lane = i % LANES;
         float *to = sum + ky * K * LANES + lane;
 

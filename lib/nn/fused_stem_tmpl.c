@@ -15,40 +15,40 @@
 
 /* `pixels` (a constant) outputs from pixel x on, 16 channels of each; every
  * step asks for the line that will be read one piece later */
-VF_INLINE void fused_stem_block(float *out, const struct fused_stem_rows *in,
-                                size_t x, const float *w, const float *bias,
-                                size_t C, size_t O, const int pixels)
+VEC_INLINE void fused_stem_block(float *out, const struct fused_stem_rows *in,
+                                 size_t x, const float *w, const float *bias,
+                                 size_t C, size_t O, const int pixels)
 {
-    vf acc[PIXELS][VF_PARTS];
+    vf acc[PIXELS][VEC_PARTS];
 
     for (int i = 0; i < pixels; i++)
-        for (int j = 0; j < VF_PARTS; j++)
-            acc[i][j] = vf_load(bias + VF_LANES * j);
+        for (int j = 0; j < VEC_PARTS; j++)
+            acc[i][j] = vf_load(bias + VEC * j);
     for (int y = 0; y < 2; y++, w += 32 * C) {
         const float *p = in->row[y] + 2 * x * C;
         const char *next = in->next[y] + x * 2 * in->step * (C / 16);
 
         for (size_t k = 0; k < 2 * C; k++) {
-            vf b[VF_PARTS];
-            for (int j = 0; j < VF_PARTS; j++)
-                b[j] = vf_keep(vf_load(w + 16 * k + VF_LANES * j));
+            vf b[VEC_PARTS];
+            for (int j = 0; j < VEC_PARTS; j++)
+                b[j] = vf_once(vf_load(w + 16 * k + VEC * j));
             if (pixels == PIXELS)
                 __builtin_prefetch(next + k * in->step * PIXELS / 16);
             for (int i = 0; i < pixels; i++)
-                for (int j = 0; j < VF_PARTS; j++)
+                for (int j = 0; j < VEC_PARTS; j++)
                     acc[i][j] += p[2 * C * (size_t)i + k] * b[j];
         }
     }
     for (int i = 0; i < pixels; i++)
-        for (int j = 0; j < VF_PARTS; j++)
-            vf_store(out + (size_t)i * O + VF_LANES * j,
+        for (int j = 0; j < VEC_PARTS; j++)
+            vf_store(out + (size_t)i * O + VEC * j,
                      vf_max(acc[i][j], ACT_SLOPE * acc[i][j]));
 }
 
 /* All pixels of a row, PIXELS at a time and then one by one. */
-VF_INLINE void fused_stem_pieces(float *out, const struct fused_stem_rows *in,
-                                 const float *w, const float *bias,
-                                 size_t pixels, size_t C, size_t O)
+VEC_INLINE void fused_stem_pieces(float *out, const struct fused_stem_rows *in,
+                                  const float *w, const float *bias,
+                                  size_t pixels, size_t C, size_t O)
 {
     for (size_t o = 0; o < O; o += 16, w += 64 * C) {
         size_t x = 0;
@@ -85,62 +85,31 @@ void ISA(pick_rgb_half)(float *rgb, const uint16_t *in, size_t pixels,
                         size_t C)
 {
     for (size_t x = 0; x < pixels; x++) {
-        uint16_t few[VF_LANES] = { 0 };
+        uint16_t few[VEC] = { 0 };
         const uint16_t *p = in + x * C;
-        float lane[VF_LANES];
+        float lane[VEC];
 
-        if (C < VF_LANES) {
+        if (C < VEC) {
             memcpy(few, p, 3 * sizeof *few);
             p = few;
         }
-        vf_store(lane, vf_load_f16(p));
+        vf_store(lane, vf_load_half(p));
         memcpy(rgb + 3 * x, lane, 3 * sizeof *rgb);
     }
 }
-
-#if VF_LANES == 4 && defined(__SSE2__)
-/* y <- x, 8 half floats, put together as 16-bit halves; false, and nothing
- * written, when one of them is neither zero nor a normal number. */
-VF_INLINE bool widen_normal(float *y, const uint16_t *x)
-{
-    const __m128i sign = _mm_set1_epi16((short)0x8000);
-    const __m128i zero = _mm_setzero_si128();
-    __m128i h = _mm_loadu_si128((const __m128i *)x);
-    __m128i m = _mm_andnot_si128(sign, h), none = _mm_cmpeq_epi16(m, zero);
-    __m128i tiny = _mm_cmplt_epi16(m, _mm_set1_epi16(0x0400));
-    __m128i huge = _mm_cmpgt_epi16(m, _mm_set1_epi16(0x7bff));
-
-    if (_mm_movemask_epi8(_mm_or_si128(_mm_andnot_si128(none, tiny), huge)))
-        return false;
-    __m128i high = _mm_add_epi16(_mm_srli_epi16(m, 3),
-                                 _mm_set1_epi16(0x3800));
-    high = _mm_or_si128(_mm_andnot_si128(none, high),
-                        _mm_and_si128(h, sign));
-    __m128i low = _mm_slli_epi16(h, 13);
-    _mm_storeu_si128((__m128i *)y, _mm_unpacklo_epi16(low, high));
-    _mm_storeu_si128((__m128i *)(y + 4), _mm_unpackhi_epi16(low, high));
-    return true;
-}
-#endif
 
 /* y <- x, half floats */
 void ISA(widen)(float *y, const uint16_t *x, size_t n)
 {
     size_t i = 0;
-#if VF_LANES == 4 && defined(__SSE2__)
-    for (; i + 8 <= n; i += 8)
-        if (!widen_normal(y + i, x + i)) {
-            vf_store(y + i, vf_load_f16(x + i));
-            vf_store(y + i + 4, vf_load_f16(x + i + 4));
-        }
-#endif
-    for (; i + VF_LANES <= n; i += VF_LANES)
-        vf_store(y + i, vf_load_f16(x + i));
-    for (; i < n; i++) {
-        uint16_t half[VF_LANES] = { x[i] };
-        float lane[VF_LANES];
 
-        vf_store(lane, vf_load_f16(half));
+    for (; i + VEC <= n; i += VEC)
+        vf_store(y + i, vf_load_half(x + i));
+    for (; i < n; i++) {
+        uint16_t half[VEC] = { x[i] };
+        float lane[VEC];
+
+        vf_store(lane, vf_load_half(half));
         y[i] = lane[0];
     }
 }

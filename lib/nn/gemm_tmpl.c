@@ -18,7 +18,7 @@
                           * which B takes two, A and a product one each */
 #define COLUMNS 8
 #endif
-#define WIDE (COLUMNS / VF_LANES)
+#define WIDE (COLUMNS / VEC)
 
 /* packed (N/32 up, K, 32) <- B, element (k,n) at B[k rs + n cs]; zeros fill
  * the last panel. */
@@ -40,9 +40,9 @@ void ISA(gemm_pack)(float *packed, const float *B, size_t rs, size_t cs,
 }
 
 /* C block of `rows` (a constant) by COLUMNS */
-VF_INLINE void gemm_block(float *C, size_t ldc, const float *A, size_t rs,
-                          size_t cs, const float *B, size_t K, size_t n,
-                          int accumulate, const int rows)
+VEC_INLINE void gemm_block(float *C, size_t ldc, const float *A, size_t rs,
+                           size_t cs, const float *B, size_t K, size_t n,
+                           int accumulate, const int rows)
 {
     vf acc[ROWS][WIDE];
 
@@ -52,7 +52,7 @@ VF_INLINE void gemm_block(float *C, size_t ldc, const float *A, size_t rs,
     for (size_t k = 0; k < K; k++) {
         vf b[WIDE];
         for (int j = 0; j < WIDE; j++)
-            b[j] = vf_load(B + k * PANEL + VF_LANES * j);
+            b[j] = vf_load(B + k * PANEL + VEC * j);
         for (int r = 0; r < rows; r++) {
             float a = A[(size_t)r * rs + k * cs];
 
@@ -62,10 +62,10 @@ VF_INLINE void gemm_block(float *C, size_t ldc, const float *A, size_t rs,
     }
     for (int r = 0; r < rows; r++)
         for (int j = 0; j < WIDE; j++) {
-            size_t done = VF_LANES * (size_t)j, left = n > done ? n - done : 0;
-            float *c = C + (size_t)r * ldc + done, lane[VF_LANES];
+            size_t done = VEC * (size_t)j, left = n > done ? n - done : 0;
+            float *c = C + (size_t)r * ldc + done, lane[VEC];
 
-            if (left >= VF_LANES) {
+            if (left >= VEC) {
                 if (accumulate)
                     acc[r][j] += vf_load(c);
                 vf_store(c, acc[r][j]);

@@ -4,9 +4,9 @@
 #include "lib/nn/vector.h"
 
 /* to = sum_k w[k] rows[k], rows n values long and `stride` apart. */
-VF_INLINE void rescale_weighted(float *restrict to, const float *restrict from,
-                                const float *w, size_t taps, size_t stride,
-                                size_t n)
+VEC_INLINE void rescale_weighted(float *restrict to, const float *restrict from,
+                                 const float *w, size_t taps, size_t stride,
+                                 size_t n)
 {
     if (taps == 2) {
         float a = w[0], b = w[1];
@@ -37,7 +37,7 @@ void ISA(rescale_line)(float *out, float *line, const float *in,
 
             vf a = vf_set(x->weight[2 * j]);
             vf b = vf_set(x->weight[2 * j + 1]);
-            for (size_t c = 0; c < C; c += VF_LANES)
+            for (size_t c = 0; c < C; c += VEC)
                 vf_store(out + j * C + c,
                           a * vf_load(p + c) + b * vf_load(p + C + c));
         }
@@ -123,14 +123,12 @@ void ISA(to_bf16)(uint16_t *y, const float *x, size_t n)
 {
     size_t i = 0;
 
-    for (; i + 2 * VF_LANES <= n; i += 2 * VF_LANES)
-        vf_store_bf16(y + i, vf_load(x + i), vf_load(x + i + VF_LANES));
+    for (; i + VEC <= n; i += VEC)
+        vf_store_bf16(y + i, vf_load(x + i));
     if (i < n) {
-        float lane[2 * VF_LANES] = { 0 };
-        uint16_t half[2 * VF_LANES];
+        uint16_t half[VEC];
 
-        memcpy(lane, x + i, (n - i) * sizeof *x);
-        vf_store_bf16(half, vf_load(lane), vf_load(lane + VF_LANES));
+        vf_store_bf16(half, vf_load_some(x + i, n - i));
         memcpy(y + i, half, (n - i) * sizeof *y);
     }
 }
@@ -139,14 +137,14 @@ void ISA(to_bf16)(uint16_t *y, const float *x, size_t n)
 void ISA(range)(float *lo, float *hi, const float *x, size_t n)
 {
     vf min = vf_set(*lo), max = vf_set(*hi);
-    size_t whole = n / VF_LANES * VF_LANES;
+    size_t whole = n / VEC * VEC;
 
-    for (size_t i = 0; i < whole; i += VF_LANES) {
+    for (size_t i = 0; i < whole; i += VEC) {
         vf v = vf_load(x + i);
         min = vf_min(min, v);
         max = vf_max(max, v);
     }
-    for (size_t k = 0; k < VF_LANES; k++) {
+    for (size_t k = 0; k < VEC; k++) {
         *lo = min[k] < *lo ? min[k] : *lo;
         *hi = max[k] > *hi ? max[k] : *hi;
     }
@@ -160,11 +158,10 @@ void ISA(range)(float *lo, float *hi, const float *x, size_t n)
 void ISA(quantise)(uint8_t *y, const float *x, float inverse, float zero,
                    size_t n)
 {
-    size_t whole = n / (2 * VF_LANES) * (2 * VF_LANES);
+    size_t whole = n / VEC * VEC;
 
-    for (size_t i = 0; i < whole; i += 2 * VF_LANES)
-        vf_store_u8(y + i, vf_load(x + i) * inverse + (zero + 0.5f),
-                    vf_load(x + i + VF_LANES) * inverse + (zero + 0.5f));
+    for (size_t i = 0; i < whole; i += VEC)
+        vf_store_bytes(y + i, vf_load(x + i) * inverse + (zero + 0.5f));
     for (size_t i = whole; i < n; i++) {
         float v = x[i] * inverse + (zero + 0.5f);
 

@@ -11,10 +11,10 @@
 #include "lib/nn/vector.h"
 
 /* vectors of a row of the block */
-#define PAIRS_WIDE (2 * PAIRS_PANEL / VF_LANES)
+#define PAIRS_WIDE (2 * PAIRS_PANEL / VEC)
 
 /* acc + a0 b0 + a1 b1 in each lane; a, b: pairs of bfloat16. */
-VF_INLINE vf pairs_dot(vf acc, vf_u32 a, vf_u32 b)
+VEC_INLINE vf pairs_dot(vf acc, vu a, vu b)
 {
 #if defined(ISA_AVX512)
     return (vf)_mm512_dpbf16_ps((__m512)acc, (__m512bh)a, (__m512bh)b);
@@ -25,7 +25,7 @@ VF_INLINE vf pairs_dot(vf acc, vf_u32 a, vf_u32 b)
 }
 
 /* Pairs of a (lower half) and b, rounded to nearest even. */
-VF_INLINE vf_u32 pairs_round(vf a, vf b)
+VEC_INLINE vu pairs_round(vf a, vf b)
 {
 #if defined(ISA_AVX512)
     const __m512i order = _mm512_set_epi16(
@@ -33,9 +33,9 @@ VF_INLINE vf_u32 pairs_round(vf a, vf b)
         22, 6, 21, 5, 20, 4, 19, 3, 18, 2, 17, 1, 16, 0);
     __m512bh both = _mm512_cvtne2ps_pbh((__m512)b, (__m512)a);
 
-    return (vf_u32)_mm512_permutexvar_epi16(order, (__m512i)both);
+    return (vu)_mm512_permutexvar_epi16(order, (__m512i)both);
 #else
-    vf_u32 u = (vf_u32)a, v = (vf_u32)b;
+    vu u = (vu)a, v = (vu)b;
 
     u = u + 0x7fff + ((u >> 16) & 1);
     v = v + 0x7fff + ((v >> 16) & 1);
@@ -43,76 +43,52 @@ VF_INLINE vf_u32 pairs_round(vf a, vf b)
 #endif
 }
 
-/* n <= VF_LANES values from p, zeros after them. */
-VF_INLINE vf pairs_load(const float *p, size_t n)
-{
-#if defined(ISA_AVX512)
-    return (vf)_mm512_maskz_loadu_ps((__mmask16)((1u << n) - 1), p);
-#else
-    float lane[VF_LANES] = { 0 };
-
-    for (size_t i = 0; i < n; i++)
-        lane[i] = p[i];
-    return vf_load(lane);
-#endif
-}
-
-/* The first n <= VF_LANES values of x to p. */
-VF_INLINE void pairs_save(float *p, vf x, size_t n)
-{
-#if defined(ISA_AVX512)
-    _mm512_mask_storeu_ps(p, (__mmask16)((1u << n) - 1), (__m512)x);
-#else
-    memcpy(p, &x, n * sizeof *p);
-#endif
-}
-
 /* to (16) = pairs of the n <= 16 values of a and b, then pairs of zeros. */
-VF_INLINE void pairs_round_rows(uint32_t *to, const float *a,
-                                   const float *b, size_t n)
+VEC_INLINE void pairs_round_rows(uint32_t *to, const float *a,
+                                 const float *b, size_t n)
 {
-    for (size_t i = 0; i < PAIRS_PANEL; i += VF_LANES) {
-        size_t left = n < i ? 0 : n - i < VF_LANES ? n - i : VF_LANES;
+    for (size_t i = 0; i < PAIRS_PANEL; i += VEC) {
+        size_t left = n < i ? 0 : n - i < VEC ? n - i : VEC;
 
-        *(vf_u32 *)(to + i) = pairs_round(pairs_load(a + i, left),
-                                             pairs_load(b + i, left));
+        vi_store(to + i, (vi)pairs_round(vf_load_some(a + i, left),
+                                         vf_load_some(b + i, left)));
     }
 }
 
-/* n <= VF_LANES halves from p, each in a word, zeros after them. */
-VF_INLINE vf_u32 pairs_load_halves(const uint16_t *p, size_t n)
+/* n <= VEC halves from p, each in a word, zeros after them. */
+VEC_INLINE vu pairs_load_halves(const uint16_t *p, size_t n)
 {
 #if defined(ISA_AVX512)
-    return (vf_u32)_mm512_cvtepu16_epi32(
+    return (vu)_mm512_cvtepu16_epi32(
         _mm256_maskz_loadu_epi16((__mmask16)((1u << n) - 1), p));
 #else
-    uint32_t lane[VF_LANES] = { 0 };
+    uint32_t lane[VEC] = { 0 };
 
     for (size_t i = 0; i < n; i++)
         lane[i] = p[i];
-    return *(vf_u32 *)lane;
+    return (vu)vi_load(lane);
 #endif
 }
 
 /* to (16) = pairs of the n <= 16 halves of a and b, then pairs of zeros. */
-VF_INLINE void pairs_join_rows(uint32_t *to, const uint16_t *a,
-                               const uint16_t *b, size_t n)
+VEC_INLINE void pairs_join_rows(uint32_t *to, const uint16_t *a,
+                                const uint16_t *b, size_t n)
 {
-    for (size_t i = 0; i < PAIRS_PANEL; i += VF_LANES) {
-        size_t left = n < i ? 0 : n - i < VF_LANES ? n - i : VF_LANES;
+    for (size_t i = 0; i < PAIRS_PANEL; i += VEC) {
+        size_t left = n < i ? 0 : n - i < VEC ? n - i : VEC;
 
-        *(vf_u32 *)(to + i) = pairs_load_halves(a + i, left) |
-                              pairs_load_halves(b + i, left) << 16;
+        vi_store(to + i, (vi)(pairs_load_halves(a + i, left) |
+                              pairs_load_halves(b + i, left) << 16));
     }
 }
 
 /* C (rows <= 12, n <= 32 columns, ld apart) = A B over K pairs, or += with
  * add: element (r,k) of A at A[r rs + k ks], B in `wide` vectors of one or two
  * panels. */
-VF_INLINE void pairs_block(float *C, size_t ld, size_t rows, size_t n,
-                               const uint32_t *A, size_t rs, size_t ks,
-                               const uint32_t *B, size_t panel, size_t K,
-                               bool add, const int wide)
+VEC_INLINE void pairs_block(float *C, size_t ld, size_t rows, size_t n,
+                            const uint32_t *A, size_t rs, size_t ks,
+                            const uint32_t *B, size_t panel, size_t K,
+                            bool add, const int wide)
 {
     vf acc[PAIRS_ROWS][PAIRS_WIDE];
 
@@ -120,14 +96,14 @@ VF_INLINE void pairs_block(float *C, size_t ld, size_t rows, size_t n,
         for (int j = 0; j < wide; j++)
             acc[r][j] = (vf){ 0 };
     for (size_t k = 0; k < K; k++) {
-        vf_u32 b[PAIRS_WIDE];
+        vu b[PAIRS_WIDE];
 
         for (int j = 0; j < wide; j++)
-            b[j] = *(const vf_u32 *)(B + k * PAIRS_PANEL +
-                                     (size_t)(j / VF_PARTS) * panel +
-                                     (size_t)(j % VF_PARTS) * VF_LANES);
+            b[j] = (vu)vi_load(B + k * PAIRS_PANEL +
+                               (size_t)(j / VEC_PARTS) * panel +
+                               (size_t)(j % VEC_PARTS) * VEC);
         for (int r = 0; r < PAIRS_ROWS; r++) {
-            vf_u32 a = A[(size_t)r * rs + k * ks] - (vf_u32){ 0 };
+            vu a = {VEC_ALL(A[(size_t)r * rs + k * ks])};
 
             for (int j = 0; j < wide; j++)
                 acc[r][j] = pairs_dot(acc[r][j], a, b[j]);
@@ -135,15 +111,15 @@ VF_INLINE void pairs_block(float *C, size_t ld, size_t rows, size_t n,
     }
     for (int r = 0; r < PAIRS_ROWS; r++)
         for (int j = 0; j < wide; j++) {
-            size_t at = (size_t)j * VF_LANES;
-            size_t left = n < at ? 0 : n - at < VF_LANES ? n - at : VF_LANES;
+            size_t at = (size_t)j * VEC;
+            size_t left = n < at ? 0 : n - at < VEC ? n - at : VEC;
             float *c = C + (size_t)r * ld + at;
 
             if ((size_t)r >= rows)
                 continue;
             if (add)
-                acc[r][j] += pairs_load(c, left);
-            pairs_save(c, acc[r][j], left);
+                acc[r][j] += vf_load_some(c, left);
+            vf_store_some(c, acc[r][j], left);
         }
 }
 

@@ -30,14 +30,14 @@ void ISA(pointwise_pack)(uint32_t *packed, const float *B, size_t ks,
 }
 
 /* A row of K floats to bfloat16. */
-VF_INLINE void pointwise_round(uint16_t *to, const float *row, size_t K)
+VEC_INLINE void pointwise_round(uint16_t *to, const float *row, size_t K)
 {
 #if defined(ISA_AVX512)
     for (size_t k = 0; k < K; k += 32) {
         size_t n = K - k < 32 ? K - k : 32, m = n < 16 ? n : 16;
         __m512bh h = _mm512_cvtne2ps_pbh(
-            (__m512)pairs_load(row + k + 16, n - m),
-            (__m512)pairs_load(row + k, m));
+            (__m512)vf_load_some(row + k + 16, n - m),
+            (__m512)vf_load_some(row + k, m));
 
         _mm512_mask_storeu_epi16(to + k, (__mmask32)(((uint64_t)1 << n) - 1),
                                  (__m512i)h);

@@ -11,14 +11,14 @@ void ISA(gemv)(float *y, const float *w, const float *x, const float *b,
     for (size_t o = 0; o < out; o++) {
         const float *row = w + o * in;
 
-        vf acc[VF_PARTS] = { { 0 } };
+        vf acc[VEC_PARTS] = { { 0 } };
         float lane[16], sum = b ? b[o] : 0.0f;
         for (size_t i = 0; i < whole; i += 16)
-            for (size_t j = 0; j < VF_PARTS; j++)
-                acc[j] += vf_load(row + i + VF_LANES * j) *
-                          vf_load(x + i + VF_LANES * j);
-        for (size_t j = 0; j < VF_PARTS; j++)
-            vf_store(lane + VF_LANES * j, acc[j]);
+            for (size_t j = 0; j < VEC_PARTS; j++)
+                acc[j] += vf_load(row + i + VEC * j) *
+                          vf_load(x + i + VEC * j);
+        for (size_t j = 0; j < VEC_PARTS; j++)
+            vf_store(lane + VEC * j, acc[j]);
         for (size_t i = 0; i < 16; i++)
             sum += lane[i];
         for (size_t i = whole; i < in; i++)

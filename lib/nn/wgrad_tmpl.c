@@ -8,15 +8,15 @@
 static const float wgrad_zero[PAIRS_PANEL];
 
 /* Values of row y, of `row` pixels each, of an image of so many pixels. */
-VF_INLINE size_t wgrad_row_length(size_t y, size_t row, size_t pixels)
+VEC_INLINE size_t wgrad_row_length(size_t y, size_t row, size_t pixels)
 {
     return pixels - y * row < row ? pixels - y * row : row;
 }
 
 /* to (16) = pairs of values a and b on of x, n of each, of either type; where
  * there is none, zeros. */
-VF_INLINE void wgrad_lay_out(uint32_t *to, const void *x, bool has, size_t a,
-                             bool more, size_t b, size_t n, const bool half)
+VEC_INLINE void wgrad_lay_out(uint32_t *to, const void *x, bool has, size_t a,
+                              bool more, size_t b, size_t n, const bool half)
 {
     if (half) {
         const uint16_t *p = x, *zero = (const void *)wgrad_zero;
@@ -32,9 +32,9 @@ VF_INLINE void wgrad_lay_out(uint32_t *to, const void *x, bool has, size_t a,
 
 /* Row y of the gradient as panels of pairs, `panel` words apart.  The row after
  * it is on its way from memory meanwhile, which takes longer than the work. */
-VF_INLINE void wgrad_lay_out_gradient(uint32_t *to, size_t panel,
-                                      const void *dout, const struct wgrad *g,
-                                      size_t y, const bool half)
+VEC_INLINE void wgrad_lay_out_gradient(uint32_t *to, size_t panel,
+                                       const void *dout, const struct wgrad *g,
+                                       size_t y, const bool half)
 {
     const size_t n = wgrad_row_length(y, g->ow, g->out_pixels);
     const size_t size = half ? sizeof(uint16_t) : sizeof(float);
@@ -57,9 +57,9 @@ VF_INLINE void wgrad_lay_out_gradient(uint32_t *to, size_t panel,
 
 /* in channels of the pixels at x and x + stride of a row of n that begins at
  * `row`, zeros beside it.  The next row's are asked for. */
-VF_INLINE void wgrad_lay_out_pair(uint32_t *to, const void *in, size_t row,
-                                  const struct wgrad *g, ptrdiff_t x,
-                                  ptrdiff_t n, const bool half)
+VEC_INLINE void wgrad_lay_out_pair(uint32_t *to, const void *in, size_t row,
+                                   const struct wgrad *g, ptrdiff_t x,
+                                   ptrdiff_t n, const bool half)
 {
     const ptrdiff_t next = x + (ptrdiff_t)g->stride;
     const bool has = x >= 0 && x < n, more = next >= 0 && next < n;
@@ -78,9 +78,9 @@ VF_INLINE void wgrad_lay_out_pair(uint32_t *to, const void *in, size_t row,
 }
 
 /* Row y of the input, or of zeros above and below it, as pairs. */
-VF_INLINE void wgrad_lay_out_input(uint32_t *to, const void *in,
-                                   const struct wgrad *g, ptrdiff_t y,
-                                   const bool half)
+VEC_INLINE void wgrad_lay_out_input(uint32_t *to, const void *in,
+                                    const struct wgrad *g, ptrdiff_t y,
+                                    const bool half)
 {
     const bool has = y >= 0 && y < (ptrdiff_t)g->h;
     const size_t n = has ? wgrad_row_length((size_t)y, g->w, g->in_pixels)
@@ -95,8 +95,8 @@ VF_INLINE void wgrad_lay_out_input(uint32_t *to, const void *in,
 }
 
 /* dw (kernel*in,wide) += the sum over K pairs. */
-VF_INLINE void wgrad_multiply(float *dw, const uint32_t *x, const uint32_t *d,
-                              size_t panel, size_t K, const struct wgrad *g)
+VEC_INLINE void wgrad_multiply(float *dw, const uint32_t *x, const uint32_t *d,
+                               size_t panel, size_t K, const struct wgrad *g)
 {
     const size_t M = g->kernel * g->in;
 

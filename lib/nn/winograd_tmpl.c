@@ -33,7 +33,7 @@ void ISA(winograd_input)(float *v, const float *in, const struct winograd *g,
     ptrdiff_t h = (ptrdiff_t)g->h, w = (ptrdiff_t)g->w;
     size_t C = g->in, plane = g->v_size;
 
-    for (size_t c = 0; c < C; c += VF_LANES) {
+    for (size_t c = 0; c < C; c += VEC) {
         vf t[6][6];
         for (int x = 0; x < 6; x++) {
             vf d[6], col[6];
@@ -69,7 +69,7 @@ void ISA(winograd_output)(float *out, const float *m, const struct winograd *g,
 
     vf slope = vf_set(g->act == ACT_NONE ? 1.0f
                         : g->act == ACT_RELU ? 0.0f : ACT_SLOPE);
-    for (size_t c = 0; c < C; c += VF_LANES) {
+    for (size_t c = 0; c < C; c += VEC) {
         vf t[4][6], bias = vf_load(g->bias + c);
         for (int x = 0; x < 6; x++) {
             vf d[6], col[4];

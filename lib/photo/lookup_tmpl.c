@@ -4,7 +4,7 @@
  * neighbours' four channels. */
 #include "lib/photo/lookup_kernel.h"
 
-#include "lib/splat/vec_shuffle.h"
+#include "lib/base/simd_shuffle.h"
 #include "lib/photo/lookup.h"
 
 /* ---- places -------------------------------------------------------------- */
@@ -115,45 +115,6 @@ VEC_INLINE void lookup_taps_make(struct lookup_taps *t, const float *u,
     vi_store(t->at, (y * (int32_t)S + x) | ~inside);
 }
 
-/* Four pixels' bytes. */
-VEC_INLINE void lookup_bytes(vf p[PARTS], const uint8_t *row)
-{
-#if defined(ISA_AVX512)
-    p[0] = (vf)_mm512_cvtepi32_ps(_mm512_cvtepu8_epi32(
-        _mm_loadu_si128((const __m128i *)row)));
-#elif defined(ISA_AVX2)
-    for (int k = 0; k < PARTS; k++)
-        p[k] = (vf)_mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(
-            _mm_loadl_epi64((const __m128i *)(row + VEC * k))));
-#elif defined(__SSE2__)
-    const __m128i zero = _mm_setzero_si128();
-    const __m128i b = _mm_loadu_si128((const __m128i *)row);
-    const __m128i low = _mm_unpacklo_epi8(b, zero);
-    const __m128i high = _mm_unpackhi_epi8(b, zero);
-
-    p[0] = (vf)_mm_cvtepi32_ps(_mm_unpacklo_epi16(low, zero));
-    p[1] = (vf)_mm_cvtepi32_ps(_mm_unpackhi_epi16(low, zero));
-    p[2] = (vf)_mm_cvtepi32_ps(_mm_unpacklo_epi16(high, zero));
-    p[3] = (vf)_mm_cvtepi32_ps(_mm_unpackhi_epi16(high, zero));
-#elif defined(__ARM_NEON)
-    const uint8x16_t b = vld1q_u8(row);
-    const uint16x8_t low = vmovl_u8(vget_low_u8(b));
-    const uint16x8_t high = vmovl_high_u8(b);
-
-    p[0] = (vf)vcvtq_f32_u32(vmovl_u16(vget_low_u16(low)));
-    p[1] = (vf)vcvtq_f32_u32(vmovl_high_u16(low));
-    p[2] = (vf)vcvtq_f32_u32(vmovl_u16(vget_low_u16(high)));
-    p[3] = (vf)vcvtq_f32_u32(vmovl_high_u16(high));
-#else
-    float level[16];
-
-    for (int i = 0; i < 16; i++)
-        level[i] = row[i];
-    for (int k = 0; k < PARTS; k++)
-        p[k] = vf_load(level + VEC * k);
-#endif
-}
-
 /* Sum of the four pixels, in order. */
 VEC_INLINE vq lookup_sum(const vf p[PARTS])
 {
@@ -193,12 +154,12 @@ VEC_INLINE vf lookup_spread(const float w[4], const int k)
 VEC_INLINE vq lookup_cubic(const uint8_t *row, size_t stride,
                            const float across[4], const float down[4])
 {
-    vf sum[PARTS] = {{0}}, p[PARTS];
+    vf sum[PARTS] = {{0}};
 
     for (int j = 0; j < 4; j++, row += stride) {
-        lookup_bytes(p, row);
         for (int k = 0; k < PARTS; k++)
-            sum[k] = vf_fma(vf_set(down[j]), p[k], sum[k]);
+            sum[k] = vf_fma(vf_set(down[j]), vf_load_bytes(row + VEC * k),
+                            sum[k]);
     }
 #pragma GCC unroll 4
     for (int k = 0; k < PARTS; k++)

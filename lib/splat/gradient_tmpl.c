@@ -4,7 +4,7 @@
 
 #include "lib/base/isa.h"
 #include "lib/splat/backward.h"
-#include "lib/splat/vec_shuffle.h"
+#include "lib/base/simd_shuffle.h"
 
 #define LOG2E 1.44269504f
 #define LN2 0.693147181f
@@ -248,7 +248,7 @@ VEC_INLINE void gradient_of_place(struct lanes *d, const vf dplace[2],
     const vf y = r[FY] * vf_set(2 / (float)v->height) - vf_set(1);
     const vf zero = vf_set(0), one = vf_set(1);
     const vf share = vf_set(n[0]) * x + vf_set(n[1]) * y + vf_set(n[2]);
-    const vm part = vm_and(vf_gt(share, zero), vf_gt(one, share));
+    const vm part = vf_gt(share, zero) & vf_gt(one, share);
     const struct splat_place_side side = splat_place_side(&v->place);
     const vf e[2] = {vf_set(side.e[0]), vf_set(side.e[1])};
     vf J[4];

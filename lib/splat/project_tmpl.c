@@ -5,7 +5,7 @@
 #include <math.h>
 
 #include "lib/base/isa.h"
-#include "lib/splat/vec_shuffle.h"
+#include "lib/base/simd_shuffle.h"
 
 #define LOG2E 1.44269504f
 
@@ -27,7 +27,7 @@ void ISA(splat_project)(struct splat_state *s, size_t first, size_t last);
 #define HALF (VEC / 2)
 typedef double vd __attribute__((vector_size(8 * HALF), may_alias));
 typedef int64_t vl __attribute__((vector_size(8 * HALF), may_alias));
-typedef float vh __attribute__((vector_size(4 * HALF), may_alias));
+typedef float vn __attribute__((vector_size(4 * HALF), may_alias));
 
 /* on ? a : b */
 VEC_INLINE vd select_double(vl on, vd a, vd b)
@@ -38,7 +38,7 @@ VEC_INLINE vd select_double(vl on, vd a, vd b)
 /* Widened. */
 VEC_INLINE vd load_double(const float *p)
 {
-    vh v;
+    vn v;
 
     memcpy(&v, p, sizeof v);
     return __builtin_convertvector(v, vd);
@@ -47,7 +47,7 @@ VEC_INLINE vd load_double(const float *p)
 /* Rounded to float, as what the kernels see. */
 VEC_INLINE vd rounded(vd x)
 {
-    return __builtin_convertvector(__builtin_convertvector(x, vh), vd);
+    return __builtin_convertvector(__builtin_convertvector(x, vn), vd);
 }
 
 /* x within -max .. max */
@@ -94,20 +94,11 @@ VEC_INLINE void project_store(struct splat_state *s, size_t i, vf f[FIELDS])
      * four fields (k < 4), or of 4q + k - 4, its last */
     vf_transpose_quads(f);
     vf_transpose_quads(f + 4);
-#define PUT(q) vq_store(to + FIELDS * (4 * (q) + k), vf_quad(f[k], q)); \
-               vq_store(to + FIELDS * (4 * (q) + k) + 4, vf_quad(f[k + 4], q))
 #pragma GCC unroll 4
-    for (int k = 0; k < 4; k++) {
-        PUT(0);
-#if VEC > 4
-        PUT(1);
-#endif
-#if VEC > 8
-        PUT(2);
-        PUT(3);
-#endif
+    for (size_t k = 0; k < 4; k++) {
+        vf_put_quads(to + FIELDS * k, 4 * FIELDS, f[k]);
+        vf_put_quads(to + FIELDS * k + 4, 4 * FIELDS, f[k + 4]);
     }
-#undef PUT
 }
 
 /* The CUDA rasteriser's own choice of tiles. */
@@ -144,16 +135,16 @@ VEC_INLINE void project_place_fine(struct lanes *l, struct splat_state *s,
                             &d.falloff, &d.square, &d.sx, &d.sy};
 
         for (int k = 0; k < 11; k++) {
-            vh x = __builtin_convertvector(*from[k], vh);
+            vn x = __builtin_convertvector(*from[k], vn);
             vd lost = *from[k] - __builtin_convertvector(x, vd);
-            vh tail = __builtin_convertvector(lost, vh);
+            vn tail = __builtin_convertvector(lost, vn);
 
             memcpy(narrow[k] + part, &x, sizeof x);
             if (k < 3)
                 memcpy(s->fine[k] + i + part, &tail, sizeof tail);
         }
-        vh front = __builtin_convertvector(
-            select_double(d.ok, (vd){0} + 1.0, (vd){0}), vh);
+        vn front = __builtin_convertvector(
+            select_double(d.ok, (vd){0} + 1.0, (vd){0}), vn);
 
         memcpy(ok + part, &front, sizeof front);
     }
@@ -277,10 +268,10 @@ void ISA(splat_project)(struct splat_state *s, size_t first, size_t last)
         row[FSY] = vf_keep(sane, l.sy);
         row[FWIDE] = rx;
         row[FROOT] = vf_sqrt(vf_keep(sane, l.square));
-        vm ok = vm_and(l.ok, vf_ge(room, zero));
+        vm ok = l.ok & vf_ge(room, zero);
 
-        ok = vm_and(ok, project_pixels(&x0, &x1, l.x, rx, v->width));
-        ok = vm_and(ok, project_pixels(&y0, &y1, l.y, ry, v->height));
+        ok &= project_pixels(&x0, &x1, l.x, rx, v->width);
+        ok &= project_pixels(&y0, &y1, l.y, ry, v->height);
         vi tx0 = vf_round(x0) >> 4, tx1 = (vf_round(x1) >> 4) + 1;
         vi ty0 = vf_round(y0) >> 4, ty1 = (vf_round(y1) >> 4) + 1;
 

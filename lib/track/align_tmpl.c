@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "lib/base/camera.h"
-#include "lib/splat/vec_shuffle.h"
+#include "lib/base/simd_shuffle.h"
 
 #define N ALIGN_SIDE
 #define BORDER 2                /* of a line: the blur's reach */

@@ -1,10 +1,11 @@
-/* Numbers from lane to lane: transposes, interleaved rows, half floats. */
-#ifndef SPID_SPLAT_VEC_SHUFFLE_H
-#define SPID_SPLAT_VEC_SHUFFLE_H
+/* Numbers from lane to lane of simd.h's vectors: transposes, lists, interleaved
+ * rows. */
+#ifndef SPID_BASE_SIMD_SHUFFLE_H
+#define SPID_BASE_SIMD_SHUFFLE_H
 
 #include <stddef.h>
 
-#include "lib/splat/vec.h"
+#include "lib/base/simd.h"
 
 /* Four by four: r[i] lane j <-> r[j] lane i. */
 VEC_INLINE void vq_transpose(vq r[4])
@@ -23,26 +24,16 @@ VEC_INLINE void vq_transpose(vq r[4])
 /* Four by four in each quad of lanes: r[i] lane 4k + j <-> r[j] lane 4k + i. */
 VEC_INLINE void vf_transpose_quads(vf r[4])
 {
-#if VEC == 16
-    __m512 a = _mm512_unpacklo_ps((__m512)r[0], (__m512)r[1]);
-    __m512 b = _mm512_unpackhi_ps((__m512)r[0], (__m512)r[1]);
-    __m512 c = _mm512_unpacklo_ps((__m512)r[2], (__m512)r[3]);
-    __m512 d = _mm512_unpackhi_ps((__m512)r[2], (__m512)r[3]);
+#if VEC > 4
+    X86_F a = X86(unpacklo_ps)((X86_F)r[0], (X86_F)r[1]);
+    X86_F b = X86(unpackhi_ps)((X86_F)r[0], (X86_F)r[1]);
+    X86_F c = X86(unpacklo_ps)((X86_F)r[2], (X86_F)r[3]);
+    X86_F d = X86(unpackhi_ps)((X86_F)r[2], (X86_F)r[3]);
 
-    r[0] = (vf)_mm512_shuffle_ps(a, c, 0x44);
-    r[1] = (vf)_mm512_shuffle_ps(a, c, 0xee);
-    r[2] = (vf)_mm512_shuffle_ps(b, d, 0x44);
-    r[3] = (vf)_mm512_shuffle_ps(b, d, 0xee);
-#elif VEC == 8
-    __m256 a = _mm256_unpacklo_ps((__m256)r[0], (__m256)r[1]);
-    __m256 b = _mm256_unpackhi_ps((__m256)r[0], (__m256)r[1]);
-    __m256 c = _mm256_unpacklo_ps((__m256)r[2], (__m256)r[3]);
-    __m256 d = _mm256_unpackhi_ps((__m256)r[2], (__m256)r[3]);
-
-    r[0] = (vf)_mm256_shuffle_ps(a, c, 0x44);
-    r[1] = (vf)_mm256_shuffle_ps(a, c, 0xee);
-    r[2] = (vf)_mm256_shuffle_ps(b, d, 0x44);
-    r[3] = (vf)_mm256_shuffle_ps(b, d, 0xee);
+    r[0] = (vf)X86(shuffle_ps)(a, c, 0x44);
+    r[1] = (vf)X86(shuffle_ps)(a, c, 0xee);
+    r[2] = (vf)X86(shuffle_ps)(b, d, 0x44);
+    r[3] = (vf)X86(shuffle_ps)(b, d, 0xee);
 #else
     vq_transpose(r);
 #endif
@@ -72,6 +63,33 @@ VEC_INLINE void vf_swap_quads(vf r[4])
 #else
 #define vf_quad(v, k) (v)
 #endif
+
+/* The quads of v to `to`, `stride` numbers apart. */
+VEC_INLINE void vf_put_quads(float *to, const size_t stride, vf v)
+{
+    vq_store(to, vf_quad(v, 0));
+#if VEC > 4
+    vq_store(to + stride, vf_quad(v, 1));
+#else
+    (void)stride;
+#endif
+#if VEC > 8
+    vq_store(to + 2 * stride, vf_quad(v, 2));
+    vq_store(to + 3 * stride, vf_quad(v, 3));
+#endif
+}
+
+/* Four floats, as often as they fit. */
+VEC_INLINE vf vf_repeat(const float *p)
+{
+#if defined(ISA_AVX512)
+    return (vf)_mm512_broadcast_f32x4(_mm_loadu_ps(p));
+#elif defined(ISA_AVX2)
+    return (vf)_mm256_broadcast_ps((const __m128 *)p);
+#else
+    return vf_load(p);
+#endif
+}
 
 /* Quads side by side: those at from[0], from[stride] ... */
 VEC_INLINE vf vf_join(const float *const *from, const size_t stride)
@@ -171,16 +189,8 @@ VEC_INLINE void vf_put_rows(float *to, const vf v[4], const size_t width)
 
         vf_transpose_quads(r);
 #pragma GCC unroll 4
-        for (int k = 0; k < 4; k++) {
-            vq_store(to + 4 * k, vf_quad(r[k], 0));
-#if VEC > 4
-            vq_store(to + 16 + 4 * k, vf_quad(r[k], 1));
-#endif
-#if VEC > 8
-            vq_store(to + 32 + 4 * k, vf_quad(r[k], 2));
-            vq_store(to + 48 + 4 * k, vf_quad(r[k], 3));
-#endif
-        }
+        for (int k = 0; k < 4; k++)
+            vf_put_quads(to + 4 * k, 16, r[k]);
     }
 }
 
@@ -207,27 +217,45 @@ VEC_INLINE void vi_put_pairs(void *to, vi a, vi b)
 #endif
 }
 
-/* To VEC half floats, to nearest, ties to even; finite numbers. */
-VEC_INLINE void vf_store_half(uint16_t *to, vf x)
+/* The numbers of the bits that are set in 0..255, in order, a byte each. */
+#define BIT(m, k) ((uint64_t)(m) >> (k) & 1)
+#define BELOW(m, k) (8 * __builtin_popcount((m) & ((1 << (k)) - 1)))
+#define LIST(m)                                                          \
+    (BIT(m, 1) << BELOW(m, 1) | BIT(m, 2) * 2 << BELOW(m, 2) |           \
+     BIT(m, 3) * 3 << BELOW(m, 3) | BIT(m, 4) * 4 << BELOW(m, 4) |       \
+     BIT(m, 5) * 5 << BELOW(m, 5) | BIT(m, 6) * 6 << BELOW(m, 6) |       \
+     BIT(m, 7) * 7 << BELOW(m, 7))
+#define LIST4(m) LIST(m), LIST((m) + 1), LIST((m) + 2), LIST((m) + 3)
+#define LIST16(m) LIST4(m), LIST4((m) + 4), LIST4((m) + 8), LIST4((m) + 12)
+
+#if VEC < 16
+static const uint64_t vec_lists[] __attribute__((unused)) = {
+    LIST16(0),
+#if VEC == 8
+    LIST16(16), LIST16(32), LIST16(48), LIST16(64), LIST16(80), LIST16(96),
+    LIST16(112), LIST16(128), LIST16(144), LIST16(160), LIST16(176),
+    LIST16(192), LIST16(208), LIST16(224), LIST16(240)
+#endif
+};
+#endif
+
+/* at + the number of each lane in m to p, in order; returns how many.  VEC are
+ * written. */
+VEC_INLINE uint32_t vm_list(uint32_t *p, vm m, uint32_t at)
 {
-#if VEC == 16
-    _mm256_storeu_si256((__m256i *)to, _mm512_cvtps_ph((__m512)x, 0));
-#elif VEC == 8
-    _mm_storeu_si128((__m128i *)to, _mm256_cvtps_ph((__m256)x, 0));
-#elif defined(__ARM_NEON)
-    vst1_u16(to, vreinterpret_u16_f16(vcvt_f16_f32((float32x4_t)x)));
+    const vi first = vi_set((int32_t)at);
+    const uint32_t bits = vm_bits(m);
+
+#ifdef ISA_AVX512
+    vi_store(p, (vi)_mm512_maskz_compress_epi32(m, (__m512i)(vi_iota() +
+                                                             first)));
 #else
-    typedef uint16_t vh __attribute__((vector_size(8)));
-    const vf half = vf_set(0.5f);
-    vu bits = (vu)x, a = bits & 0x7fffffff;
-    vu normal = (a + 0xfff + (a >> 13 & 1) - 0x38000000) >> 13;
-    vu small = (vu)((vf)a + half) - (vu)half;    /* rounds at 2^-24 */
-    vu h = (vu)vf_sel((vi)a < 0x38800000, (vf)small, (vf)normal);
-
-    h = (vu)vf_sel((vi)a >= 0x477ff000, (vf)(vu){VEC_ALL(0x7c00)}, (vf)h);
-    vh out = __builtin_convertvector(h | (bits >> 16 & 0x8000), vh);
-
-    memcpy(to, &out, sizeof out);
+    vi_store(p, vi_load_bytes(&vec_lists[bits]) + first);
+#endif
+#if VEC > 4
+    return (uint32_t)__builtin_popcount(bits);
+#else
+    return (uint32_t)(0x4332322132212110 >> 4 * bits) & 15;
 #endif
 }
 
