@@ -140,11 +140,15 @@ PARALLEL(coverage_set_points, share, uint8_t *, bits, const float *, verts,
             c[k].y *= SUB;
         }
         coverage_rows(rows, c, m);
-        for (size_t y = rows[0]; y < rows[1]; y++)
-            if (y / SUB % shares == share &&
-                coverage_span(&lo, &hi, c, (float)y + 0.5f))
-                coverage_set_bits(bits + y * n, coverage_first_centre(lo, m),
-                                  coverage_first_centre(hi, m));
+        const size_t first = rows[0] / SUB;
+        size_t own = first + (share + shares - first % shares) % shares;
+        for (; own * SUB < rows[1]; own += shares)
+            for (size_t y = own > first ? own * SUB : rows[0];
+                 y < rows[1] && y < (own + 1) * SUB; y++)
+                if (coverage_span(&lo, &hi, c, (float)y + 0.5f))
+                    coverage_set_bits(bits + y * n,
+                                      coverage_first_centre(lo, m),
+                                      coverage_first_centre(hi, m));
     }
 }
 

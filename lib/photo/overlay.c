@@ -169,10 +169,15 @@ static float overlay_min(float a, float b, float c)
 static void overlay_fill(uint8_t *mask, size_t n, size_t from, size_t to,
                          const float *a, const float *b, const float *c)
 {
+    const float top = overlay_min(a[1], b[1], c[1]);
+    const float bottom = -overlay_min(-a[1], -b[1], -c[1]);
+
+    if (top >= (float)to || bottom + 2 <= (float)from)
+        return;                 /* most are in another band */
     float x0 = fmaxf(0, floorf(overlay_min(a[0], b[0], c[0])));
-    float y0 = fmaxf((float)from, floorf(overlay_min(a[1], b[1], c[1])));
+    float y0 = fmaxf((float)from, floorf(top));
     float x1 = fminf((float)n, ceilf(-overlay_min(-a[0], -b[0], -c[0])) + 1);
-    float y1 = fminf((float)to, ceilf(-overlay_min(-a[1], -b[1], -c[1])) + 1);
+    float y1 = fminf((float)to, ceilf(bottom) + 1);
 
     for (float y = y0 + 0.5f; y < y1; y++)
         for (float x = x0 + 0.5f; x < x1; x++) {
