@@ -1,6 +1,6 @@
-/* Inside the double-precision reference: the Gaussians of one pixel, front to
- * back, as the rules decide (Eq. C's order and cut-offs).  Not for other
- * modules. */
+/* Inside the double-precision reference and its gradients (tests/reference):
+ * the Gaussians of one pixel, front to back, as the rules decide (Eq. C's order
+ * and cut-offs).  Not for other modules. */
 #ifndef SPID_SPLAT_REFERENCE_TRAVERSAL_H
 #define SPID_SPLAT_REFERENCE_TRAVERSAL_H
 

@@ -5,9 +5,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "lib/splat/reference.h"
 #include "lib/splat/splat.h"
 #include "tests/golden/golden.h"
+#include "tests/reference/splat_backward.h"
 
 struct scene {
     size_t N, C, W, H;

@@ -1,6 +1,7 @@
 /* Backward: finite differences on the double reference, the kernels against
  * the reference at every instruction set, the same bits for any threads. */
 #include "lib/base/random.h"
+#include "tests/reference/splat_backward.h"
 #include "tests/unit/splat_scene.h"
 
 enum { SIZE = 40, N = 120 };

@@ -2,6 +2,7 @@
  * gradients, at every instruction set against double precision; colours keep
  * their bits, whatever is drawn beside them. */
 #include "lib/base/random.h"
+#include "tests/reference/splat_backward.h"
 #include "tests/unit/splat_scene.h"
 
 enum { SIZE = 40, N = 1200, PLACES = SPLAT_PLACE_CHANNELS };

@@ -1,6 +1,6 @@
-/* The double-precision reference, fourth part: the gradients of Eq. C and of
+/* The double-precision reference, backwards: the gradients of Eq. C and of
  * the EWA projection, by the chain rule, step by step backwards. */
-#include "lib/splat/reference.h"
+#include "tests/reference/splat_backward.h"
 
 #include <math.h>
 #include <stdlib.h>
