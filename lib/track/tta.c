@@ -7,6 +7,8 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/nn/form.h"
+
 #define N SHAPE_ENCODER_SIZE
 
 /* The length of a change of E_m's expression, jaw and rotation (6D) from which
@@ -153,10 +155,11 @@ void motion_mirror_mean(float *out, const float *mirrored,
 static int motion_tta_plan(struct motion_encoder *net, size_t batch,
                            bool quick, struct error *err)
 {
+    const struct form_rates r = form_rates();
     struct nn_options opt = net->plan.opt;
 
     if (net->quick || (opt.mode == NN_INFER && opt.type == NN_FAST)) {
-        net->quick = quick && nn_type_native(NN_BF16);
+        net->quick = quick && r.bf16 > r.f32;
         opt.type = net->quick ? NN_BF16 : NN_FAST;
     }
     return net->batch == batch && net->plan.opt.type == opt.type
