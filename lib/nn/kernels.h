@@ -124,6 +124,8 @@ struct winograd;
                          size_t rows))                                       \
     X(void, softmax, (float *p, size_t rows, size_t n, size_t ld,            \
                       float scale))                                          \
+    X(void, winograd_weights, (float *u, size_t plane, const float *w,       \
+                               size_t step, size_t count))                   \
     X(void, winograd_input, (float *v, const float *in,                      \
                              const struct winograd *g, size_t slot,          \
                              ptrdiff_t y0, ptrdiff_t x0))                    \

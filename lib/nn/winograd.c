@@ -10,6 +10,7 @@
 #include "lib/nn/kernels.h"
 
 #define PIECE 64         /* terms of one chain of a float's sum */
+#define PANEL WINOGRAD_PANEL
 
 /* As many tiles as keep a thread's share of the second-level cache, but enough
  * for the weights to be worth their way from memory. */
@@ -34,7 +35,7 @@ void winograd_plan(struct winograd *g, const struct conv *c, struct nn_plan *p)
     g->tiles = winograd_tile_count(g->in, g->out);
     /* against rounding; beside bfloat16's own it would not be seen */
     g->piece = nn_plan_type(p) == NN_BF16 || g->in < PIECE ? g->in : PIECE;
-    g->u_size = g->in * ((g->out + 31) / 32 * 32);
+    g->u_size = g->in * ((g->out + PANEL - 1) / PANEL * PANEL);
     g->u = nn_plan_floats(p, 36 * g->u_size);
     g->bias = nn_plan_floats(p, g->out);
     g->v_size = winograd_odd_lines(g->tiles * g->in);
@@ -44,52 +45,27 @@ void winograd_plan(struct winograd *g, const struct conv *c, struct nn_plan *p)
                            (size_t)parallel_width());
 }
 
-/* u (6,6) = G w G^T, in double. */
-static void winograd_weight(double u[36], const float *w)
+/* Panel p, piece by piece, as gemm_pack lays it out. */
+PARALLEL(winograd_update_part, p, const float *, w, struct winograd *, g)
 {
-    static const double G[6][3] = {
-        { 1.0 / 4, 0, 0 },
-        { -1.0 / 6, -1.0 / 6, -1.0 / 6 }, { -1.0 / 6, 1.0 / 6, -1.0 / 6 },
-        { 1.0 / 24, 1.0 / 12, 1.0 / 6 }, { 1.0 / 24, -1.0 / 12, 1.0 / 6 },
-        { 0, 0, 1 }
-    };
-    double t[6][3];
+    const size_t in = g->in, rest = g->out - p * PANEL;
+    const size_t wide = (g->out + PANEL - 1) / PANEL * PANEL;
 
-    for (int i = 0; i < 6; i++)
-        for (int x = 0; x < 3; x++)
-            t[i][x] = G[i][0] * (double)w[x] + G[i][1] * (double)w[3 + x] +
-                      G[i][2] * (double)w[6 + x];
-    for (int i = 0; i < 6; i++)
-        for (int j = 0; j < 6; j++)
-            u[6 * i + j] = t[i][0] * G[j][0] + t[i][1] * G[j][1] +
-                           t[i][2] * G[j][2];
-}
-
-PARALLEL(winograd_update_part, o, const float *, w, struct winograd *, g,
-         size_t, in, size_t, out)
-{
     for (size_t i = 0; i < in; i++) {
-        double u[36];
+        const size_t first = i / g->piece * g->piece;
+        const size_t terms = in - first < g->piece ? in - first : g->piece;
+        const size_t at = first * wide + (p * terms + i - first) * PANEL;
 
-        winograd_weight(u, w + (o * in + i) * 9);
-        /* piece by piece, each as gemm_pack lays it out: panels of 32
-         * columns */
-        size_t first = i / g->piece * g->piece;
-        size_t terms = in - first < g->piece ? in - first : g->piece;
-        size_t at = first * ((out + 31) / 32 * 32) +
-                    (o / 32 * terms + i - first) * 32 + o % 32;
-        for (size_t k = 0; k < 36; k++)
-            g->u[k * g->u_size + at] = (float)u[k];
+        nn_kernels()->winograd_weights(g->u + at, g->u_size,
+                                       w + (p * PANEL * in + i) * 9, in * 9,
+                                       rest < PANEL ? rest : PANEL);
     }
 }
 
 void winograd_update(struct winograd *g, const float *w, const float *bias)
 {
-    size_t in = g->in, out = g->out;
-
-    memcpy(g->bias, bias, out * sizeof *bias);
-
-    parallel_each(winograd_update_part, out, 1, w, g, in, out);
+    memcpy(g->bias, bias, g->out * sizeof *bias);
+    parallel_each(winograd_update_part, (g->out + PANEL - 1) / PANEL, 1, w, g);
 }
 
 /* The number of tile i of those that are wanted. */

@@ -30,6 +30,7 @@ struct winograd {
 };
 
 #define WINOGRAD_TILE 4      /* outputs across a tile */
+#define WINOGRAD_PANEL 32    /* columns that gemm takes at once */
 
 /* Buffers for the layer c, whose sizes are known. */
 void winograd_plan(struct winograd *g, const struct conv *c,

@@ -25,6 +25,49 @@
         t[3] = (m[1] - m[2]) + 8.0f * (m[3] - m[4]) + m[5];                  \
     } while (0)
 
+/* t = G w, three values to six */
+#define WEIGHT_SIX(t, w)                                                     \
+    do {                                                                     \
+        t[0] = w[0] * (1.0 / 4);                                             \
+        t[1] = (w[0] + w[2]) * (-1.0 / 6) - w[1] * (1.0 / 6);                \
+        t[2] = (w[0] + w[2]) * (-1.0 / 6) + w[1] * (1.0 / 6);                \
+        t[3] = w[0] * (1.0 / 24) + w[2] * (1.0 / 6) + w[1] * (1.0 / 12);     \
+        t[4] = w[0] * (1.0 / 24) + w[2] * (1.0 / 6) - w[1] * (1.0 / 12);     \
+        t[5] = w[2];                                                         \
+    } while (0)
+
+/* 36 planes of a panel's row, `plane` apart, from `count` kernels w (3,3), `step`
+ * apart, each in double; zeros in other columns. */
+void ISA(winograd_weights)(float *u, size_t plane, const float *w, size_t step,
+                           size_t count)
+{
+    double d[9][WINOGRAD_PANEL] = { { 0 } };
+
+    for (size_t o = 0; o < count; o++)
+        for (size_t k = 0; k < 9; k++)
+            d[k][o] = (double)w[o * step + k];
+#pragma omp simd
+    for (size_t o = 0; o < WINOGRAD_PANEL; o++) {
+        double t[3][6];
+
+#pragma GCC unroll 3
+        for (size_t x = 0; x < 3; x++) {
+            const double column[3] = { d[x][o], d[3 + x][o], d[6 + x][o] };
+            WEIGHT_SIX(t[x], column);
+        }
+#pragma GCC unroll 6
+        for (size_t y = 0; y < 6; y++) {
+            const double row[3] = { t[0][y], t[1][y], t[2][y] };
+            double six[6];
+
+            WEIGHT_SIX(six, row);
+#pragma GCC unroll 6
+            for (size_t x = 0; x < 6; x++)
+                u[(6 * y + x) * plane + o] = (float)six[x];
+        }
+    }
+}
+
 /* v (36, T, C): tile `slot` of T <- the 6x6 input pixels at (y0,x0) of one
  * image (h,w,C), zeros outside. */
 void ISA(winograd_input)(float *v, const float *in, const struct winograd *g,
