@@ -159,21 +159,18 @@ static void curves_chart(FILE *f, const struct comparison *c, int k,
     size_t count = 0;
     double *flat = malloc((n + 1) * sizeof *flat);
 
-    curve[count++] = (struct html_curve){"driver", c->driver->y[k],
-                                         HTML_FIRST};
+    curve[count++] = (struct html_curve){"driver", c->driver->y[k]};
     if (c->result->n >= n)
-        curve[count++] = (struct html_curve){"result", c->result->y[k],
-                                             HTML_SECOND};
+        curve[count++] = (struct html_curve){"result", c->result->y[k]};
     if (c->truth->n >= n)
-        curve[count++] = (struct html_curve){"truth", c->truth->y[k],
-                                             HTML_THIRD};
+        curve[count++] = (struct html_curve){"truth", c->truth->y[k]};
     if (flat && c->still->n) {
         for (size_t i = 0; i < n; i++)
             flat[i] = c->still->y[k][0];
-        curve[count++] = (struct html_curve){"null line", flat, HTML_NULL};
+        curve[count++] = (struct html_curve){"null line", flat};
     }
     fputs("<div class=\"part\">", f);
-    html_chart(f, title, "s", c->driver->time, n, curve, count);
+    html_chart(f, title, c->driver->time, n, curve, count);
     curves_write_figures(f, c->driver->y[k],
                          c->result->n >= n ? c->result->y[k] : NULL,
                          c->still->n ? c->still->y[k] : NULL, n, unit);

@@ -1,9 +1,8 @@
 /* The pieces of a page that needs nothing else: pictures as data URLs, curves
- * as SVG, tables. */
+ * that its script draws, tables. */
 #include "lib/lab/report/html.h"
 
 #include <math.h>
-#include <stdbool.h>
 #include <stdlib.h>
 #include <sysexits.h>
 
@@ -18,13 +17,6 @@ static const char style[] =
 static const char script[] =
 #include "report_page.js.inc"
     ;
-
-static const struct {
-    const char *color, *dash;
-} looks[] = {[HTML_FIRST] = {"#0072b2", "none"},
-             [HTML_SECOND] = {"#d55e00", "7 2"},
-             [HTML_THIRD] = {"#008060", "2 3"},
-             [HTML_NULL] = {"#6b6b6b", "1 4"}};
 
 void html_begin(FILE *f, const char *title)
 {
@@ -129,144 +121,32 @@ void html_wipe(FILE *f, const uint8_t *mp4, size_t n, size_t size,
 
 /* ---- charts ------------------------------------------------------------- */
 
-enum { WIDE = 560, HIGH = 200, LEFT = 52, RIGHT = 16, TOP = 30, FOOT = 34 };
-
-struct axis {
-    double lo, hi;
-    int from, to;             /* SVG coordinates of lo and hi */
-    double step;              /* between grid lines */
-};
-
-/* Where the value v lies, in pixels. */
-static double html_axis_place(const struct axis *a, double v)
+/* "name":[numbers], null where one is not finite. */
+static void html_numbers(FILE *f, const char *name, const double *v, size_t n)
 {
-    double span = a->hi > a->lo ? a->hi - a->lo : 1;
-
-    return a->from + (v - a->lo) / span * (a->to - a->from);
-}
-
-/* A round number (1, 2 or 5 times a power of ten) near span / 4. */
-static double html_axis_step(double span)
-{
-    double step = pow(10, floor(log10(span / 4))), rest = span / 4 / step;
-
-    return step * (rest < 1.5 ? 1 : rest < 3.5 ? 2 : rest < 7.5 ? 5 : 10);
-}
-
-/* Vertical, spanning all finite values of the curves between round ends. */
-static struct axis html_value_axis(const struct html_curve *c, size_t count,
-                                   size_t n)
-{
-    struct axis a = {INFINITY, -INFINITY, HIGH - FOOT, TOP, 1};
-
-    for (size_t k = 0; k < count; k++)
-        for (size_t i = 0; i < n; i++)
-            if (isfinite(c[k].y[i])) {
-                a.lo = fmin(a.lo, c[k].y[i]);
-                a.hi = fmax(a.hi, c[k].y[i]);
-            }
-    if (!(a.hi >= a.lo))
-        a.lo = a.hi = 0;
-    if (!(a.hi - a.lo > 1e-6 * fmax(fabs(a.lo), 1e-3)))
-        a.hi = a.lo + fmax(fabs(a.lo), 1e-3);
-    a.step = html_axis_step(a.hi - a.lo);
-    a.lo = floor(a.lo / a.step + 1e-9) * a.step;
-    a.hi = ceil(a.hi / a.step - 1e-9) * a.step;
-    return a;
-}
-
-/* Grid lines with their values, and the ends of the horizontal axis. */
-static void html_draw_axes(FILE *f, const struct axis *x, const struct axis *y,
-                           const char *x_label)
-{
-    int lines = (int)lround((y->hi - y->lo) / y->step);
-
-    for (int k = 0; k <= lines; k++) {
-        double v = (round(y->lo / y->step) + k) * y->step;
-        double at = html_axis_place(y, v);
-
-        fprintf(f, "<line x1=\"%d\" x2=\"%d\" y1=\"%.1f\" y2=\"%.1f\" "
-                "stroke=\"#ddd\"/><text x=\"%d\" y=\"%.1f\" "
-                "text-anchor=\"end\">%.3g</text>", LEFT, WIDE - RIGHT, at, at,
-                LEFT - 6, at + 4, v);
-    }
-    fprintf(f, "<text x=\"%d\" y=\"%d\">%.3g</text><text x=\"%d\" y=\"%d\" "
-            "text-anchor=\"end\">%.3g %s</text>", LEFT, HIGH - 14, x->lo,
-            WIDE - RIGHT, HIGH - 14, x->hi, x_label);
-}
-
-/* A path that lifts its pen over values that are not finite. */
-static void html_draw_curve(FILE *f, const struct axis *x, const struct axis *y,
-                            const double *xs, const struct html_curve *c,
-                            size_t n, size_t index)
-{
-    const char *color = looks[c->look].color, *dash = looks[c->look].dash;
-    bool pen = false;
-
-    fputs("<path fill=\"none\" stroke-width=\"2\" d=\"", f);
+    fprintf(f, "\"%s\":[", name);
     for (size_t i = 0; i < n; i++) {
-        if (!isfinite(c->y[i])) {
-            pen = false;
-            continue;
-        }
-        fprintf(f, "%c%.1f %.1f", pen ? 'L' : 'M', html_axis_place(x, xs[i]),
-                html_axis_place(y, c->y[i]));
-        pen = true;
+        fputs(i ? "," : "", f);
+        fprintf(f, isfinite(v[i]) ? "%.5g" : "null", v[i]);
     }
-    fprintf(f, "\" stroke=\"%s\" stroke-dasharray=\"%s\"/>"
-            "<path stroke-width=\"3\" d=\"M%zu 12h26\" stroke=\"%s\" "
-            "stroke-dasharray=\"%s\"/><text x=\"%zu\" y=\"16\">",
-            color, dash, LEFT + 116 * index, color, dash,
-            LEFT + 32 + 116 * index);
-    html_text(f, c->name);
-    fputs("</text>", f);
+    fputc(']', f);
 }
 
-void html_chart(FILE *f, const char *title, const char *x_label,
-                const double *x, size_t n, const struct html_curve *curves,
-                size_t count)
+void html_chart(FILE *f, const char *title, const double *x, size_t n,
+                const struct html_curve *curves, size_t count)
 {
-    struct axis ax = {n ? x[0] : 0, n ? x[n - 1] : 1, LEFT, WIDE - RIGHT,
-                      1};
-    struct axis ay = html_value_axis(curves, count, n);
-
     fputs("<h3>", f);
     html_text(f, title);
-    fprintf(f, "</h3>\n<svg class=\"chart\" viewBox=\"0 0 %d %d\" "
-            "role=\"img\" aria-label=\"", WIDE, HIGH);
+    fputs("</h3>\n<svg class=\"chart\" role=\"img\" aria-label=\"", f);
     html_text(f, title);
-    fprintf(f, "\" data-from=\"%.9g\" data-to=\"%.9g\" data-left=\"%d\" "
-            "data-right=\"%d\">", ax.lo, ax.hi, ax.from, ax.to);
-    html_draw_axes(f, &ax, &ay, x_label);
-    for (size_t k = 0; k < count; k++)
-        html_draw_curve(f, &ax, &ay, x, &curves[k], n, k);
-    fprintf(f, "<line class=\"now\" x1=\"%d\" x2=\"%d\" y1=\"%d\" "
-            "y2=\"%d\"/></svg>\n", LEFT, LEFT, TOP, HIGH - FOOT);
-}
-
-void html_bars(FILE *f, const char *title, const char *unit,
-               const char *const *name, const double *value, size_t n)
-{
-    double top = 0;
-
-    for (size_t i = 0; i < n; i++)
-        top = fmax(top, value[i]);
-    fputs("<h3>", f);
-    html_text(f, title);
-    fprintf(f, "</h3>\n<svg viewBox=\"0 0 %d %zu\" role=\"img\">", WIDE,
-            24 * n + 8);
-    for (size_t i = 0; i < n; i++) {
-        double w = top > 0 ? value[i] / top * (WIDE - 330) : 0;
-
-        fprintf(f, "<text x=\"170\" y=\"%zu\" text-anchor=\"end\">",
-                24 * i + 18);
-        html_text(f, name[i]);
-        fprintf(f, "</text><rect x=\"180\" y=\"%zu\" width=\"%.1f\" "
-                "height=\"16\" fill=\"%s\"/><text x=\"%.1f\" y=\"%zu\">"
-                "%.3g %s</text>", 24 * i + 5, w, looks[HTML_FIRST].color,
-                188 + w, 24 * i + 18, value[i], unit);
+    fputs("\"></svg><script type=\"application/json\">{", f);
+    html_numbers(f, "x", x, n);
+    fputs(",\"curves\":{", f);
+    for (size_t k = 0; k < count; k++) {
+        fputs(k ? "," : "", f);
+        html_numbers(f, curves[k].name, curves[k].y, n);
     }
-    fputs("</svg>\n", f);
+    fputs("}}</script>\n", f);
 }
 
 /* ---- tables ------------------------------------------------------------- */

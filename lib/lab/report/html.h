@@ -1,5 +1,5 @@
-/* Pieces of one self-contained HTML page: pictures as data URIs, charts as
- * inline SVG, tables.  Nothing is fetched when the page is opened. */
+/* Pieces of one self-contained HTML page: pictures as data URIs, charts that
+ * its script draws, tables.  Nothing is fetched when the page is opened. */
 #ifndef SPID_LAB_REPORT_HTML_H
 #define SPID_LAB_REPORT_HTML_H
 
@@ -27,15 +27,11 @@ void html_row_end(FILE *f);
 int html_picture(FILE *f, const uint8_t *rgb, size_t width, size_t height,
                  const char *caption, struct error *err);
 
-/* How a curve is drawn: colours that people with any kind of colour vision
- * tell apart (Okabe and Ito 2008), and dashes besides. */
-enum html_look { HTML_FIRST, HTML_SECOND, HTML_THIRD, HTML_NULL };
-
-/* One curve of a chart; values that are not finite leave a gap. */
+/* One curve of a chart; values that are not finite leave a gap.  page.js knows
+ * the names, and draws what it does not know as the first. */
 struct html_curve {
     const char *name;
     const double *y;          /* (n) */
-    enum html_look look;
 };
 
 /* Driver and result, halves of one video (mp4, n bytes), one over the other
@@ -43,14 +39,9 @@ struct html_curve {
 void html_wipe(FILE *f, const uint8_t *mp4, size_t n, size_t size,
                double rate);
 
-/* Curves over x (n, increasing), drawn to one scale, with a legend. */
-void html_chart(FILE *f, const char *title, const char *x_label,
-                const double *x, size_t n, const struct html_curve *curves,
-                size_t count);
-
-/* Horizontal bars with their values printed, all of one unit. */
-void html_bars(FILE *f, const char *title, const char *unit,
-               const char *const *name, const double *value, size_t n);
+/* Curves over x (n seconds, increasing), drawn to one scale, with a legend. */
+void html_chart(FILE *f, const char *title, const double *x, size_t n,
+                const struct html_curve *curves, size_t count);
 
 /* Flat table of name and value. */
 void html_table_begin(FILE *f, const char *const *heads, size_t n);

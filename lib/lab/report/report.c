@@ -273,11 +273,7 @@ static int report_write_limits(FILE *f, const char *card, struct error *err)
  * the median is shown. */
 static int report_write_times(FILE *f, const char *dir)
 {
-    enum { MAX = 40 };
-    char path[4096], line[512], names[MAX][64];
-    const char *name[MAX];
-    double value[MAX];
-    size_t n = 0;
+    char path[4096], line[512];
     int column = -1;
     FILE *in = NULL;
 
@@ -288,23 +284,23 @@ static int report_write_times(FILE *f, const char *dir)
         report_write_missing(f, "stats.tsv");
         return 0;
     }
-    while (n < MAX && fgets(line, sizeof line, in)) {
-        char *save = NULL, *cell = strtok_r(line, "\t\n", &save);
+    html_table_begin(f, (const char *const[]){"stage", "median"}, 2);
+    while (fgets(line, sizeof line, in)) {
+        char *save = NULL, *name = strtok_r(line, "\t\n", &save), *cell = name;
 
         for (int k = 0; cell; k++, cell = strtok_r(NULL, "\t\n", &save)) {
+            char value[40];
+
             if (!strncmp(cell, "median", 6))
                 column = k;
-            else if (k == 0)
-                snprintf(names[n], sizeof names[n], "%s", cell);
-            else if (k == column) {
-                name[n] = names[n];
-                value[n++] = strtod(cell, NULL);
-                break;
+            else if (k > 0 && k == column) {
+                snprintf(value, sizeof value, "%.3g ms", strtod(cell, NULL));
+                html_table_row(f, (const char *const[]){name, value}, 2);
             }
         }
     }
     fclose(in);
-    html_bars(f, "Stages", "ms", name, value, n);
+    html_table_end(f);
     return 0;
 }
 
