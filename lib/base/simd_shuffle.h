@@ -144,31 +144,13 @@ VEC_INLINE void vq_put_rgb(float *to, vq r, vq g, vq b)
 /* VEC rows of three numbers: lane n of v[k] is number k of row n. */
 VEC_INLINE void vf_put_rgb(float *to, const vf v[3])
 {
-#if VEC == 16
-    /* number k of the result is of the first, the second (16 and on), or where
-     * blue has a bit of the third */
-    const __m512i two[3] = {
-        _mm512_setr_epi32(0, 16, 0, 1, 17, 0, 2, 18, 0, 3, 19, 0, 4, 20, 0, 5),
-        _mm512_setr_epi32(21, 0, 6, 22, 0, 7, 23, 0,
-                          8, 24, 0, 9, 25, 0, 10, 26),
-        _mm512_setr_epi32(0, 11, 27, 0, 12, 28, 0, 13,
-                          29, 0, 14, 30, 0, 15, 31, 0)};
-    const __m512i third[3] = {
-        _mm512_setr_epi32(0, 0, 0, 0, 0, 1, 0, 0, 2, 0, 0, 3, 0, 0, 4, 0),
-        _mm512_setr_epi32(0, 5, 0, 0, 6, 0, 0, 7, 0, 0, 8, 0, 0, 9, 0, 0),
-        _mm512_setr_epi32(10, 0, 0, 11, 0, 0, 12, 0,
-                          0, 13, 0, 0, 14, 0, 0, 15)};
-    static const __mmask16 blue[3] = {0x4924, 0x2492, 0x9249};
-
-    for (int j = 0; j < 3; j++)
-        vf_store(to + VEC * j, (vf)_mm512_mask_permutexvar_ps(
-            _mm512_permutex2var_ps((__m512)v[0], two[j], (__m512)v[1]),
-            blue[j], third[j], (__m512)v[2]));
-#elif VEC == 8
     vq_put_rgb(to, vf_quad(v[0], 0), vf_quad(v[1], 0), vf_quad(v[2], 0));
+#if VEC > 4
     vq_put_rgb(to + 12, vf_quad(v[0], 1), vf_quad(v[1], 1), vf_quad(v[2], 1));
-#else
-    vq_put_rgb(to, v[0], v[1], v[2]);
+#endif
+#if VEC > 8
+    vq_put_rgb(to + 24, vf_quad(v[0], 2), vf_quad(v[1], 2), vf_quad(v[2], 2));
+    vq_put_rgb(to + 36, vf_quad(v[0], 3), vf_quad(v[1], 3), vf_quad(v[2], 3));
 #endif
 }
 

@@ -44,9 +44,4 @@ void act_bias_backward_half(float *db, uint16_t *dout, float *part,
                             const uint16_t *out, enum nn_act act, size_t rows,
                             size_t C);
 
-/* One value, in double: the reference of the tests. */
-double act_value(enum nn_act act, double x);
-/* Its derivative. */
-double act_slope(enum nn_act act, double x);
-
 #endif

@@ -13,6 +13,7 @@
 #include "lib/nn/form.h"
 #include "lib/nn/image.h"
 #include "tests/check.h"
+#include "tests/reference/act.h"
 
 enum kind {
     FLOATS,

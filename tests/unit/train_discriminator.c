@@ -9,9 +9,9 @@
 
 #include "lib/base/parallel.h"
 #include "lib/base/random.h"
-#include "lib/nn/act.h"
 #include "lib/lab/train/discriminator.h"
 #include "tests/check.h"
+#include "tests/reference/act.h"
 
 static struct nn_plans plans;
 
