@@ -8,21 +8,19 @@ STREAM: people of scans of the training split, each turned to SIDES sides.  The
 head that ships has these:
 
     spid-synth --assets ASSETS --seed 61000 -n 160 --frames 9 --size 192 \
-        --effects 0 --turn 0,30,60,90,-90,-60,-30,45:25,-45:25 -o people.spid
+        --turn 0,30,60,90,-90,-60,-30,45:25,-45:25 -o people.spid
 
 HEAD: a head's safetensors file, of which the tensors avatar.hair, avatar.relief,
-avatar.cloth, avatar.hair_share, avatar.cloth_share and avatar.look
-(lib/head/head_avatar.h) are written anew: STYLES ways to wear hair, each the chance
-of hair at every vertex, both sides alike, how far it stands off there, and how many
-wear it so; and as many of cloth where there is no hair.  They are mixtures of
-independent vertices (EM from people in the order of how much they show of it), of
-hair by where it is and by where it is as high as HIGH; the mean of all people counts
-as one more of each style, and the scalp's density (hair) as one more of all.  Of
-hair the bald are left out: their scalp goes on as hair does, in its own colour, and
-fair hair is easily taken for one.  Hair is as high as the person's visual hull along
-a vertex' normal (Laurentini 1994), where all views that it faces show hair.  And what tells skin from either by its colour beside the face's mean: logistic
-regressions on hue and brightness, hair or cloth of each person weighing as much as
-skin.  Needs NumPy.
+avatar.cloth, avatar.hair_share and avatar.cloth_share (lib/head/head_avatar.h) are
+written anew: STYLES ways to wear hair, each the chance of hair at every vertex, both
+sides alike, how far it stands off there, and how many wear it so; and as many of
+cloth where there is no hair.  They are mixtures of independent vertices (EM from
+people in the order of how much they show of it), of hair by where it is and by where
+it is as high as HIGH; the mean of all people counts as one more of each style, and
+the scalp's density (hair) as one more of all.  Of hair the bald are left out: their
+scalp goes on as hair does, in its own colour, and fair hair is easily taken for one.
+Hair is as high as the person's visual hull along a vertex' normal (Laurentini 1994),
+where all views that it faces show hair.  Needs NumPy.
 """
 import json
 import os
@@ -42,7 +40,7 @@ CLOSE = 0.03            # head units: two points at one depth
 HEIGHTS = np.arange(1, 31) * .025   # head units: 15 cm in all
 HIGH = 0.1              # head units: more than short hair is
 FACING, BESIDE = .2, -.15   # cosines: a view that shows a vertex, or its rim
-FACE, LIPS, SCALP = 1, 2, .5   # of the head's regions, and density of hair
+SCALP = .5              # density of hair
 SKIN = [1, 10, 11]      # of spid-synth's labels: skin, neck, ears
 HAIR, CLOTH = 5, 8
 
@@ -53,14 +51,6 @@ def shown(verts, faces, cam):
     near, _ = nearest(cell, p[:, 2], GRID * GRID)
     cell, _, p = project(verts, cam, GRID)
     return p[:, 2] < near[cell] + CLOSE
-
-
-def look(rgb, mean):
-    """Numbers by which materials differ, as material.c has them."""
-    a, b = rgb.sum(1) + .001, mean.sum() + .001
-    hue = np.abs(rgb / a[:, None] - mean / b).sum(1).clip(0, .3)
-    light = np.log(a / b).clip(-3, 1)
-    return np.stack([np.ones_like(a), hue, hue ** 2, light, light ** 2], 1)
 
 
 def normals(verts, faces):
@@ -114,43 +104,29 @@ def smooth(values, faces):
     return values
 
 
-def count(path, faces, region, scalp):
-    """How often hair, cloth and skin is what each vertex shows (people,3,V), how
-    far hair stands off (people,V), and looks of them, three lists of people's."""
-    picture, sums, looks = {}, [], ([], [], [])
-    pictures, views, high = 0, [], []
+def count(path, faces, count):
+    """How often hair, cloth and skin is what each of `count` vertices shows
+    (people,3,count), and how far hair stands off (people,count)."""
+    picture, sums, views, high = {}, [], [], []
     with open(path, "rb") as f:
         for rec in read_stream(f):
             if rec.type in ("MESH", "IMAG"):
                 picture[rec.type] = rec.arrays
             if len(picture) < 2:
                 continue
-            if pictures % SIDES == 0:
-                sums.append(np.zeros((3, len(scalp))))
-                for of_all in looks:
-                    of_all.append([np.zeros((0, 5))])
-            pictures += 1
+            if not views:
+                sums.append(np.zeros((3, count)))
             verts, cam = (picture["MESH"][k].numpy() for k in ("verts", "cam"))
             label = picture["IMAG"]["label"].numpy()
             views.append((verts, cam, label))
+            at = label.ravel()[project(verts, cam, len(label))[0]]
+            sums[-1] += shown(verts, faces, cam) & np.array(
+                [at == HAIR, at == CLOTH, np.isin(at, SKIN)])
             if len(views) == SIDES:
                 high.append(height(views, faces))
                 views = []
-            seen = shown(verts, faces, cam)
-            at = label.ravel()[project(verts, cam, len(label))[0]]
-            hair, cloth = seen & (at == HAIR), seen & (at == CLOTH)
-            skin = seen & np.isin(at, SKIN)
-            sums[-1] += hair, cloth, skin
-            face = skin & (region == FACE)
-            if face.sum() > 50:
-                rgb = picture["IMAG"]["rgb"].numpy().reshape(-1, 3) / 255
-                rgb = rgb[project(verts, cam, len(label))[0]]
-                for to, part in zip(looks, (hair & (scalp > SCALP), cloth,
-                                            skin & (region != LIPS))):
-                    to[-1].append(look(rgb[part], rgb[face].mean(0)))
             picture = {}
-    return (np.array(sums), np.array(high),
-            [[np.concatenate(p) for p in of_all] for of_all in looks])
+    return np.array(sums), np.array(high)
 
 
 def mixture(shows, other, first, high=None):
@@ -184,27 +160,6 @@ def mixture(shows, other, first, high=None):
             ((part.T @ high + high.mean(0)) / (part.sum(0)[:, None] + 1)).T)
 
 
-def regression(people):
-    """Weights (5) of log chance of skin over that of what else is shown, from
-    looks of both."""
-    people = [p for p in people if min(map(len, p)) > 20]
-    x = np.concatenate([np.concatenate(p) for p in people])
-    y = np.concatenate([np.repeat((0., 1.), (len(p[0]), len(p[1])))
-                        for p in people])
-    by = np.concatenate([np.repeat((1 / len(p[0]), 1 / len(p[1])),
-                                   (len(p[0]), len(p[1]))) for p in people])
-    w = np.zeros(x.shape[1])
-    for _ in range(TURNS):              # Newton
-        p = 1 / (1 + np.exp(-x @ w))
-        w += np.linalg.solve(x.T * (by * p * (1 - p)) @ x + 1e-3 * np.eye(5),
-                             x.T @ (by * (y - p)) - 1e-3 * w)
-    p = 1 / (1 + np.exp(-x @ w))
-    print("taken for skin: of skin %.2f, of the other %.2f" %
-          tuple((by * p * (y == k)).sum() / (by * (y == k)).sum()
-                for k in (1, 0)))
-    return w
-
-
 def main():
     if len(sys.argv) != 3:
         sys.exit("usage: materials.py HEAD STREAM")
@@ -221,7 +176,7 @@ def main():
 
     faces, scalp = tensor("f"), tensor("hair")
     mirror = tensor("avatar.mirror")[:len(scalp)]
-    shows, high, looks = count(sys.argv[2], faces, tensor("region"), scalp)
+    shows, high = count(sys.argv[2], faces, len(scalp))
     shows += shows[:, :, mirror]
     high = (high + high[:, mirror]) / 2
     hair, cloth, skin = shows.transpose(1, 0, 2)
@@ -231,9 +186,7 @@ def main():
     cloth_share, cloth_chance, _ = mixture(cloth, skin, 0 * scalp)
     made = {"avatar.hair": hair_chance, "avatar.hair_share": hair_share,
             "avatar.relief": smooth(relief, faces),
-            "avatar.cloth": cloth_chance, "avatar.cloth_share": cloth_share,
-            "avatar.look": np.stack([regression(list(zip(looks[k], looks[2])))
-                                     for k in (0, 1)]).reshape(1, -1)}
+            "avatar.cloth": cloth_chance, "avatar.cloth_share": cloth_share}
     made = {name: value.astype("<f2") for name, value in made.items()}
 
     out, block = {"__metadata__": head.pop("__metadata__", {})}, b""

@@ -8,6 +8,7 @@
 
 #include "lib/avatar/completion.h"
 #include "lib/avatar/coverage.h"
+#include "lib/avatar/disks.h"
 #include "lib/avatar/eyes.h"
 #include "lib/avatar/further.h"
 #include "lib/avatar/lip_lining.h"
@@ -22,12 +23,8 @@
 #include "lib/base/neck_blend.h"
 #include "lib/base/resample.h"
 
-/* Standard deviation over the spacing: where the decoder starts, of hidden
- * Gaussians, which must leave no holes, and the least of any. */
-#define OVERLAP 0.6f
-#define CLOSED 0.6f
-#define SCALE_MIN 0.4f
-#define SOLID 0.97f     /* opacity of hidden Gaussians */
+#define OVERLAP 0.6f    /* standard deviation over the spacing where the decoder
+                         * starts */
 #define REACH 2.7f      /* their standard deviations that may be seen: with 2 a
                          * seventh of them stood out before the background */
 #define SEAM_MM 4.5f    /* the photograph is used for lips moved less than this
@@ -198,7 +195,7 @@ static void dynamic_branch_hull(const struct source_picture *picture,
                                 const struct source_mesh *mesh,
                                 struct dynamic_branch *b)
 {
-    const float scale = REACH * CLOSED * CAMERA_FOCAL /
+    const float scale = REACH * DISKS_SIZE * CAMERA_FOCAL /
                         fmaxf(mesh->cam[11], CAMERA_NEAR);
 
     parallel_each(dynamic_branch_hull_part, b->count, 1, b, mesh, picture,
@@ -372,7 +369,7 @@ static void dynamic_branch_start(const struct source_picture *picture,
     if (b->has_more)
         further_take(b->pixel, b->trust, rgb, b->facing, b->more, b->count);
     material_layers(b->as, b->chance, b->tmp + b->count, b->beside, &seen,
-                    b->held, mesh->head, b->dense);
+                    b->held, mesh->weights, b->dense);
     dynamic_branch_complete(rgb, mesh, b);
     for (size_t i = 0; i < 3 * b->count; i++) {
         const size_t k = i / 3;
@@ -390,14 +387,6 @@ static void dynamic_branch_start(const struct source_picture *picture,
     parallel_each(dynamic_branch_logit_part, 3 * b->count, 1, rgb);
 }
 
-/* How far the source shows Gaussian k (written by dynamic_branch_start) in the
- * light that it will be seen in, 0..1; 0 on lids, which the decoder tints. */
-static float dynamic_branch_visibility(const struct dynamic_branch *b, size_t k)
-{
-    return b->in[(k + 1) * b->inputs - DYNAMIC_BRANCH_EXTRA + 2] *
-           (1 - b->seam[k]) * (1 - b->fold[k]);
-}
-
 /* How far the photograph says what is to be seen where Gaussian k is: the side
  * of the head that it shows, and, of those behind, what would stand out beside
  * the person or the mesh.  There it shows nobody, or hair. */
@@ -406,77 +395,6 @@ static float dynamic_branch_seen(const struct dynamic_branch *b, size_t k)
     const float front = dynamic_branch_front(b, k);
 
     return front + (1 - front) * (1 - b->hull[k]);
-}
-
-/* The least standard deviation of Gaussian k: the decoder makes those that face
- * the camera so thin that gaps would open between their rows on a turned
- * head. */
-static float dynamic_branch_min_scale(const struct dynamic_branch *b, size_t k)
-{
-    return fminf(SCALE_MIN * b->spacing[k], BRANCH_SCALE_MAX);
-}
-
-PARALLEL(dynamic_branch_unseen_part, k, const struct dynamic_branch *, b,
-         struct branch_set *, out)
-{
-    float w = dynamic_branch_visibility(b, k), *scale = out->scale + 3 * k;
-    float min = dynamic_branch_min_scale(b, k);
-    float closed = CLOSED + b->seam[k] * (SCALE_MIN - CLOSED);
-    float round = fminf(closed * b->spacing[k], BRANCH_SCALE_MAX);
-    float *color = out->color + k * out->channels;
-
-    for (size_t c = 0; c < 3; c++) {
-        float own = 1 / (1 + expf(-b->logit[3 * k + c]));
-
-        color[c] = w * color[c] + (1 - w) * own;
-        scale[c] = w * fmaxf(scale[c], min) + (1 - w) * round;
-    }
-    for (size_t c = 3; c < out->channels; c++)
-        color[c] *= w;
-    out->opacity[k] =
-        w * out->opacity[k] + (1 - w) * SOLID * b->start.visible[k];
-}
-
-/* Where the source does not show a Gaussian squarely the prior replaces the decoder,
- * dense and round: the decoder would give every head the back of its training
- * people, and half clear parts that those seldom turned to the camera.  The
- * outline that such Gaussians have too much of is the photograph's matter
- * (dynamic_branch_seen), but for lips that part: their rims get as little as may
- * be, or mouths would be less open than the mesh.
- * Features beyond the colour become 0, so that a refiner adds nothing there. */
-static void dynamic_branch_unseen(struct branch_set *out,
-                                  const struct dynamic_branch *b)
-{
-    parallel_each(dynamic_branch_unseen_part, out->n, 1, b, out);
-}
-
-/* The decoder's scale i, three a Gaussian, as branch_prior_forward has it. */
-static float dynamic_branch_net_scale(const struct dynamic_branch *b, size_t i)
-{
-    return BRANCH_SCALE_MAX *
-           attribute_shift(b->start.scale[i] / BRANCH_SCALE_MAX,
-                           b->start.scale_shift[i / 3]);
-}
-
-PARALLEL(dynamic_branch_unseen_backward_part, k,
-         const struct dynamic_branch *, b, struct branch_set *, dout)
-{
-    float w = dynamic_branch_visibility(b, k);
-
-    for (size_t c = 0; c < dout->channels; c++)
-        dout->color[k * dout->channels + c] *= w;
-    for (size_t i = 3 * k; i < 3 * k + 3; i++)
-        dout->scale[i] *=
-            dynamic_branch_net_scale(b, i) > dynamic_branch_min_scale(b, k) ? w
-                                                                            : 0;
-    dout->opacity[k] *= w;
-}
-
-/* Reverse of dynamic_branch_unseen, in place. */
-static void dynamic_branch_unseen_backward(struct branch_set *dout,
-                                           const struct dynamic_branch *b)
-{
-    parallel_each(dynamic_branch_unseen_backward_part, dout->n, 1, b, dout);
 }
 
 PARALLEL(dynamic_branch_inputs, k, struct dynamic_branch *, b)
@@ -511,7 +429,7 @@ void dynamic_branch_forward(struct branch_set *out, const float *features,
                         b->prior ? b->logit : NULL, &b->decoder);
     branch_prior_forward(out, &b->start, b->prior);
     if (b->prior)
-        dynamic_branch_unseen(out, b);
+        disks_lay(out, b);
     /* mu_k = densified vertex */
     memcpy(out->mean, b->verts, 3 * out->n * sizeof *out->mean);
     for (size_t k = 0; k < out->n; k++) {
@@ -543,7 +461,7 @@ void dynamic_branch_backward(float *dfeatures, struct branch_set *dout,
         return;
     if (b->prior) {
         lip_lining_shade_backward(dout, mesh);
-        dynamic_branch_unseen_backward(dout, b);
+        disks_lay_backward(dout, b);
     }
     branch_prior_backward(dout, NULL, &b->start, b->prior);
     struct gaussian_out draw = branch_decoder_gradient(dout, NULL);

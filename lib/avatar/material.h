@@ -23,10 +23,25 @@ struct material_share material_all(const struct head_avatar *a);
 void material_expect(float *chance, const struct material_share *share,
                      const struct head_avatar *a, const struct densify *d);
 
-/* odds (MATERIALS): how much better than skin each explains a colour beside the
- * face's mean: logistic regression on hue and brightness. */
+/* What is known of the colours of a person's skin, hair or cloth: how many vertices
+ * show it, and means and variances of their brightness (log) and shares of red and
+ * green. */
+enum { MATERIAL_FEATURES = 3 };
+struct material_look {
+    float total, mean[MATERIAL_FEATURES], variance[MATERIAL_FEATURES];
+};
+
+/* look (MATERIALS): a person's own, from where all people have each (EM, steps of
+ * it): of what is seen, how far each vertex is where it is (held), which says more
+ * than how far its colour is trusted.  chance (MATERIALS,V+E): scratch. */
+void material_looks(struct material_look *look, float *chance,
+                    const struct white_point_colors *seen, const float *held,
+                    const struct head_avatar *a, const struct densify *d);
+
+/* odds (MATERIALS): how much better than skin each explains a colour; 1 where too
+ * little of it, or of skin, is seen. */
 void material_odds(float odds[MATERIALS], const float rgb[3],
-                   const float face[3], const struct head_avatar *a);
+                   const struct material_look *look);
 
 /* A chance that is no nearer to 0 or 1 than what is known of it. */
 float material_limited(float chance);
@@ -39,13 +54,12 @@ struct material_share material_find(const float *beside, const float *seen,
                                     const struct head_avatar *a);
 
 /* The shares of the person whom a photograph shows, and the odds (V+E,MATERIALS)
- * there by the person's own colours, of it how far each point is where it is (held),
- * which says more than how far its colour is trusted.  Those of all people, and 1,
- * where no face is seen.  chance (MATERIALS,V+E): scratch. */
+ * there by the person's look.  chance (MATERIALS,V+E): scratch. */
 struct material_share material_person(float *odds, float *chance,
                                       const float *beside,
                                       const struct white_point_colors *seen,
-                                      const float *held, const struct head *h,
+                                      const float *held,
+                                      const struct head_avatar *a,
                                       const struct densify *d);
 
 /* The material of the points that a photograph shows: chance (MATERIALS,V+E) by
@@ -54,6 +68,6 @@ struct material_share material_person(float *odds, float *chance,
 void material_layers(float *trust, float *chance, float *odds,
                      const float *beside,
                      const struct white_point_colors *seen, const float *held,
-                     const struct head *h, const struct densify *d);
+                     const struct head_avatar *a, const struct densify *d);
 
 #endif

@@ -29,7 +29,7 @@ static float relief_place(float place[2], const struct source_mesh *mesh,
     return row[0] * x[0] + row[1] * x[1] + row[2] * x[2] + row[3];
 }
 
-void relief_beside(float *beside, const float face[3],
+void relief_beside(float *beside, const struct material_look *look,
                    const struct source_picture *picture,
                    const struct source_mesh *mesh)
 {
@@ -44,7 +44,7 @@ void relief_beside(float *beside, const float face[3],
             isfinite(mesh->depth[source_mesh_cell(place, mesh->n)]))
             continue;
         source_picture_sample(rgba, picture, place, 1);
-        material_odds(odds, rgba, face, a);
+        material_odds(odds, rgba, look);
         /* else as often nothing as something: skin or cloth */
         const float other = (1 - rgba[3]) / 2 +
             rgba[3] * (odds[MATERIAL_SKIN] + odds[MATERIAL_CLOTH]) / 4;
@@ -73,15 +73,15 @@ void relief_find(float *relief, const struct relief_work *work,
                  const struct source_picture *picture,
                  const struct source_mesh *mesh, const struct densify *d)
 {
-    float face[3];
+    const struct head_avatar *a = mesh->weights;
+    struct material_look look[MATERIALS];
 
-    memset(work->beside, 0, HEAD_STYLES * sizeof *work->beside);
-    if (white_point_mean(face, seen, mesh->head, REGION_FACE, 0) > 1)
-        relief_beside(work->beside, face, picture, mesh);
+    material_looks(look, work->chance, seen, held, a, d);
+    relief_beside(work->beside, look, picture, mesh);
     const struct material_share share =
         material_person(work->odds, work->chance, work->beside, seen, held,
-                        mesh->head, d);
-    relief_expect(relief, &share, mesh->weights);
+                        a, d);
+    relief_expect(relief, &share, a);
 }
 
 /* Whether the picture would not have shown vertex v raised by `height`. */

@@ -11,9 +11,9 @@
 #include "lib/avatar/source_picture.h"
 
 /* beside (HEAD_STYLES), log: how likely it is in each way to wear hair that hair is
- * where the picture has it beside the bare mesh.  face (3): the face's mean
- * colour. */
-void relief_beside(float *beside, const float face[3],
+ * where the picture has it beside the bare mesh, by the person's look
+ * (MATERIALS). */
+void relief_beside(float *beside, const struct material_look *look,
                    const struct source_picture *picture,
                    const struct source_mesh *mesh);
 

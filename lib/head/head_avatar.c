@@ -28,7 +28,6 @@ static const struct avatar_array {
     ARRAY(relief, ROWS_VERTICES, HEAD_STYLES),
     ARRAY(cloth, ROWS_VERTICES, HEAD_STYLES),
     ARRAY(cloth_share, ROWS_ONE, HEAD_STYLES),
-    ARRAY(look, ROWS_ONE, 2 * HEAD_LOOKS),
     ARRAY(stretch, ROWS_POINTS, 1), ARRAY(side, ROWS_POINTS, 1),
     ARRAY(lid_skin, ROWS_POINTS, 1),
     ARRAY(eyeball, ROWS_POINTS, 3), ARRAY(about_eye, ROWS_VERTICES, 2),

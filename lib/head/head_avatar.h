@@ -24,7 +24,6 @@
 #include "lib/base/neck_blend.h"
 
 #define HEAD_STYLES 6   /* of hair, and of cloth */
-#define HEAD_LOOKS 5    /* numbers of a colour (material_odds) */
 
 enum mouth_layer { MOUTH_UPPER, MOUTH_LOWER, MOUTH_BACK };
 
@@ -66,10 +65,7 @@ struct head_avatar {
     float *hair_share;      /* (HEAD_STYLES) of people who do */
     float *relief;          /* (V,HEAD_STYLES) how far it stands off the mesh */
     float *cloth;           /* (V,HEAD_STYLES) chance of cloth where no hair is */
-    float *cloth_share;     /* (HEAD_STYLES) */
-    float *look;            /* (2,HEAD_LOOKS) how a colour speaks for skin and
-                             * against hair, and against cloth (all five:
-                             * examples/materials.py) */
+    float *cloth_share;     /* (HEAD_STYLES); all five: examples/materials.py */
     float *neck_blend;      /* (5) pivot, top and bottom of struct neck_blend */
 
     /* The mouth (T,T), from the inner lips' centroid of a face at rest. */

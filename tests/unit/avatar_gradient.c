@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "lib/avatar/avatar.h"
+#include "lib/avatar/material.h"
 #include "lib/base/camera.h"
 #include "lib/base/rotation.h"
 #include "lib/head/lbs.h"
@@ -452,6 +453,44 @@ static void gradient_follow(struct world *w, const char *const *group)
     gradient_release(w);
 }
 
+/* How large axis i % 3 of point i / 3 is beside its others: skin is thin. */
+static double gradient_thick(const struct dynamic_branch *b, size_t i)
+{
+    const double hair = b->chance[MATERIAL_HAIR * b->count + i / 3];
+
+    return i % 3 == 2 ? 0.15 + 0.85 * hair : 1;
+}
+
+/* What the photograph does not show lies on the mesh, thin where it is skin. */
+static void gradient_disks(const struct avatar *a)
+{
+    const struct dynamic_branch *b = &a->dynamic;
+    double off = 0, thick = 0;
+    size_t hidden = 0;
+
+    for (size_t k = 0; k < a->first[1]; k++) {
+        const float *scale = a->set.scale + 3 * k, *n = b->normals + 3 * k;
+        const double len = hypot(hypot(n[0], n[1]), n[2]);
+        double R[9], q[4], square = 0;
+
+        if (b->in[(k + 1) * b->inputs - DYNAMIC_BRANCH_EXTRA + 2] > 0)
+            continue;
+        for (size_t c = 0; c < 4; c++)
+            square += (double)a->set.quat[4 * k + c] * a->set.quat[4 * k + c];
+        for (size_t c = 0; c < 4; c++)
+            q[c] = a->set.quat[4 * k + c] / sqrt(square);
+        rotation_quat_d(R, q);
+        for (size_t c = 0; c < 3; c++)
+            off = fmax(off, fabs(R[3 * c + 2] - n[c] / len));
+        thick = fmax(thick, fabs(scale[2] / scale[0] -
+                                 gradient_thick(b, 3 * k + 2)));
+        hidden++;
+    }
+    check("hidden points' third axis: the normal", hidden ? off : INFINITY,
+          1e-5);
+    check("and their thickness", thick, 1e-5);
+}
+
 /* However thin the decoder draws the face, its rows overlap; what that holds
  * has no gradient, the rest has its own. */
 static void gradient_thin(void)
@@ -469,9 +508,11 @@ static void gradient_thin(void)
     memset(w.ps.g, 0, w.ps.total * sizeof *w.ps.g);
     gradient_loss(&w);
     for (size_t i = 0; i < 3 * w.a.first[1]; i++)
-        missing = fmax(missing, fmin(0.4 * w.a.dynamic.spacing[i / 3],
-                                     BRANCH_SCALE_MAX) - w.a.set.scale[i]);
-    check("scales of the face: what is missing to 0.4 of their spacing",
+        missing = fmax(missing, gradient_thick(&w.a.dynamic, i) *
+                                        fmin(0.4 * w.a.dynamic.spacing[i / 3],
+                                             BRANCH_SCALE_MAX) -
+                                    w.a.set.scale[i]);
+    check("scales of the face: what is missing to 0.4 of their spacing, or thickness",
           missing, 1e-7);
     for (size_t k = 0; k < w.a.first[1]; k++)
         if (w.a.dynamic.seam[k] == 1 && w.a.dynamic.start.visible[k] == 1) {
@@ -481,6 +522,7 @@ static void gradient_thin(void)
         }
     check("rims of lips: what they have over it", rims ? excess : INFINITY,
           1e-7);
+    gradient_disks(&w.a);
     gradient_follow(&w, (const char *const[]){"dynamic.", NULL});
 }
 

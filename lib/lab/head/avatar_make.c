@@ -22,7 +22,6 @@ static void avatar_copy_styles(struct head_avatar *to, const struct head *h,
 
     memcpy(to->hair_share, from->hair_share, HEAD_STYLES * sizeof(float));
     memcpy(to->cloth_share, from->cloth_share, HEAD_STYLES * sizeof(float));
-    memcpy(to->look, from->look, 2 * HEAD_LOOKS * sizeof(float));
     for (size_t i = 0; i < n; i++) {
         to->hair[i] = same ? from->hair[i]
                       : h->hair ? h->hair[i / HEAD_STYLES] : 0;
