@@ -48,6 +48,7 @@
 #endif
 
 #define VEC_QUADS (VEC / 4)
+#define VEC_PARTS (16 / VEC)    /* vectors that hold 16 numbers */
 #define VEC_INLINE static inline __attribute__((always_inline, unused))
 #define VEC_TYPE(type, n) \
     type __attribute__((vector_size((n) * sizeof(type)), may_alias))

@@ -6,9 +6,6 @@
 #include "lib/base/simd.h"
 #include "lib/nn/math.h"
 
-/* Vectors that hold 16 channels, the unit that layers are planned in. */
-#define VEC_PARTS (16 / VEC)
-
 /* x, loaded once: GCC would read it again for every use of 128 bits, where no
  * instruction multiplies from an unaligned address. */
 VEC_INLINE vf vf_once(vf x)

@@ -64,8 +64,6 @@ static bool ISA(lookup_places)(struct lookup_run *r,
 
 /* ---- bicubic ------------------------------------------------------------- */
 
-#define PARTS (16 / VEC)        /* vectors that hold four pixels' channels */
-
 /* The four neighbours' weights at t in [0,1) past the second are polynomials,
  * from the highest power.  Keys's a is -3/4: it restores photographs best that
  * were moved by known fractions of a pixel. */
@@ -116,7 +114,7 @@ VEC_INLINE void lookup_taps_make(struct lookup_taps *t, const float *u,
 }
 
 /* Sum of the four pixels, in order. */
-VEC_INLINE vq lookup_sum(const vf p[PARTS])
+VEC_INLINE vq lookup_sum(const vf p[VEC_PARTS])
 {
 #if defined(ISA_AVX512)
     __m256 half = _mm256_add_ps(_mm512_castps512_ps256((__m512)p[0]),
@@ -154,15 +152,15 @@ VEC_INLINE vf lookup_spread(const float w[4], const int k)
 VEC_INLINE vq lookup_cubic(const uint8_t *row, size_t stride,
                            const float across[4], const float down[4])
 {
-    vf sum[PARTS] = {{0}};
+    vf sum[VEC_PARTS] = {{0}};
 
     for (int j = 0; j < 4; j++, row += stride) {
-        for (int k = 0; k < PARTS; k++)
+        for (int k = 0; k < VEC_PARTS; k++)
             sum[k] = vf_fma(vf_set(down[j]), vf_load_bytes(row + VEC * k),
                             sum[k]);
     }
 #pragma GCC unroll 4
-    for (int k = 0; k < PARTS; k++)
+    for (int k = 0; k < VEC_PARTS; k++)
         sum[k] *= lookup_spread(across, k);
     return lookup_sum(sum);
 }
