@@ -30,13 +30,14 @@ static float disks_min_scale(const struct dynamic_branch *b, size_t k)
     return fminf(SCALE_MIN * b->spacing[k], BRANCH_SCALE_MAX);
 }
 
-/* How large axis c of Gaussian k is beside its spread over the mesh: hair is as thick
- * as it is wide, skin thin along its normal, which is the third axis' or nearly. */
+/* How large axis c of Gaussian k is beside its spread over the mesh: hair and the
+ * rims of lips, which turn inward, are as thick as wide, other skin is thin along its
+ * normal, which is the third axis' or nearly. */
 static float disks_thickness(const struct dynamic_branch *b, size_t k, size_t c)
 {
     const float hair = b->chance[MATERIAL_HAIR * b->count + k];
 
-    return c == 2 ? THIN + (1 - THIN) * hair : 1;
+    return c == 2 ? THIN + (1 - THIN) * fmaxf(hair, b->seam[k]) : 1;
 }
 
 /* quat (4) goes over, as w falls from 1 to 0, into the rotation by which the third

@@ -453,12 +453,13 @@ static void gradient_follow(struct world *w, const char *const *group)
     gradient_release(w);
 }
 
-/* How large axis i % 3 of point i / 3 is beside its others: skin is thin. */
+/* How large axis i % 3 of point i / 3 is beside its others: skin but for lips'
+ * rims is thin. */
 static double gradient_thick(const struct dynamic_branch *b, size_t i)
 {
     const double hair = b->chance[MATERIAL_HAIR * b->count + i / 3];
 
-    return i % 3 == 2 ? 0.15 + 0.85 * hair : 1;
+    return i % 3 == 2 ? 0.15 + 0.85 * fmax(hair, b->seam[i / 3]) : 1;
 }
 
 /* What the photograph does not show lies on the mesh, thin where it is skin. */
