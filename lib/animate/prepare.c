@@ -19,7 +19,7 @@ struct prepare_head {
     struct prepare *p;
     const char *path;
     struct error *err;
-    bool two;                   /* as a thread */
+    bool detector;              /* there is time for it: this is a thread */
     int rc;
 };
 
@@ -33,7 +33,7 @@ static void *prepare_run_head(void *arg)
             densify_init(&p->dense, p->head.f, p->head.F, p->head.V, l->err)
                 ? -1 : 0;
     struct error none;          /* told where a face is looked for */
-    if (l->two)
+    if (l->detector)
         p->detector = facedetect_open(&none);
     return NULL;
 }
@@ -47,12 +47,15 @@ int prepare_open(struct prepare *p, const char *model, const char *head,
 
     if (model_open(&p->model, model, err))
         return -1;
-    l.two = l.two && !pthread_create(&thread, NULL, prepare_run_head, &l);
+    const bool two = l.detector &&
+                     !pthread_create(&thread, NULL, prepare_run_head, &l);
     module_preload(p->soon, sizeof p->soon / sizeof *p->soon);
-    if (!l.two)
+    if (!two) {
+        l.detector = false;
         prepare_run_head(&l);
+    }
     int rc = encoders_open(&p->nets, &p->model, true, p->precision, &other);
-    if (l.two)
+    if (two)
         pthread_join(thread, NULL);
     if (rc && !l.rc)
         *err = other;
