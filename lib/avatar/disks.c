@@ -10,9 +10,10 @@
 /* Standard deviation over the spacing, the least of any. */
 #define SCALE_MIN 0.4f
 #define SOLID 0.97f     /* opacity of hidden Gaussians */
-#define THIN 0.15f      /* skin's thickness beside its size: three of them are less
-                         * than a pixel that an outline is wider than the mesh.
-                         * .05 to .3 differ by 0.02 dB (tests/bench/turned.sh) */
+#define THIN 0.15f      /* skin's thickness beside its size, 4 pixels of 512 on a
+                         * cheek: an outline is about 2 of them, 1 pixel and not 8,
+                         * wider than the mesh.  Twice and half: 0.02 dB
+                         * (tests/bench/README.md, "Skin is thin") */
 
 /* How far the source shows Gaussian k (written by dynamic_branch_start) in the
  * light that it will be seen in, 0..1; 0 on lids, which the decoder tints. */

@@ -5,12 +5,14 @@
 #include <stdbool.h>
 #include <string.h>
 
-#define NEAREST 0.02f
+#include "lib/base/vec3.h"
+
+/* Each half and twice: tests/bench/README.md, "The constants of hidden hair". */
+#define NEAREST 0.02f   /* to 0 and 1: a few tens of people say no more */
 #define ALIKE 20        /* vertices whose colours say the same, since one shade
-                         * covers many: tests/bench/README.md, "Hidden hair stands
-                         * off" */
-#define SURE 3          /* log odds of a colour at most: 5 decides the same */
-#define STEPS 2         /* of EM: 1 and 3 are within 0.01 dB of it (turned.sh) */
+                         * covers many; as many must show a material */
+#define SURE 3          /* log odds of a colour at most */
+#define STEPS 2         /* of EM */
 
 struct material_share material_all(const struct head_avatar *a)
 {
@@ -43,7 +45,7 @@ void material_expect(float *chance, const struct material_share *share,
 
 float material_limited(float chance)
 {
-    return fminf(fmaxf(chance, NEAREST), 1 - NEAREST);
+    return clampf(chance, NEAREST, 1 - NEAREST);
 }
 
 /* log of how likely what vertex v shows is in ways s to wear hair and t, cloth. */
@@ -128,7 +130,7 @@ void material_odds(float odds[MATERIALS], const float rgb[3],
         const float better = known ? material_log(f, look + m) -
                                      material_log(f, look + MATERIAL_SKIN) : 0;
 
-        odds[m] = expf(fminf(fmaxf(better, -SURE), SURE));
+        odds[m] = expf(clampf(better, -SURE, SURE));
     }
 }
 
@@ -150,6 +152,7 @@ static void material_step(struct material_look *to,
                           const struct white_point_colors *seen,
                           const float *held, const struct densify *d)
 {
+    /* standard deviations, of shading and of a shade's hue */
     static const float least[MATERIAL_FEATURES] = {0.25f, 0.02f, 0.02f};
 
     memset(to, 0, MATERIALS * sizeof *to);
@@ -195,16 +198,14 @@ void material_looks(struct material_look *look, float *chance,
 
 /* ---- a person -------------------------------------------------------------- */
 
-struct material_share material_person(float *odds, float *chance,
+struct material_share material_person(float *odds,
+                                      const struct material_look *look,
                                       const float *beside,
                                       const struct white_point_colors *seen,
                                       const float *held,
                                       const struct head_avatar *a,
                                       const struct densify *d)
 {
-    struct material_look look[MATERIALS];
-
-    material_looks(look, chance, seen, held, a, d);
     for (size_t k = 0; k < d->V + d->E; k++)
         material_odds(odds + MATERIALS * k, seen->pixel + 4 * k, look);
     return material_find(beside, held, odds, a);
@@ -216,9 +217,11 @@ void material_layers(float *trust, float *chance, float *odds,
                      const struct head_avatar *a, const struct densify *d)
 {
     const size_t N = d->V + d->E;
-    const struct material_share share = material_person(odds, chance,
-                                                        beside, seen, held,
-                                                        a, d);
+    struct material_look look[MATERIALS];
+
+    material_looks(look, chance, seen, held, a, d);
+    const struct material_share share = material_person(odds, look, beside,
+                                                        seen, held, a, d);
 
     material_expect(chance, &share, a, d);
     for (size_t k = 0; k < N; k++) {

@@ -54,8 +54,9 @@ struct material_share material_find(const float *beside, const float *seen,
                                     const struct head_avatar *a);
 
 /* The shares of the person whom a photograph shows, and the odds (V+E,MATERIALS)
- * there by the person's look.  chance (MATERIALS,V+E): scratch. */
-struct material_share material_person(float *odds, float *chance,
+ * there by the person's look. */
+struct material_share material_person(float *odds,
+                                      const struct material_look *look,
                                       const float *beside,
                                       const struct white_point_colors *seen,
                                       const float *held,

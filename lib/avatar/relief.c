@@ -6,15 +6,15 @@
 
 #include "lib/base/parallel.h"
 
+/* Each half and twice: tests/bench/README.md, "The constants of hidden hair". */
 #define RISE 0.1f       /* head units, 2 cm: halfway from short hair to long */
 #define ALIKE 40        /* vertices beside which is the same: less than a colour
                          * says, since a tail beside the neck is not long hair */
 #define PARTS 16        /* of a height, by which it is taken back */
 #define SOFT 0.05f      /* head units: hair that is lower keeps the mesh's shape */
-#define SWEEPS 20       /* of Jacobi's: over about four vertices, 3 cm.  8: 0.05 dB
-                         * less of later frames, 40: 0.1 dB less of hidden hair
-                         * (tests/bench/README.md, "Hidden hair stands off") */
-#define STEP 0.7f       /* of the way each goes */
+#define SWEEPS 20       /* of Jacobi's: over about four vertices, 3 cm */
+#define STEP 0.7f       /* of the way each goes: less than whole, or Jacobi's may
+                         * swing */
 
 /* Where vertex v, raised by `height`, is in the picture (2); returns its depth. */
 static float relief_place(float place[2], const struct source_mesh *mesh,
@@ -79,8 +79,7 @@ void relief_find(float *relief, const struct relief_work *work,
     material_looks(look, work->chance, seen, held, a, d);
     relief_beside(work->beside, look, picture, mesh);
     const struct material_share share =
-        material_person(work->odds, work->chance, work->beside, seen, held,
-                        a, d);
+        material_person(work->odds, look, work->beside, seen, held, a, d);
     relief_expect(relief, &share, a);
 }
 

@@ -9,8 +9,11 @@
 #define LIGHT 1.3f      /* of eyeballs, which lids shade, to white */
 #define EYES 8          /* visible vertices of eyeballs that suffice */
 
-float white_point_mean(float rgb[3], const struct white_point_colors *seen,
-                       const struct head *h, int region, float min)
+/* rgb (3): mean colour of the vertices of a region (any: -1) that the picture
+ * shows, as bright as `min` and more; returns their weight. */
+static float white_point_mean(float rgb[3],
+                              const struct white_point_colors *seen,
+                              const struct head *h, int region, float min)
 {
     for (size_t v = 0; v < h->V; v++)
         seen->tmp[v] = seen->trust[v] > 0.2f &&

@@ -12,11 +12,6 @@ struct white_point_colors {
     float *tmp;                 /* (V) */
 };
 
-/* rgb (3): mean colour of the vertices of a region (any: -1) that the picture
- * shows, as bright as `min` and more; returns their weight. */
-float white_point_mean(float rgb[3], const struct white_point_colors *seen,
-                       const struct head *h, int region, float min);
-
 /* white (3): the mean of the brighter eyeball vertices that are visible (above
  * the mean, twice over), or of all skin where too few are; and at least so
  * bright that the palest skin would be as bright as the face. */
