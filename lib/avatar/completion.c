@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "lib/base/parallel.h"
+#include "lib/base/quad.h"
 
 #define KEEP 10.0f      /* weight of a trusted colour, for one of a step */
 #define ANCHOR 0.02f    /* of the mirror image's, where there is no other: lights
@@ -53,7 +54,6 @@ void completion_mirror(size_t *mirror, const size_t *vertices,
 
 /* ---- the system ---------------------------------------------------------- */
 
-typedef float v4f __attribute__((vector_size(16), aligned(4), may_alias));
 typedef double v2d __attribute__((vector_size(16)));
 
 /* A layer's, for weight (N) x colours and steps along half edges.  Of a midpoint
@@ -66,8 +66,8 @@ struct completion {
     float *weight;              /* (N), then (V) roots, (E) shares */
     float *tie;                 /* (2E) weights of the half edges' steps */
     float *link;                /* (E) what midpoints leave between their ends */
-    v4f *b;                     /* (N), then (V) residuals; at last colours */
-    v4f *x, *p, *Ap;            /* (V) */
+    quad *b;                     /* (N), then (V) residuals; at last colours */
+    quad *x, *p, *Ap;            /* (V) */
 };
 
 /* The parts of scratch. */
@@ -75,7 +75,7 @@ static struct completion completion_parts(const struct densify *d,
                                           float *scratch)
 {
     const size_t V = d->V, E = d->E;
-    v4f *b = (v4f *)(scratch + V + 4 * E);
+    quad *b = (quad *)(scratch + V + 4 * E);
 
     return (struct completion){
         d, scratch, scratch + V + E, scratch + V + 3 * E, b,
@@ -147,8 +147,8 @@ static void completion_apply(struct completion *c)
     memcpy(c->Ap, c->p, c->d->V * sizeof *c->p);
     for (size_t e = 0; e < c->d->E;) {
         const int32_t i = edge[2 * e];
-        const v4f own = c->p[i];
-        v4f sum = c->Ap[i];
+        const quad own = c->p[i];
+        quad sum = c->Ap[i];
 
         for (; e < c->d->E && edge[2 * e] == i; e++) {
             const int32_t j = edge[2 * e + 1];
@@ -161,12 +161,12 @@ static void completion_apply(struct completion *c)
 }
 
 /* Sum of a b over n colours. */
-static double completion_dot(const v4f *a, const v4f *b, size_t n)
+static double completion_dot(const quad *a, const quad *b, size_t n)
 {
     v2d left = {0}, right = {0};
 
     for (size_t i = 0; i < n; i++) {
-        const v4f ab = a[i] * b[i];
+        const quad ab = a[i] * b[i];
 
         left += __builtin_convertvector(__builtin_shufflevector(ab, ab, 0, 1),
                                         v2d);
@@ -234,8 +234,8 @@ PARALLEL(completion_layer, m, struct completion *, all, const float *, rgb,
     completion_wants(c, rgb, trust + m * N, chance + m * N, own, mirror);
     completion_eliminate(c);
     for (size_t i = 0; i < d->V; i++)
-        c->x[i] = c->weight[i] * (v4f){rgb[3 * i], rgb[3 * i + 1],
-                                       rgb[3 * i + 2]};
+        c->x[i] = c->weight[i] * (quad){rgb[3 * i], rgb[3 * i + 1],
+                                        rgb[3 * i + 2]};
     completion_descend(c);
     for (size_t i = 0; i < d->V; i++)
         c->b[i] = c->x[i] / c->weight[i];

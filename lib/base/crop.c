@@ -11,6 +11,7 @@
 #include "lib/base/cpu.h"
 #include "lib/base/crop_kernel.h"
 #include "lib/base/parallel.h"
+#include "lib/base/quad.h"
 
 /* ---- which square ----------------------------------------------------- */
 
@@ -376,8 +377,6 @@ static void crop_filter_make(struct filter *f, double centre, double size,
     f->count = m;
 }
 
-typedef float v4f __attribute__((vector_size(16)));
-
 /* A resizing: an n x n picture of C channels, and the filters, of `bytes`
  * each, that make it: n across and n down.  Those across take samples from to
  * end of a picture's row. */
@@ -402,13 +401,11 @@ static inline void crop_filter_pixels(float *out, const float *row,
     for (size_t j = 0; j < r->n; j++, out += C) {
         const struct filter *f = crop_filter_at(r, r->fx, j);
         const float *p = row + (f->lo - r->from) * C;
-        v4f v = {0}, in;
+        quad v = {0};
 
-        for (size_t k = 0; k < f->count; k++, p += C) {
-            memcpy(&in, p, sizeof in);
-            v += f->w[k] * in;
-        }
-        memcpy(out, &v, sizeof v);      /* what is too much is overwritten */
+        for (size_t k = 0; k < f->count; k++, p += C)
+            v += f->w[k] * *(const quad *)p;
+        *(quad *)out = v;               /* what is too much is overwritten */
     }
 }
 

@@ -3,7 +3,8 @@
 
 #include <string.h>
 
-typedef float v4f __attribute__((vector_size(16)));
+#include "lib/base/quad.h"
+
 typedef uint8_t v8b __attribute__((vector_size(8)));
 typedef uint16_t v8h __attribute__((vector_size(16)));
 
@@ -22,12 +23,10 @@ static void crop_gather_row(float *out, const float *row, const int32_t *at,
                             const float *w, size_t n)
 {
     for (size_t i = 0; i < n; i++, out += 3) {
-        v4f p, q;
+        const quad p = *(const quad *)(row + at[i]);
+        const quad q = *(const quad *)(row + at[i] + 3);
 
-        memcpy(&p, row + at[i], sizeof p);
-        memcpy(&q, row + at[i] + 3, sizeof q);
-        p += (q - p) * w[i];
-        memcpy(out, &p, sizeof p);     /* the fourth is written over next */
+        *(quad *)out = p + (q - p) * w[i];  /* the fourth: the next's first */
     }
 }
 

@@ -11,6 +11,7 @@
 #include <sysexits.h>
 
 #include "lib/base/parallel.h"
+#include "lib/base/quad.h"
 #include "lib/photo/pyramid.h"
 
 #define SIDE 64                 /* cells across */
@@ -24,13 +25,12 @@
                                  * in another light differ by */
 #define SEEN 0.9f               /* share of a cell that makes it seen */
 
-typedef float v4f __attribute__((vector_size(16)));
 typedef int32_t v4i __attribute__((vector_size(16)));
 
 struct backdrop {
-    v4f colour[CELLS];          /* 1 and the colour, 0..255, also in the hole */
-    v4f off[CELLS];             /* 0 and what a copy is brighter by */
-    v4f sum[CELLS * 4 / 3 + 1]; /* of such, weighted, for pyramid_pool */
+    quad colour[CELLS];         /* 1 and the colour, 0..255, also in the hole */
+    quad off[CELLS];            /* 0 and what a copy is brighter by */
+    quad sum[CELLS * 4 / 3 + 1]; /* of such, weighted, for pyramid_pool */
     float known[CELLS];         /* how much of a cell is seen, 0..1 */
     float trust[CELLS];         /* how much its colour counts: that, and in the
                                  * hole more from round to round */
@@ -59,16 +59,16 @@ static void backdrop_extent(size_t x[2], size_t i, size_t n)
 }
 
 /* 1 and the background's colour at pixel j. */
-static v4f backdrop_colour(const struct matting *m, size_t j)
+static quad backdrop_colour(const struct matting *m, size_t j)
 {
     const uint8_t *back = m->back + 3 * j;
 
     return __builtin_convertvector(
-        ((v4i){1, back[0], back[1], back[2]}), v4f);
+        ((v4i){1, back[0], back[1], back[2]}), quad);
 }
 
 /* A cell's sum gains pixel j of the picture as far as that is background. */
-static void backdrop_add(v4f *sum, const struct matting *m, size_t j)
+static void backdrop_add(quad *sum, const struct matting *m, size_t j)
 {
     const int w = (MATTING_BACK - m->alpha[j]) * m->confidence[j];
 
@@ -81,7 +81,7 @@ PARALLEL(backdrop_gather_part, i, struct backdrop *, b,
          const struct matting *, m)
 {
     size_t x[2], y[2];
-    v4f sum = {0};
+    quad sum = {0};
 
     backdrop_extent(x, i % SIDE, m->n);
     backdrop_extent(y, i / SIDE, m->n);
@@ -139,7 +139,7 @@ static void backdrop_start(struct backdrop *b)
 
 /* ---- the search --------------------------------------------------------- */
 
-static float backdrop_total(v4f a)
+static float backdrop_total(quad a)
 {
     return a[0] + a[1] + a[2] + a[3];
 }
@@ -148,7 +148,7 @@ static float backdrop_total(v4f a)
 static float backdrop_distance(const struct backdrop *b, int i, int from)
 {
     const int x = i % SIDE, y = i / SIDE;
-    v4f sum = {0};
+    quad sum = {0};
     float all = 0;
 
     for (int v = -REACH; v <= REACH; v++)
@@ -156,7 +156,7 @@ static float backdrop_distance(const struct backdrop *b, int i, int from)
             if (x + u < 0 || x + u >= SIDE || y + v < 0 || y + v >= SIDE)
                 continue;
             const int at = v * SIDE + u;
-            const v4f d = b->colour[i + at] - b->colour[from + at];
+            const quad d = b->colour[i + at] - b->colour[from + at];
             const float trust = b->trust[i + at] + DOUBT;
 
             sum += trust * d * d;
@@ -235,7 +235,7 @@ static void backdrop_vote(struct backdrop *b)
 static float backdrop_unlike(const struct backdrop *b, int i)
 {
     const int x = i % SIDE, y = i / SIDE;
-    v4f mean = {0}, square = {0};
+    quad mean = {0}, square = {0};
     float all = 0;
 
     for (int v = -REACH; v <= REACH; v++)
@@ -243,7 +243,7 @@ static float backdrop_unlike(const struct backdrop *b, int i)
             if (x + u < 0 || x + u >= SIDE || y + v < 0 || y + v >= SIDE)
                 continue;
             const int at = v * SIDE + u;
-            const v4f d = b->colour[i + at] - b->colour[b->from[i] + at];
+            const quad d = b->colour[i + at] - b->colour[b->from[i] + at];
 
             all += b->known[i + at];
             mean += b->known[i + at] * d;
@@ -276,7 +276,7 @@ static void backdrop_compare(struct backdrop *b, int n)
         b->shift[i][0] = (from % SIDE - i % SIDE) * n / SIDE;
         b->shift[i][1] = (from / SIDE - i / SIDE) * n / SIDE;
         if (b->from[i] >= 0)
-            b->off[i] = b->sum[i] / b->sum[i][0] - (v4f){1};
+            b->off[i] = b->sum[i] / b->sum[i][0] - (quad){1};
     }
 }
 
@@ -290,8 +290,8 @@ static bool backdrop_hidden(const struct matting *m, size_t x, size_t y)
 
 /* 1 and pixel (x,y), hidden, as cell i says: what that copies there or, where
  * there is nothing to copy, its colour. */
-static v4f backdrop_copy(const struct matting *m, const struct backdrop *b,
-                         int i, int x, int y)
+static quad backdrop_copy(const struct matting *m, const struct backdrop *b,
+                          int i, int x, int y)
 {
     const int u = x + b->shift[i][0], v = y + b->shift[i][1];
     const int from = b->from[i] < 0 ? i : b->from[i];
@@ -307,7 +307,7 @@ static void backdrop_pixel(uint8_t *out, const struct matting *m,
                            const struct backdrop *b, size_t x, size_t y)
 {
     float t[2][2];
-    v4f sum = {0};
+    quad sum = {0};
     const size_t u = pyramid_between(&t[0][1], x, m->n, SIDE);
     const size_t v = pyramid_between(&t[1][1], y, m->n, SIDE);
 

@@ -7,6 +7,7 @@
 
 #include "lib/base/cpu.h"
 #include "lib/base/parallel.h"
+#include "lib/base/quad.h"
 #include "lib/photo/lookup.h"
 #include "lib/photo/lookup_kernel.h"
 
@@ -52,8 +53,6 @@ void texture_clamp_to_alpha(float *color, size_t channels, const float *alpha,
 
 /* ---- the field --------------------------------------------------------- */
 
-typedef float field4 __attribute__((vector_size(16)));
-
 /* Where pixel x of a line lies between two of n places, `step` pixels apart:
  * a and b, and the weight of b. */
 struct compose_tap {
@@ -72,34 +71,35 @@ static struct compose_tap compose_tap_make(size_t x, size_t n, float step)
     return (struct compose_tap){a, b, at - low};
 }
 
-/* The field's numbers at a pixel. */
-static field4 compose_field_at(const struct texture_field *f,
-                               struct compose_tap y, struct compose_tap x)
+/* The field's numbers at one of its places, */
+static quad compose_place(const struct texture_field *f, size_t y, size_t x)
 {
-    field4 v[4];
+    return *(const quad *)(f->at + TEXTURE_FIELD * (y * f->width + x));
+}
 
-    memcpy(&v[0], f->at + TEXTURE_FIELD * (y.a * f->width + x.a), sizeof *v);
-    memcpy(&v[1], f->at + TEXTURE_FIELD * (y.a * f->width + x.b), sizeof *v);
-    memcpy(&v[2], f->at + TEXTURE_FIELD * (y.b * f->width + x.a), sizeof *v);
-    memcpy(&v[3], f->at + TEXTURE_FIELD * (y.b * f->width + x.b), sizeof *v);
-    v[0] += x.w * (v[1] - v[0]);
-    v[2] += x.w * (v[3] - v[2]);
-    return v[0] + y.w * (v[2] - v[0]);
+/* and at a pixel. */
+static quad compose_field_at(const struct texture_field *f,
+                             struct compose_tap y, struct compose_tap x)
+{
+    quad up = compose_place(f, y.a, x.a), down = compose_place(f, y.b, x.a);
+
+    up += x.w * (compose_place(f, y.a, x.b) - up);
+    down += x.w * (compose_place(f, y.b, x.b) - down);
+    return up + y.w * (down - up);
 }
 
 /* Photograph p (4) as the field f has it beside what the picture has itself, was
  * (rgb, alpha): brightened and, as far as it is doubted, in the picture's colours
  * where both cover the pixel.  What it covers is not doubted: an outline is seen
  * in whatever light. */
-static inline field4 compose_doubt(const float *p, field4 was, field4 f)
+static inline quad compose_doubt(const float *p, quad was, quad f)
 {
-    const field4 gain = {1 + f[1], 1 + f[2], 1 + f[3], 1};
+    const quad gain = {1 + f[1], 1 + f[2], 1 + f[3], 1};
     const float doubt = compose_within(f[0], 1);
     const float both = compose_min(was[3], p[3]);
-    field4 photo, color;
+    const quad photo = gain * *(const quad *)p;
+    quad color = photo;
 
-    memcpy(&photo, p, sizeof photo);
-    color = photo *= gain;
     if (doubt > 0 && both > 0)
         color += doubt * (both / was[3] * was - both / p[3] * photo);
     color[3] = p[3];
@@ -113,14 +113,12 @@ void texture_field_row(float *photo, const float *color, const float *alpha,
     const struct compose_tap ty = compose_tap_make(y, f->height, step);
 
     for (size_t i = 0; i < n; i++, photo += TEXTURE_PHOTO, color += 3) {
-        const field4 was = {color[0], color[1], color[2], alpha[i]};
-        field4 at;
+        const quad was = {color[0], color[1], color[2], alpha[i]};
 
-        if (!(photo[4] > 0))
-            continue;
-        at = compose_field_at(f, ty, compose_tap_make(x + i, f->width, step));
-        at = compose_doubt(photo, was, at);
-        memcpy(photo, &at, sizeof at);
+        if (photo[4] > 0)
+            *(quad *)photo = compose_doubt(
+                photo, was,
+                compose_field_at(f, ty, compose_tap_make(x + i, f->width, step)));
     }
 }
 
@@ -147,27 +145,25 @@ static void compose_field_add(float *dfield, const struct texture_field *f,
 
 /* The field between two of its lines, at places from the one left of pixel x0
  * on. */
-static void compose_field_line(field4 line[COMPOSE_PLACES],
+static void compose_field_line(quad line[COMPOSE_PLACES],
                                const struct texture_field *f,
                                struct compose_tap y, size_t x0)
 {
     for (size_t k = 0; k < COMPOSE_PLACES; k++) {
         size_t x = x0 / TEXTURE_FIELD_STEP + k;
-        field4 a, b;
 
         x = x ? x - 1 : 0;
         x = x < f->width ? x : f->width - 1;
-        memcpy(&a, f->at + TEXTURE_FIELD * (y.a * f->width + x), sizeof a);
-        memcpy(&b, f->at + TEXTURE_FIELD * (y.b * f->width + x), sizeof b);
-        line[k] = a + y.w * (b - a);
+        const quad a = compose_place(f, y.a, x);
+        line[k] = a + y.w * (compose_place(f, y.b, x) - a);
     }
 }
 
 /* One pixel: rgb (3) and its alpha. */
 static inline void compose_pixel(float *rgb, float *alpha, const float *p,
-                                 field4 f)
+                                 quad f)
 {
-    field4 is = {rgb[0], rgb[1], rgb[2], *alpha};
+    quad is = {rgb[0], rgb[1], rgb[2], *alpha};
 
     is += p[4] * (compose_doubt(p, is, f) - is);
     for (size_t c = 0; c < 3; c++)
@@ -177,7 +173,7 @@ static inline void compose_pixel(float *rgb, float *alpha, const float *p,
 
 /* n pixels of a row; line: the field's, from the place left of the first. */
 static void compose_run(float *rgb, float *alpha, const float *photo,
-                        const field4 line[COMPOSE_PLACES], size_t n)
+                        const quad line[COMPOSE_PLACES], size_t n)
 {
     for (size_t x = 0; x < n; x++, rgb += 3, alpha++, photo += TEXTURE_PHOTO) {
         /* half a place to the left of the pixel's own */
@@ -198,7 +194,7 @@ static void compose_run(float *rgb, float *alpha, const float *photo,
 PARALLEL(texture_compose_part, y, const struct texture_field *, field,
          float *, rgb, float *, alpha, const float *, photo, size_t, width)
 {
-    field4 line[COMPOSE_PLACES] = { { 0 } };
+    quad line[COMPOSE_PLACES] = { { 0 } };
 
     for (size_t x = 0; x < width; x += COMPOSE_RUN) {
         const size_t i = y * width + x, left = width - x;
@@ -227,7 +223,7 @@ void texture_compose(float *rgb, float *alpha, const float *photo,
 static void compose_doubt_backward(float *drgb, float *dalpha, float *dp,
                                    float df[TEXTURE_FIELD], const float dq[3],
                                    const float *rgb, float alpha,
-                                   const float *p, field4 f)
+                                   const float *p, quad f)
 {
     const float doubt = compose_within(f[0], 1);
     const float both = compose_min(alpha, p[3]);
@@ -257,10 +253,10 @@ static void compose_doubt_backward(float *drgb, float *dalpha, float *dp,
 /* compose_pixel's lines from the last to the first, given what went in. */
 static void compose_pixel_backward(float *drgb, float *dalpha, float *dp,
                                    float df[TEXTURE_FIELD], const float *rgb,
-                                   float alpha, const float *p, field4 f)
+                                   float alpha, const float *p, quad f)
 {
-    const field4 was = {rgb[0], rgb[1], rgb[2], alpha};
-    const field4 to = compose_doubt(p, was, f), is = was + p[4] * (to - was);
+    const quad was = {rgb[0], rgb[1], rgb[2], alpha};
+    const quad to = compose_doubt(p, was, f), is = was + p[4] * (to - was);
     float dq[3];
 
     /* out = min(max(is, 0), alpha) */
@@ -300,7 +296,7 @@ void texture_compose_backward(float *drgb, float *dalpha, float *dphoto,
                                                      TEXTURE_FIELD_STEP);
             const float *p = photo + TEXTURE_PHOTO * i;
             float df[TEXTURE_FIELD] = {0};
-            field4 f = {0};
+            quad f = {0};
 
             if (p[4] > 0 && field->at)
                 f = compose_field_at(field, ty, tx);

@@ -2,10 +2,9 @@
 #include "lib/photo/pyramid.h"
 
 #include "lib/base/parallel.h"
+#include "lib/base/quad.h"
 
 #define GRAIN 4096              /* cells that one thread takes at once */
-
-typedef float v4f __attribute__((vector_size(16), aligned(4)));
 
 /* to (n) = a + b + c + d. */
 static inline void pyramid_add(float *to, const float *a, const float *b,
@@ -14,8 +13,8 @@ static inline void pyramid_add(float *to, const float *a, const float *b,
     size_t m = 0;
 
     for (; m + 4 <= n; m += 4)
-        *(v4f *)(to + m) = *(const v4f *)(a + m) + *(const v4f *)(b + m) +
-                           *(const v4f *)(c + m) + *(const v4f *)(d + m);
+        *(quad *)(to + m) = *(const quad *)(a + m) + *(const quad *)(b + m) +
+                            *(const quad *)(c + m) + *(const quad *)(d + m);
     for (; m < n; m++)
         to[m] = a[m] + b[m] + c[m] + d[m];
 }
@@ -38,10 +37,10 @@ static inline void pyramid_gain(float *to, const float *const a[4],
     size_t m = 0;
 
     for (; m + 4 <= n; m += 4)
-        *(v4f *)(to + m) += by * (share[0] * *(const v4f *)(a[0] + m) +
-                                  share[1] * *(const v4f *)(a[1] + m) +
-                                  share[2] * *(const v4f *)(a[2] + m) +
-                                  share[3] * *(const v4f *)(a[3] + m));
+        *(quad *)(to + m) += by * (share[0] * *(const quad *)(a[0] + m) +
+                                   share[1] * *(const quad *)(a[1] + m) +
+                                   share[2] * *(const quad *)(a[2] + m) +
+                                   share[3] * *(const quad *)(a[3] + m));
     for (; m < n; m++)
         to[m] += by * (share[0] * a[0][m] + share[1] * a[1][m] +
                        share[2] * a[2][m] + share[3] * a[3][m]);

@@ -5,6 +5,7 @@
 #include <sysexits.h>
 
 #include "lib/base/camera.h"
+#include "lib/base/quad.h"
 #include "lib/lab/data/data.h"
 
 void data_random(struct random *r, uint64_t seed, uint64_t step,
@@ -38,15 +39,14 @@ void data_net_translation(double tnet[3], const struct data_frame *f,
                              camera_focal((float)f->size));
 }
 
-/* Red, green, blue and the mask of a pixel. */
-typedef float float4 __attribute__((vector_size(16)));
+/* A quad is red, green, blue and the mask of a pixel. */
 typedef int32_t mask4 __attribute__((vector_size(16)));
 
 /* ---- backgrounds ------------------------------------------------------- */
 
 /* A background: a plane of colours with a slope, plus waves. */
 struct backdrop {
-    float4 base, dx, dy, wave;
+    quad base, dx, dy, wave;
     float kx, ky, phase;
 };
 
@@ -69,12 +69,12 @@ static void sample_draw_backdrop(struct backdrop *b, struct random *r)
 }
 
 /* To [0,1]. */
-static inline float4 sample_clamp(float4 x)
+static inline quad sample_clamp(quad x)
 {
-    const float4 one = {1, 1, 1, 1};
+    const quad one = {1, 1, 1, 1};
     mask4 in = (mask4)x & (x > 0), over = x > 1;
 
-    return (float4)((in & ~over) | ((mask4)one & over));
+    return (quad)((in & ~over) | ((mask4)one & over));
 }
 
 /* ---- sampling ---------------------------------------------------------- */
@@ -104,17 +104,17 @@ static void sample_make_taps(struct tap *t, size_t n, double centre,
 typedef uint8_t byte4 __attribute__((vector_size(4)));
 
 /* The four numbers of pixel x of a row, 0 to 255; zeros outside. */
-static inline float4 sample_pixel(const uint8_t *row, long x)
+static inline quad sample_pixel(const uint8_t *row, long x)
 {
     byte4 p = {0, 0, 0, 0};
 
     if (x >= 0)
         memcpy(&p, row + 4 * x, sizeof p);
-    return __builtin_convertvector(p, float4);
+    return __builtin_convertvector(p, quad);
 }
 
 /* out (n,4) = row y of the frame at the taps; zeros outside. */
-static void sample_row(float4 *out, size_t n, const struct data_frame *f,
+static void sample_row(quad *out, size_t n, const struct data_frame *f,
                        long y, const struct tap *tx)
 {
     const uint8_t *row = f->rgba + 4 * (size_t)y * f->width;
@@ -133,11 +133,11 @@ static void sample_row(float4 *out, size_t n, const struct data_frame *f,
 /* Colours and mask (n,n,4) of the square, black outside.  rows (2,n): the two
  * rows of the frame that a row of the square lies between, kept for the
  * next. */
-static void sample_plain(float4 *out, size_t n, const struct data_frame *f,
+static void sample_plain(quad *out, size_t n, const struct data_frame *f,
                          struct square q, struct tap *tx, struct tap *ty,
-                         float4 *rows)
+                         quad *rows)
 {
-    float4 *top = rows, *low = rows + n;
+    quad *top = rows, *low = rows + n;
     long have_top = -2, have_low = -2;      /* -1 is a row: outside */
 
     sample_make_taps(tx, n, q.x, q.size, f->x0, f->width);
@@ -146,7 +146,7 @@ static void sample_plain(float4 *out, size_t n, const struct data_frame *f,
         float wy = ty[y].w;
 
         if (ty[y].a != have_top && ty[y].a == have_low) {
-            float4 *swap = top;
+            quad *swap = top;
             top = low;
             low = swap;
             have_low = have_top;
@@ -162,13 +162,13 @@ static void sample_plain(float4 *out, size_t n, const struct data_frame *f,
 }
 
 /* Two rows' pixels of a frame, weighed; the border goes on beyond it. */
-static float4 sample_point(const struct data_frame *f, double x, double y)
+static quad sample_point(const struct data_frame *f, double x, double y)
 {
     const long w = (long)f->width - 1, h = (long)f->height - 1;
     const double px = x - 0.5 - (double)f->x0, py = y - 0.5 - (double)f->y0;
     const double left = floor(px), top = floor(py);
     const float u = (float)(px - left), v = (float)(py - top);
-    float4 row[2];
+    quad row[2];
 
     for (long i = 0; i < 2; i++) {
         long at = (long)top + i;
@@ -184,8 +184,8 @@ static float4 sample_point(const struct data_frame *f, double x, double y)
 }
 
 /* sample_plain of a turned frame. */
-static void sample_rotated(float4 *out, size_t n, const struct data_frame *f,
-                          struct square q)
+static void sample_rotated(quad *out, size_t n, const struct data_frame *f,
+                           struct square q)
 {
     const double c = cos(f->turn), s = sin(f->turn);
     const double middle = 0.5 * (double)f->size, step = q.size / (double)n;
@@ -202,14 +202,14 @@ static void sample_rotated(float4 *out, size_t n, const struct data_frame *f,
 }
 
 /* Behind the mask. */
-static void sample_replace_background(float4 *rgba, size_t n, struct random *r)
+static void sample_replace_background(quad *rgba, size_t n, struct random *r)
 {
     struct backdrop b;
 
     sample_draw_backdrop(&b, r);
     for (size_t y = 0; y < n; y++)
         for (size_t x = 0; x < n; x++) {
-            float4 *o = rgba + y * n + x;
+            quad *o = rgba + y * n + x;
             float m = (*o)[3];
             float u = (float)x / (float)n - 0.5f;
             float v = (float)y / (float)n - 0.5f;
@@ -222,10 +222,10 @@ static void sample_replace_background(float4 *rgba, size_t n, struct random *r)
 }
 
 /* Gain, gamma by a curve, saturation and noise. */
-static void sample_change_colours(float4 *rgba, size_t n, float amount,
+static void sample_change_colours(quad *rgba, size_t n, float amount,
                                   struct random *r)
 {
-    float4 gain = {0};
+    quad gain = {0};
     float curve = amount * (float)random_range(r, -0.5, 0.5);
     float bright = 1 + amount * (float)random_range(r, -0.35, 0.3);
     float grey = amount * (float)random_range(r, -0.2, 0.6);
@@ -238,7 +238,7 @@ static void sample_change_colours(float4 *rgba, size_t n, float amount,
     for (int c = 0; c < 3; c++)
         gain[c] = bright * (1 + amount * (float)random_range(r, -0.12, 0.12));
     for (size_t i = 0; i < n; i++) {
-        float4 p = rgba[i], x;
+        quad p = rgba[i], x;
         float luma = 0.3f * p[0] + 0.59f * p[1] + 0.11f * p[2];
 
         x = sample_clamp((p + grey * (luma - p)) * gain);
@@ -247,7 +247,7 @@ static void sample_change_colours(float4 *rgba, size_t n, float amount,
             uint64_t dice = random_mix(key + i);
             mask4 part = {dice & 0x1fffff, dice >> 21 & 0x1fffff,
                           dice >> 42 & 0x1fffff, 0};
-            x += noise * (__builtin_convertvector(part, float4) *
+            x += noise * (__builtin_convertvector(part, quad) *
                           (1.0f / 1048576) - 1);
         }
         rgba[i] = sample_clamp(x);
@@ -255,22 +255,22 @@ static void sample_change_colours(float4 *rgba, size_t n, float amount,
 }
 
 /* Three-tap blur along rows, then columns: softer pictures. */
-static void sample_soften(float4 *rgba, size_t n, float w)
+static void sample_soften(quad *rgba, size_t n, float w)
 {
     for (size_t y = 0; y < n; y++) {
-        float4 *p = rgba + y * n, before = p[0];
+        quad *p = rgba + y * n, before = p[0];
 
         for (size_t x = 0; x + 1 < n; x++) {
-            float4 here = p[x];
+            quad here = p[x];
             p[x] = (1 - 2 * w) * here + w * (before + p[x + 1]);
             before = here;
         }
     }
     for (size_t x = 0; x < n; x++) {
-        float4 *p = rgba + x, before = p[0];
+        quad *p = rgba + x, before = p[0];
 
         for (size_t y = 0; y + 1 < n; y++, p += n) {
-            float4 here = p[0];
+            quad here = p[0];
             p[0] = (1 - 2 * w) * here + w * (before + p[n]);
             before = here;
         }
@@ -279,12 +279,12 @@ static void sample_soften(float4 *rgba, size_t n, float w)
 
 /* Room for a square of n x n pixels with its two rows of the frame, and the
  * square in it; the caller frees.  NULL and *err. */
-static float4 *sample_square(size_t n, const struct data_frame *f,
-                             struct square q, struct error *err)
+static quad *sample_square(size_t n, const struct data_frame *f,
+                           struct square q, struct error *err)
 {
     struct tap *tx = malloc(2 * n * sizeof *tx);
-    float4 *rgba = aligned_alloc(64, ((n + 2) * n * sizeof *rgba + 63) / 64 *
-                                         64);
+    quad *rgba = aligned_alloc(64, ((n + 2) * n * sizeof *rgba + 63) / 64 *
+                                       64);
 
     if (tx && rgba && f->turn != 0) {
         sample_rotated(rgba, n, f, q);
@@ -303,7 +303,7 @@ int data_sample(float *rgb, size_t n, const struct data_frame *f,
                 struct square q, const struct data_augment *how,
                 struct random *r, struct error *err)
 {
-    float4 *rgba = sample_square(n, f, q, err);
+    quad *rgba = sample_square(n, f, q, err);
 
     if (!rgba)
         return -1;
@@ -324,7 +324,7 @@ int data_sample(float *rgb, size_t n, const struct data_frame *f,
 int data_sample_plain(float *rgba, size_t n, const struct data_frame *f,
                       struct square q, struct error *err)
 {
-    float4 *own = sample_square(n, f, q, err);
+    quad *own = sample_square(n, f, q, err);
 
     if (!own)
         return -1;
