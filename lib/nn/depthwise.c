@@ -96,44 +96,46 @@ static float *depthwise_thread_pad(const struct depthwise *d)
            parallel_slot() * d->pad_size;
 }
 
-PARALLEL(depthwise_forward_part, at, const struct nn_kernels *, k, float *, out,
-         const float *, in, struct depthwise *, d, size_t, L, size_t, R,
-         size_t, bands, size_t, blocks)
+PARALLEL(depthwise_forward_part, at, float *, out, const float *, in,
+         struct depthwise *, d, size_t, L, size_t, R, size_t, bands,
+         size_t, blocks)
 {
     size_t n = at / (bands * blocks), b = at / blocks % bands, c = at % blocks;
 
-    k->depthwise_forward(out, in, depthwise_thread_pad(d), d, n, c * L, b * R,
-                         b + 1 < bands ? (b + 1) * R : d->oh);
+    nn_kernels()->depthwise_forward(out, in, depthwise_thread_pad(d), d, n,
+                                    c * L, b * R,
+                                    b + 1 < bands ? (b + 1) * R : d->oh);
 }
 
 void depthwise_forward(float *out, const float *in, struct depthwise *d)
 {
-    const struct nn_kernels *k = nn_kernels();
     size_t R = DEPTHWISE_ROWS, L = DEPTHWISE_LANES;
     size_t blocks = (d->channels + L - 1) / L, bands = (d->oh + R - 1) / R;
 
-    parallel_each(depthwise_forward_part, d->batch * bands * blocks, 1, k, out,
-                  in, d, L, R, bands, blocks);
+    parallel_each(depthwise_forward_part, d->batch * bands * blocks, 1, out, in,
+                  d, L, R, bands, blocks);
 }
 
-PARALLEL(depthwise_backward_part, at, const struct nn_kernels *, k,
-         struct depthwise *, d, const float *, dout, const float *, in,
-         size_t, taps, size_t, C, size_t, L, size_t, blocks)
+PARALLEL(depthwise_backward_part, at, struct depthwise *, d,
+         const float *, dout, const float *, in, size_t, taps, size_t, C,
+         size_t, L, size_t, blocks)
 {
     size_t n = at / blocks, c = at % blocks;
 
-    k->depthwise_backward_weights(d->dw + n * taps * C, dout, in,
-                                  depthwise_thread_pad(d), d, n, c * L);
+    nn_kernels()->depthwise_backward_weights(d->dw + n * taps * C, dout, in,
+                                             depthwise_thread_pad(d), d, n,
+                                             c * L);
 }
 
-PARALLEL(depthwise_data_part, at, const struct nn_kernels *, k, float *, din,
-         const float *, dout, struct depthwise *, d, size_t, L, size_t, R,
-         size_t, bands, size_t, blocks)
+PARALLEL(depthwise_data_part, at, float *, din, const float *, dout,
+         struct depthwise *, d, size_t, L, size_t, R, size_t, bands,
+         size_t, blocks)
 {
     size_t n = at / (bands * blocks), b = at / blocks % bands, c = at % blocks;
 
-    k->depthwise_backward_data(din, dout, depthwise_thread_pad(d), d, n, c * L,
-                               b * R, b + 1 < bands ? (b + 1) * R : d->h);
+    nn_kernels()->depthwise_backward_data(din, dout, depthwise_thread_pad(d), d,
+                                          n, c * L, b * R,
+                                          b + 1 < bands ? (b + 1) * R : d->h);
 }
 
 /* In the forward pass this was, per channel, with S the stride:
@@ -141,12 +143,11 @@ PARALLEL(depthwise_data_part, at, const struct nn_kernels *, k, float *, din,
 void depthwise_backward(float *din, const float *dout, const float *in,
                         struct depthwise *d)
 {
-    const struct nn_kernels *k = nn_kernels();
     size_t R = DEPTHWISE_ROWS, L = DEPTHWISE_LANES, C = d->channels;
     size_t blocks = (C + L - 1) / L, bands = (d->h + R - 1) / R;
     size_t taps = d->kernel * d->kernel;
 
-    parallel_each(depthwise_backward_part, d->batch * blocks, 1, k, d, dout, in,
+    parallel_each(depthwise_backward_part, d->batch * blocks, 1, d, dout, in,
                   taps, C, L, blocks);
     float *g = param_g(d->ps, d->weight);
     for (size_t n = 0; n < d->batch; n++)
@@ -156,6 +157,6 @@ void depthwise_backward(float *din, const float *dout, const float *in,
     if (!din)
         return;
 
-    parallel_each(depthwise_data_part, d->batch * bands * blocks, 1, k, din,
-                  dout, d, L, R, bands, blocks);
+    parallel_each(depthwise_data_part, d->batch * bands * blocks, 1, din, dout,
+                  d, L, R, bands, blocks);
 }

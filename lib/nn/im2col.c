@@ -59,14 +59,14 @@ static size_t im2col_piece(const struct im2col *t, size_t j, size_t *first)
     return in - at < PIECE ? in - at : PIECE;
 }
 
-PARALLEL(im2col_update_part, j, struct im2col *, t,
-         const struct nn_kernels *, k, const float *, w, size_t, in,
-         size_t, taps, size_t, out)
+PARALLEL(im2col_update_part, j, struct im2col *, t, const float *, w,
+         size_t, in, size_t, taps, size_t, out)
 {
     size_t first, terms = im2col_piece(t, j, &first);
 
-    k->gemm_pack(t->w + first * t->N, w + first % in * taps + first / in, taps,
-                 taps * in, terms, out);
+    nn_kernels()->gemm_pack(t->w + first * t->N,
+                            w + first % in * taps + first / in, taps,
+                            taps * in, terms, out);
 }
 
 /* w (out,in,k,k): term (tap,i) of the sum is row tap * in + i of a matrix. */
@@ -74,8 +74,8 @@ void im2col_update(struct conv *c, const float *w)
 {
     struct im2col *t = &c->impl->im2col;
 
-    parallel_each(im2col_update_part, im2col_pieces(t), 1, t, nn_kernels(), w,
-                  c->in_data, c->kernel * c->kernel, c->out);
+    parallel_each(im2col_update_part, im2col_pieces(t), 1, t, w, c->in_data,
+                  c->kernel * c->kernel, c->out);
 }
 
 /* What the window of one pixel of the output sees. */
@@ -111,7 +111,7 @@ static void im2col_unfold(const float *in, struct im2col *t, size_t m0,
 }
 
 PARALLEL(im2col_multiply_part, at, float *, out, const float *, rows,
-         const struct im2col *, t, const struct nn_kernels *, k, size_t, M)
+         const struct im2col *, t, size_t, M)
 {
     const size_t N = t->c->out, across = t->N / COLUMNS;
     size_t m0 = at / across * ROWS, n0 = at % across * COLUMNS;
@@ -121,8 +121,9 @@ PARALLEL(im2col_multiply_part, at, float *, out, const float *, rows,
     for (size_t j = 0; j < im2col_pieces(t); j++) {
         size_t first, terms = im2col_piece(t, j, &first);
 
-        k->gemm(out + m0 * N + n0, N, rows + m0 * t->K + first, t->K, 1,
-                t->w + first * t->N + n0 * terms, m, n, terms, j > 0);
+        nn_kernels()->gemm(out + m0 * N + n0, N, rows + m0 * t->K + first,
+                           t->K, 1, t->w + first * t->N + n0 * terms, m, n,
+                           terms, j > 0);
     }
 }
 
@@ -141,7 +142,7 @@ static void im2col_multiply(float *out, const float *rows,
 
     parallel_each(im2col_multiply_part,
                   (M + ROWS - 1) / ROWS * (t->N / COLUMNS), 1, sum, rows, t,
-                  nn_kernels(), M);
+                  M);
     for (size_t r = 0; r < M; r++)
         im2col_add(sum + r * N, t->c->impl->bias, N);
     if (t->sum)

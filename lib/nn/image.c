@@ -10,77 +10,69 @@
 #define CHUNK 16384
 
 /* One chunk. */
-PARALLEL(image_add_part, part, const struct nn_kernels *, k, float *, y,
-         const float *, x, size_t, n)
+PARALLEL(image_add_part, part, float *, y, const float *, x, size_t, n)
 {
     size_t i = part * CHUNK;
 
-    k->add(y + i, x + i, n - i < CHUNK ? n - i : CHUNK);
+    nn_kernels()->add(y + i, x + i, n - i < CHUNK ? n - i : CHUNK);
 }
 
 void image_add(float *y, const float *x, size_t n)
 {
-    const struct nn_kernels *k = nn_kernels();
-
-    parallel_each(image_add_part, (n + CHUNK - 1) / CHUNK, 1, k, y, x, n);
+    parallel_each(image_add_part, (n + CHUNK - 1) / CHUNK, 1, y, x, n);
 }
 
 /* One chunk. */
-PARALLEL(image_to_bf16_part, part, const struct nn_kernels *, k, uint16_t *, y,
-         const float *, x, size_t, n)
+PARALLEL(image_to_bf16_part, part, uint16_t *, y, const float *, x, size_t, n)
 {
     size_t i = part * CHUNK;
 
-    k->to_bf16(y + i, x + i, n - i < CHUNK ? n - i : CHUNK);
+    nn_kernels()->to_bf16(y + i, x + i, n - i < CHUNK ? n - i : CHUNK);
 }
 
 void image_to_bf16(uint16_t *y, const float *x, size_t n)
 {
-    const struct nn_kernels *k = nn_kernels();
-
-    parallel_each(image_to_bf16_part, (n + CHUNK - 1) / CHUNK, 1, k, y, x, n);
+    parallel_each(image_to_bf16_part, (n + CHUNK - 1) / CHUNK, 1, y, x, n);
 }
 
 /* One chunk. */
-PARALLEL(sft_forward_part, part, const struct nn_kernels *, k, float *, y,
-         const float *, x, const float *, st, size_t, C, size_t, rows,
-         size_t, step, float, one)
+PARALLEL(sft_forward_part, part, float *, y, const float *, x,
+         const float *, st, size_t, C, size_t, rows, size_t, step, float, one)
 {
     size_t r = part * step;
 
-    k->sft_forward(y + r * C, x + r * C, st + 2 * r * C, one,
-                   rows - r < step ? rows - r : step, C);
+    nn_kernels()->sft_forward(y + r * C, x + r * C, st + 2 * r * C, one,
+                              rows - r < step ? rows - r : step, C);
 }
 
 void sft_forward(float *y, const float *x, const float *st, float one,
                  size_t rows, size_t C)
 {
-    const struct nn_kernels *k = nn_kernels();
     size_t step = CHUNK / C + 1;
 
-    parallel_each(sft_forward_part, (rows + step - 1) / step, 1, k, y, x, st, C,
+    parallel_each(sft_forward_part, (rows + step - 1) / step, 1, y, x, st, C,
                   rows, step, one);
 }
 
 /* One chunk. */
-PARALLEL(sft_backward_part, part, const struct nn_kernels *, k, float *, dx,
-         float *, dst, const float *, dy, const float *, x, const float *, st,
-         size_t, C, size_t, rows, size_t, step, float, one)
+PARALLEL(sft_backward_part, part, float *, dx, float *, dst, const float *, dy,
+         const float *, x, const float *, st, size_t, C, size_t, rows,
+         size_t, step, float, one)
 {
     size_t r = part * step;
 
-    k->sft_backward(dx + r * C, dst + 2 * r * C, dy + r * C, x + r * C,
-                    st + 2 * r * C, one, rows - r < step ? rows - r : step, C);
+    nn_kernels()->sft_backward(dx + r * C, dst + 2 * r * C, dy + r * C,
+                               x + r * C, st + 2 * r * C, one,
+                               rows - r < step ? rows - r : step, C);
 }
 
 void sft_backward(float *dx, float *dst, const float *dy, const float *x,
                   const float *st, float one, size_t rows, size_t C)
 {
-    const struct nn_kernels *k = nn_kernels();
     size_t step = CHUNK / C + 1;
 
-    parallel_each(sft_backward_part, (rows + step - 1) / step, 1, k, dx, dst,
-                  dy, x, st, C, rows, step, one);
+    parallel_each(sft_backward_part, (rows + step - 1) / step, 1, dx, dst, dy,
+                  x, st, C, rows, step, one);
 }
 
 /* One row. */

@@ -60,26 +60,23 @@ static void norm_repeat_channels(float *a, size_t C, size_t period)
         a[i] = a[i - C];
 }
 
-PARALLEL(norm_batch_statistics_part, i, const struct nn_kernels *, k,
-         struct batch_norm *, n, const float *, x, size_t, rows, size_t, parts,
-         size_t, C)
+PARALLEL(norm_batch_statistics_part, i, struct batch_norm *, n,
+         const float *, x, size_t, rows, size_t, parts, size_t, C)
 {
     size_t r0 = i * rows / parts, r1 = (i + 1) * rows / parts;
 
     /* any value of the channel serves as origin */
-    k->norm_sums(n->part + i * 2 * C, x + r0 * C, x, r1 - r0, C);
+    nn_kernels()->norm_sums(n->part + i * 2 * C, x + r0 * C, x, r1 - r0, C);
 }
 
 /* Statistics of x, and the running ones moved towards them. */
 static void norm_batch_statistics(struct batch_norm *n, const float *x)
 {
-    const struct nn_kernels *k = nn_kernels();
     size_t C = n->channels, rows = n->rows, parts = norm_part_count(rows);
     float *run_mean = param_w(n->ps, n->mean);
     float *run_var = param_w(n->ps, n->var);
 
-    parallel_each(norm_batch_statistics_part, parts, 1, k, n, x, rows, parts,
-                  C);
+    parallel_each(norm_batch_statistics_part, parts, 1, n, x, rows, parts, C);
     for (size_t c = 0; c < C; c++) {
         double s = 0, q = 0, count = (double)rows;
 
@@ -108,21 +105,19 @@ static size_t norm_chunk_rows(const struct batch_norm *n)
 }
 
 /* One chunk. */
-PARALLEL(batch_norm_forward_part, part, struct batch_norm *, n,
-         const struct nn_kernels *, k, float *, y, const float *, x,
-         const float *, res, size_t, step, size_t, C)
+PARALLEL(batch_norm_forward_part, part, struct batch_norm *, n, float *, y,
+         const float *, x, const float *, res, size_t, step, size_t, C)
 {
     size_t r = part * step;
     size_t m = n->rows - r < step ? n->rows - r : step;
 
-    k->norm_apply(y + r * C, x + r * C, res ? res + r * C : NULL, n->scale,
-                  n->shift, (int)n->act, n->period, m * C);
+    nn_kernels()->norm_apply(y + r * C, x + r * C, res ? res + r * C : NULL,
+                             n->scale, n->shift, (int)n->act, n->period, m * C);
 }
 
 void batch_norm_forward(float *y, const float *x, const float *res,
                         struct batch_norm *n)
 {
-    const struct nn_kernels *k = nn_kernels();
     size_t C = n->channels, step = norm_chunk_rows(n);
     const float *w = param_w(n->ps, n->weight), *b = param_w(n->ps, n->bias);
 
@@ -141,8 +136,8 @@ void batch_norm_forward(float *y, const float *x, const float *res,
     norm_repeat_channels(n->scale, C, n->period);
     norm_repeat_channels(n->shift, C, n->period);
 
-    parallel_each(batch_norm_forward_part, (n->rows + step - 1) / step, 1, n, k,
-                  y, x, res, step, C);
+    parallel_each(batch_norm_forward_part, (n->rows + step - 1) / step, 1, n, y,
+                  x, res, step, C);
 }
 
 /* From the parts' sums: the gradients of weight and bias, and what
@@ -172,27 +167,28 @@ static void norm_backward_coefficients(struct batch_norm *n, size_t parts)
     }
 }
 
-PARALLEL(batch_norm_backward_part, i, const struct nn_kernels *, k,
-         struct batch_norm *, n, float *, dx, const float *, dy,
-         const float *, x, size_t, rows, size_t, parts, size_t, C, bool, train)
+PARALLEL(batch_norm_backward_part, i, struct batch_norm *, n, float *, dx,
+         const float *, dy, const float *, x, size_t, rows, size_t, parts,
+         size_t, C, bool, train)
 {
     size_t r0 = i * rows / parts, r1 = (i + 1) * rows / parts;
 
-    k->norm_backward_sums(n->part + i * 2 * C, dx + r0 * C, dy + r0 * C,
-                          x + r0 * C, n->scale, n->shift, n->batch_mean,
-                          (int)n->act, !train, r1 - r0, C);
+    nn_kernels()->norm_backward_sums(n->part + i * 2 * C, dx + r0 * C,
+                                     dy + r0 * C, x + r0 * C, n->scale,
+                                     n->shift, n->batch_mean, (int)n->act,
+                                     !train, r1 - r0, C);
 }
 
 /* One chunk. */
-PARALLEL(batch_norm_data_part, part, const struct nn_kernels *, k, float *, dx,
-         const float *, x, struct batch_norm *, n, size_t, rows, size_t, step,
-         size_t, C, size_t, P)
+PARALLEL(batch_norm_data_part, part, float *, dx, const float *, x,
+         struct batch_norm *, n, size_t, rows, size_t, step, size_t, C,
+         size_t, P)
 {
     size_t r = part * step;
     size_t m = rows - r < step ? rows - r : step;
 
-    k->norm_backward_apply(dx + r * C, dx + r * C, x + r * C, n->coef, P,
-                           m * C);
+    nn_kernels()->norm_backward_apply(dx + r * C, dx + r * C, x + r * C,
+                                      n->coef, P, m * C);
 }
 
 /* In the forward pass this was, with hat = (x - mean) rstd:
@@ -200,21 +196,20 @@ PARALLEL(batch_norm_data_part, part, const struct nn_kernels *, k, float *, dx,
 void batch_norm_backward(float *dx, const float *dy, const float *x,
                          struct batch_norm *n)
 {
-    const struct nn_kernels *k = nn_kernels();
     size_t C = n->channels, rows = n->rows, parts = norm_part_count(rows);
     size_t P = n->period, step = norm_chunk_rows(n);
     bool train = n->plan->opt.mode == NN_TRAIN;
 
-    parallel_each(batch_norm_backward_part, parts, 1, k, n, dx, dy, x, rows,
-                  parts, C, train);
+    parallel_each(batch_norm_backward_part, parts, 1, n, dx, dy, x, rows, parts,
+                  C, train);
     norm_backward_coefficients(n, parts);
     if (!train)
         return;
     for (size_t i = 0; i < 4; i++)
         norm_repeat_channels(n->coef + i * P, C, P);
 
-    parallel_each(batch_norm_data_part, (rows + step - 1) / step, 1, k, dx, x,
-                  n, rows, step, C, P);
+    parallel_each(batch_norm_data_part, (rows + step - 1) / step, 1, dx, x, n,
+                  rows, step, C, P);
 }
 
 #define LN_ROWS 32
@@ -235,39 +230,37 @@ void layer_norm_init(struct layer_norm *n, struct params *ps,
 }
 
 /* One chunk. */
-PARALLEL(layer_norm_forward_part, part, const struct nn_kernels *, k,
-         float *, y, float *, stat, const float *, x,
-         const struct layer_norm *, n, size_t, rows)
+PARALLEL(layer_norm_forward_part, part, float *, y, float *, stat,
+         const float *, x, const struct layer_norm *, n, size_t, rows)
 {
     const bool plain = n->weight == NN_NONE;
     size_t r = part * LN_ROWS, C = n->channels;
     size_t m = rows - r < LN_ROWS ? rows - r : LN_ROWS;
 
-    k->layer_norm_forward(y + r * C, stat ? stat + r : NULL,
-                          stat ? stat + rows + r : NULL, x + r * C,
-                          plain ? NULL : param_w(n->ps, n->weight),
-                          plain ? NULL : param_w(n->ps, n->bias), n->eps, m,
-                          C);
+    nn_kernels()->layer_norm_forward(y + r * C, stat ? stat + r : NULL,
+                                     stat ? stat + rows + r : NULL, x + r * C,
+                                     plain ? NULL : param_w(n->ps, n->weight),
+                                     plain ? NULL : param_w(n->ps, n->bias),
+                                     n->eps, m, C);
 }
 
 void layer_norm_forward(float *y, float *stat, const float *x,
                         const struct layer_norm *n, size_t rows)
 {
     parallel_each(layer_norm_forward_part, (rows + LN_ROWS - 1) / LN_ROWS, 1,
-                  nn_kernels(), y, stat, x, n, rows);
+                  y, stat, x, n, rows);
 }
 
-PARALLEL(layer_norm_backward_part, i, const struct nn_kernels *, k, float *, dx,
-         float *, part, const float *, dy, const float *, x,
-         const float *, stat, const struct layer_norm *, n, size_t, rows,
-         size_t, parts)
+PARALLEL(layer_norm_backward_part, i, float *, dx, float *, part,
+         const float *, dy, const float *, x, const float *, stat,
+         const struct layer_norm *, n, size_t, rows, size_t, parts)
 {
     size_t r = i * rows / parts, m = (i + 1) * rows / parts - r;
     size_t C = n->channels;
 
-    k->layer_norm_backward(dx + r * C, part + i * 2 * C, dy + r * C, x + r * C,
-                           stat + r, stat + rows + r,
-                           param_w(n->ps, n->weight), m, C);
+    nn_kernels()->layer_norm_backward(dx + r * C, part + i * 2 * C, dy + r * C,
+                                      x + r * C, stat + r, stat + rows + r,
+                                      param_w(n->ps, n->weight), m, C);
 }
 
 void layer_norm_backward(float *dx, float *part, const float *dy,
@@ -278,8 +271,8 @@ void layer_norm_backward(float *dx, float *part, const float *dy,
     float *dbias = param_g(n->ps, n->bias);
     size_t parts = norm_part_count(rows), C = n->channels;
 
-    parallel_each(layer_norm_backward_part, parts, 1, nn_kernels(), dx, part,
-                  dy, x, stat, n, rows, parts);
+    parallel_each(layer_norm_backward_part, parts, 1, dx, part, dy, x, stat, n,
+                  rows, parts);
     for (size_t i = 0; i < parts; i++)
         for (size_t c = 0; c < C; c++) {
             dweight[c] += part[i * 2 * C + c];

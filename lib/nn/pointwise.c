@@ -55,16 +55,15 @@ void pointwise_update(struct conv *c, const float *w)
 }
 
 /* One chunk. */
-PARALLEL(pointwise_multiply_part, part, const struct pointwise *, t,
-         const struct nn_kernels *, k, float *, C, const float *, A,
-         const uint32_t *, packed, size_t, N, size_t, K)
+PARALLEL(pointwise_multiply_part, part, const struct pointwise *, t, float *, C,
+         const float *, A, const uint32_t *, packed, size_t, N, size_t, K)
 {
     size_t r = part * t->band;
     size_t m = t->rows - r < t->band ? t->rows - r : t->band;
     char *half = t->plan->scratch + parallel_slot() * t->half_size;
 
-    k->pointwise_rows(C + r * N, A + r * K, (uint32_t *)(void *)half, packed, m,
-                      N, K);
+    nn_kernels()->pointwise_rows(C + r * N, A + r * K, (uint32_t *)(void *)half,
+                                 packed, m, N, K);
 }
 
 /* C (rows,N) = A (rows,K) times packed weights. */
@@ -72,10 +71,8 @@ static void pointwise_multiply(float *C, const float *A,
                                const uint32_t *packed, size_t N, size_t K,
                                const struct pointwise *t)
 {
-    const struct nn_kernels *k = nn_kernels();
-
     parallel_each(pointwise_multiply_part, (t->rows + t->band - 1) / t->band, 1,
-                  t, k, C, A, packed, N, K);
+                  t, C, A, packed, N, K);
 }
 
 void pointwise_forward(float *out, const float *in, struct conv *c)
@@ -92,26 +89,26 @@ void pointwise_backward_data(float *din, const float *dout,
 }
 
 PARALLEL(pointwise_backward_weights_part, i, struct pointwise *, t,
-         const struct nn_kernels *, k, const float *, dout, const float *, in,
-         size_t, size)
+         const float *, dout, const float *, in, size_t, size)
 {
     size_t r = i * t->rows / NN_PARTS;
     size_t m = (i + 1) * t->rows / NN_PARTS - r;
     char *pairs = t->plan->scratch + i * t->pairs_size;
 
-    k->pointwise_weights(t->dw + i * size, dout + r * t->out, in + r * t->in,
-                         (uint32_t *)(void *)pairs, m, t->out, t->in);
+    nn_kernels()->pointwise_weights(t->dw + i * size, dout + r * t->out,
+                                    in + r * t->in, (uint32_t *)(void *)pairs,
+                                    m, t->out, t->in);
 }
 
 void pointwise_backward_weights(float *g, const float *dout, const float *in,
                                 struct pointwise *t)
 {
-    const struct nn_kernels *k = nn_kernels();
     size_t wide = pointwise_panels(t->in), size = t->out * wide;
 
-    parallel_each(pointwise_backward_weights_part, NN_PARTS, 1, t, k, dout, in,
+    parallel_each(pointwise_backward_weights_part, NN_PARTS, 1, t, dout, in,
                   size);
     for (size_t o = 0; o < t->out; o++)
         for (size_t i = 0; i < NN_PARTS; i++)
-            k->add(g + o * t->in, t->dw + i * size + o * wide, t->in);
+            nn_kernels()->add(g + o * t->in, t->dw + i * size + o * wide,
+                              t->in);
 }

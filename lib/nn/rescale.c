@@ -223,37 +223,33 @@ static float *rescale_thread_line(const struct rescale *r)
            parallel_slot() * r->line;
 }
 
-PARALLEL(rescale_forward_part, at, const struct nn_kernels *, k, float *, out,
-         struct rescale *, r, const float *, in)
+PARALLEL(rescale_forward_part, at, float *, out, struct rescale *, r,
+         const float *, in)
 {
     size_t n = at / r->y.out, o = at % r->y.out;
 
-    k->rescale_line(out + (n * r->y.out + o) * r->x.out * r->C,
-                    rescale_thread_line(r), in + n * r->y.in * r->x.in * r->C,
-                    r, o);
+    nn_kernels()->rescale_line(out + at * r->x.out * r->C,
+                               rescale_thread_line(r),
+                               in + n * r->y.in * r->x.in * r->C, r, o);
 }
 
 void rescale_forward(float *out, const float *in, struct rescale *r)
 {
-    const struct nn_kernels *k = nn_kernels();
-
-    parallel_each(rescale_forward_part, r->batch * r->y.out, 1, k, out, r, in);
+    parallel_each(rescale_forward_part, r->batch * r->y.out, 1, out, r, in);
 }
 
-PARALLEL(rescale_backward_part, at, const struct nn_kernels *, k, float *, din,
-         struct rescale *, r, const float *, dout)
+PARALLEL(rescale_backward_part, at, float *, din, struct rescale *, r,
+         const float *, dout)
 {
     size_t n = at / r->y.in, i = at % r->y.in;
 
-    k->rescale_line_backward(din + (n * r->y.in + i) * r->x.in * r->C,
-                             rescale_thread_line(r),
-                             dout + n * r->y.out * r->x.out * r->C, r, i);
+    nn_kernels()->rescale_line_backward(din + at * r->x.in * r->C,
+                                        rescale_thread_line(r),
+                                        dout + n * r->y.out * r->x.out * r->C,
+                                        r, i);
 }
 
 void rescale_backward(float *din, const float *dout, struct rescale *r)
 {
-    const struct nn_kernels *k = nn_kernels();
-
-    parallel_each(rescale_backward_part, r->batch * r->y.in, 1, k, din, r,
-                  dout);
+    parallel_each(rescale_backward_part, r->batch * r->y.in, 1, din, r, dout);
 }

@@ -58,25 +58,23 @@ static void squeeze_excite_fold(float *sum, const float *part, size_t n,
     }
 }
 
-PARALLEL(spatial_mean_forward_part, i, const struct nn_kernels *, k,
-         float *, part, const float *, x, size_t, P, size_t, pixels, size_t, C)
+PARALLEL(spatial_mean_forward_part, i, float *, part, const float *, x,
+         size_t, P, size_t, pixels, size_t, C)
 {
     size_t n = i / P, r0 = i % P * pixels / P;
     size_t r1 = (i % P + 1) * pixels / P;
 
     /* no activation: the map is read only */
-    k->act_sums(part + i * C, (float *)x + (n * pixels + r0) * C, x, ACT_NONE,
-                r1 - r0, C);
+    nn_kernels()->act_sums(part + i * C, (float *)x + (n * pixels + r0) * C, x,
+                           ACT_NONE, r1 - r0, C);
 }
 
 void spatial_mean_forward(float *mean, float *part, const float *x, size_t B,
                           size_t pixels, size_t C)
 {
-    const struct nn_kernels *k = nn_kernels();
     size_t P = squeeze_excite_pieces(pixels);
 
-    parallel_each(spatial_mean_forward_part, B * P, 1, k, part, x, P, pixels,
-                  C);
+    parallel_each(spatial_mean_forward_part, B * P, 1, part, x, P, pixels, C);
     for (size_t n = 0; n < B; n++)
         squeeze_excite_fold(mean + n * C, part + n * P * C, P, C,
                             1.0f / (float)pixels);
@@ -100,20 +98,19 @@ void spatial_mean_backward(float *dx, const float *dmean, size_t B,
                   pixels, scale);
 }
 
-PARALLEL(squeeze_excite_scale_part, i, struct squeeze_excite *, s,
-         const struct nn_kernels *, k, float *, y, const float *, x, size_t, P,
-         size_t, C)
+PARALLEL(squeeze_excite_scale_part, i, struct squeeze_excite *, s, float *, y,
+         const float *, x, size_t, P, size_t, C)
 {
     size_t n = i / P, r0 = i % P * s->pixels / P;
     size_t r1 = (i % P + 1) * s->pixels / P;
     size_t at = (n * s->pixels + r0) * C;
 
-    k->channel_scale(y + at, x + at, s->gate + n * C, NULL, r1 - r0, C);
+    nn_kernels()->channel_scale(y + at, x + at, s->gate + n * C, NULL, r1 - r0,
+                                C);
 }
 
 void squeeze_excite_forward(float *y, const float *x, struct squeeze_excite *s)
 {
-    const struct nn_kernels *k = nn_kernels();
     size_t C = s->reduce.in, P = squeeze_excite_pieces(s->pixels), B = s->batch;
 
     spatial_mean_forward(s->mean, s->part, x, B, s->pixels, C);
@@ -124,7 +121,7 @@ void squeeze_excite_forward(float *y, const float *x, struct squeeze_excite *s)
         act_forward(s->gate, s->gate, ACT_HARDSIGMOID, B * C);
     for (size_t i = 0; s->additive && i < B * C; i++)
         s->gate[i] += 1;
-    parallel_each(squeeze_excite_scale_part, B * P, 1, s, k, y, x, P, C);
+    parallel_each(squeeze_excite_scale_part, B * P, 1, s, y, x, P, C);
 }
 
 /* The gate's gradient through its two small layers: dgate -> dmean. */
@@ -142,39 +139,36 @@ static void squeeze_excite_gate_backward(struct squeeze_excite *s)
 }
 
 PARALLEL(squeeze_excite_backward_part, i, struct squeeze_excite *, s,
-         const struct nn_kernels *, k, const float *, dy, const float *, x,
-         size_t, P, size_t, C)
+         const float *, dy, const float *, x, size_t, P, size_t, C)
 {
     size_t n = i / P, r0 = i % P * s->pixels / P;
     size_t r1 = (i % P + 1) * s->pixels / P;
     size_t at = (n * s->pixels + r0) * C;
 
-    k->channel_dot(s->part + i * C, dy + at, x + at, r1 - r0, C);
+    nn_kernels()->channel_dot(s->part + i * C, dy + at, x + at, r1 - r0, C);
 }
 
-PARALLEL(squeeze_excite_gather_part, i, struct squeeze_excite *, s,
-         const struct nn_kernels *, k, float *, dx, const float *, dy,
-         size_t, P, size_t, C)
+PARALLEL(squeeze_excite_gather_part, i, struct squeeze_excite *, s, float *, dx,
+         const float *, dy, size_t, P, size_t, C)
 {
     size_t n = i / P, r0 = i % P * s->pixels / P;
     size_t r1 = (i % P + 1) * s->pixels / P;
     size_t at = (n * s->pixels + r0) * C;
 
-    k->channel_scale(dx + at, dy + at, s->gate + n * C, s->dmean + n * C,
-                     r1 - r0, C);
+    nn_kernels()->channel_scale(dx + at, dy + at, s->gate + n * C,
+                                s->dmean + n * C, r1 - r0, C);
 }
 
 /* In the forward pass this was: y = x gate(mean(x)). */
 void squeeze_excite_backward(float *dx, const float *dy, const float *x,
                              struct squeeze_excite *s)
 {
-    const struct nn_kernels *k = nn_kernels();
     size_t C = s->reduce.in, B = s->batch, P = squeeze_excite_pieces(s->pixels);
 
-    parallel_each(squeeze_excite_backward_part, B * P, 1, s, k, dy, x, P, C);
+    parallel_each(squeeze_excite_backward_part, B * P, 1, s, dy, x, P, C);
     for (size_t n = 0; n < B; n++)
         squeeze_excite_fold(s->dgate + n * C, s->part + n * P * C, P, C, 1.0f);
     squeeze_excite_gate_backward(s);
 
-    parallel_each(squeeze_excite_gather_part, B * P, 1, s, k, dx, dy, P, C);
+    parallel_each(squeeze_excite_gather_part, B * P, 1, s, dx, dy, P, C);
 }

@@ -122,43 +122,40 @@ static void style_demodulate(struct style_conv *s)
         }
 }
 
-PARALLEL(style_scale_images_part, part, const struct nn_kernels *, k,
-         float *, y, const float *, x, const float *, st, size_t, pixels,
-         size_t, P, size_t, C)
+PARALLEL(style_scale_images_part, part, float *, y, const float *, x,
+         const float *, st, size_t, pixels, size_t, P, size_t, C)
 {
     size_t n = part / P, i = part % P;
     size_t r0 = i * pixels / P, r1 = (i + 1) * pixels / P;
     size_t at = (n * pixels + r0) * C;
 
-    k->channel_scale(y + at, x + at, st + n * C, NULL, r1 - r0, C);
+    nn_kernels()->channel_scale(y + at, x + at, st + n * C, NULL, r1 - r0, C);
 }
 
 /* y = x st, a vector per image of `pixels` rows. */
 static void style_scale_images(float *y, const float *x, const float *st,
                                size_t B, size_t pixels, size_t C)
 {
-    const struct nn_kernels *k = nn_kernels();
     size_t P = style_part_count(pixels);
 
-    parallel_each(style_scale_images_part, B * P, 1, k, y, x, st, pixels, P, C);
+    parallel_each(style_scale_images_part, B * P, 1, y, x, st, pixels, P, C);
 }
 
-PARALLEL(style_conv_forward_part, part, const struct nn_kernels *, k,
-         struct style_conv *, s, const float *, bias, const float *, noise,
-         size_t, pixels, size_t, P, size_t, C, float, gain)
+PARALLEL(style_conv_forward_part, part, struct style_conv *, s,
+         const float *, bias, const float *, noise, size_t, pixels, size_t, P,
+         size_t, C, float, gain)
 {
     size_t n = part / P, i = part % P;
     size_t r0 = i * pixels / P, r1 = (i + 1) * pixels / P;
     size_t at = (n * pixels + r0) * C;
 
-    k->style_finish(s->y + at, s->u + at, s->d + n * C, bias, noise + r0, gain,
-                    r1 - r0, C);
+    nn_kernels()->style_finish(s->y + at, s->u + at, s->d + n * C, bias,
+                               noise + r0, gain, r1 - r0, C);
 }
 
 void style_conv_forward(const float *x, const float *latent,
                         struct style_conv *s)
 {
-    const struct nn_kernels *k = nn_kernels();
     size_t pixels = s->h * s->w, P = style_part_count(pixels), C = s->out;
     const float *noise = param_w(s->ps, s->noise);
     const float *bias = param_w(s->ps, s->bias);
@@ -172,32 +169,32 @@ void style_conv_forward(const float *x, const float *latent,
         rescale_forward(s->xu, s->xs, &s->grow);
     conv_forward(s->u, s->xu, &s->conv);
 
-    parallel_each(style_conv_forward_part, s->batch * P, 1, k, s, bias, noise,
+    parallel_each(style_conv_forward_part, s->batch * P, 1, s, bias, noise,
                   pixels, P, C, gain);
 }
 
-PARALLEL(style_finish_backward_part, i, const struct nn_kernels *, k,
-         float *, du, struct style_conv *, s, const float *, dy,
-         const float *, noise, size_t, pixels, size_t, P, size_t, n, size_t, C)
+PARALLEL(style_finish_backward_part, i, float *, du, struct style_conv *, s,
+         const float *, dy, const float *, noise, size_t, pixels, size_t, P,
+         size_t, n, size_t, C)
 {
     size_t r0 = i * pixels / P, r1 = (i + 1) * pixels / P;
     size_t at = (n * pixels + r0) * C;
 
-    k->style_backward(du + at, s->part + i * 3 * C, dy + at, s->y + at,
-                      s->u + at, s->d + n * C, noise + r0, r1 - r0, C);
+    nn_kernels()->style_backward(du + at, s->part + i * 3 * C, dy + at,
+                                 s->y + at, s->u + at, s->d + n * C, noise + r0,
+                                 r1 - r0, C);
 }
 
 /* One image: du from dy; bias, noise gain; dd (out), the gradient of d. */
 static void style_finish_backward(float *du, float *dd, const float *dy,
                                   size_t n, struct style_conv *s)
 {
-    const struct nn_kernels *k = nn_kernels();
     size_t pixels = s->h * s->w, P = style_part_count(pixels), C = s->out;
     const float *noise = param_w(s->ps, s->noise);
     float *db = param_g(s->ps, s->bias), *dgain = param_g(s->ps, s->gain);
 
-    parallel_each(style_finish_backward_part, P, 1, k, du, s, dy, noise, pixels,
-                  P, n, C);
+    parallel_each(style_finish_backward_part, P, 1, du, s, dy, noise, pixels, P,
+                  n, C);
     for (size_t c = 0; c < C; c++) {
         double sum[3] = { 0 };
 
@@ -234,13 +231,12 @@ static void style_demodulate_backward(const float *dd, size_t n,
     }
 }
 
-PARALLEL(style_dot_part, i, float *, part, const struct nn_kernels *, k,
-         const float *, a, const float *, b, size_t, rows, size_t, P,
-         size_t, C)
+PARALLEL(style_dot_part, i, float *, part, const float *, a, const float *, b,
+         size_t, rows, size_t, P, size_t, C)
 {
     size_t r0 = i * rows / P, r1 = (i + 1) * rows / P;
 
-    k->channel_dot(part + i * C, a + r0 * C, b + r0 * C, r1 - r0, C);
+    nn_kernels()->channel_dot(part + i * C, a + r0 * C, b + r0 * C, r1 - r0, C);
 }
 
 /* In the forward pass: y = x st, a vector per image of `pixels` rows.  dst (B,C)
@@ -252,8 +248,8 @@ static void style_scale_backward(float *dst, float *part, const float *dy,
     const size_t P = style_part_count(pixels);
 
     for (size_t n = 0; n < B; n++) {
-        parallel_each(style_dot_part, P, 1, part, nn_kernels(),
-                      dy + n * pixels * C, x + n * pixels * C, pixels, P, C);
+        parallel_each(style_dot_part, P, 1, part, dy + n * pixels * C,
+                      x + n * pixels * C, pixels, P, C);
         for (size_t i = 0; i < P; i++)
             for (size_t c = 0; c < C; c++)
                 dst[n * C + c] += part[i * C + c];
