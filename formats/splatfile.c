@@ -10,36 +10,21 @@
 #include <sysexits.h>
 
 #include "formats/outfile.h"
+#include "lib/base/sort.h"
 
-struct weight {
-    float w;
-    uint32_t index;
-};
-
-/* Heaviest first, ties by index: one order for one input. */
-static int splatfile_heavier(const void *a, const void *b)
+/* Keys of the Gaussians by opacity times volume, falling. */
+static uint64_t *splatfile_by_weight(size_t n, const float *scale,
+                                     const float *opacity)
 {
-    const struct weight *x = a, *y = b;
-
-    if (x->w != y->w)
-        return x->w < y->w ? 1 : -1;
-    return (x->index > y->index) - (x->index < y->index);
-}
-
-/* Indices by opacity times volume, falling. */
-static struct weight *splatfile_by_weight(size_t n, const float *scale,
-                                          const float *opacity)
-{
-    struct weight *order = malloc((n + 1) * sizeof *order);
+    uint64_t *order = malloc((n + 1) * sizeof *order);
 
     for (size_t i = 0; order && i < n; i++) {
         const float *s = scale + 3 * i;
 
-        order[i].w = opacity[i] * s[0] * s[1] * s[2];
-        order[i].index = (uint32_t)i;
+        order[i] = sort_key(-opacity[i] * s[0] * s[1] * s[2], (uint32_t)i);
     }
     if (order)
-        qsort(order, n, sizeof *order, splatfile_heavier);
+        sort_keys(order, n);
     return order;
 }
 
@@ -55,7 +40,7 @@ int splatfile_write(const char *path, size_t n, const float *mean,
                     struct error *err)
 {
     struct outfile out;
-    struct weight *order = splatfile_by_weight(n, scale, opacity);
+    uint64_t *order = splatfile_by_weight(n, scale, opacity);
 
     if (!order)
         return error_set(err, EX_OSERR, "%s: out of memory", path);
@@ -64,7 +49,7 @@ int splatfile_write(const char *path, size_t n, const float *mean,
         return -1;
     }
     for (size_t k = 0; k < n; k++) {
-        size_t i = order[k].index;
+        size_t i = (uint32_t)order[k];
         const float *m = mean + 3 * i, *q = quat + 4 * i;
         const float *c = color + (size_t)channels * i;
         const float rotated[4] = {-q[3], -q[2], q[1], q[0]};

@@ -8,6 +8,7 @@
 #include <sysexits.h>
 
 #include "lib/base/parallel.h"
+#include "lib/base/sort.h"
 
 /* Of a block of the posing layout, and where it has y and z. */
 enum { ROW = 3 * HEAD_BLOCK, Y = HEAD_BLOCK, Z = 2 * HEAD_BLOCK };
@@ -31,22 +32,6 @@ struct directions {
     double *square;         /* (n) lengths squared */
 };
 
-/* A vertex in the order of height, and at equal height of itself. */
-struct place {
-    float y;
-    size_t v;
-};
-
-/* By height, then by number: a fixed order. */
-static int mirror_by_height(const void *a, const void *b)
-{
-    const struct place *p = a, *q = b;
-
-    if (p->y != q->y)
-        return p->y < q->y ? -1 : 1;
-    return (p->v > q->v) - (p->v < q->v);
-}
-
 /* Square of how far vertex w is from the mirror image of v. */
 static float mirror_distance(const float *at, size_t v, size_t w)
 {
@@ -58,22 +43,24 @@ static float mirror_distance(const float *at, size_t v, size_t w)
 
 /* The vertex nearest to the mirror image of order[at]'s: from there up and
  * down, until the height alone is further. */
-static size_t mirror_vertex(const float *x, size_t n, const struct place *order,
+static size_t mirror_vertex(const float *x, size_t n, const uint64_t *order,
                             size_t at)
 {
-    size_t v = order[at].v, best = v;
+    const size_t v = (uint32_t)order[at];
+    size_t best = v;
     float min = mirror_distance(x, v, v);
 
     for (int way = -1; way <= 1; way += 2)
         for (size_t i = at + (size_t)way; i < n; i += (size_t)way) {
-            float dy = order[i].y - order[at].y;
-            float far = mirror_distance(x, v, order[i].v);
+            const size_t w = (uint32_t)order[i];
+            float dy = x[3 * w + 1] - x[3 * v + 1];
+            float far = mirror_distance(x, v, w);
 
             if (dy * dy > min)
                 break;
             if (far < min) {
                 min = far;
-                best = order[i].v;
+                best = w;
             }
         }
     return best;
@@ -81,15 +68,15 @@ static size_t mirror_vertex(const float *x, size_t n, const struct place *order,
 
 int mirror_vertices(size_t *other, const float *x, size_t n, struct error *err)
 {
-    struct place *order = malloc(n * sizeof *order);
+    uint64_t *order = malloc(n * sizeof *order);
 
     if (!order)
         return error_set(err, EX_OSERR, "no memory for %zu vertices", n);
     for (size_t v = 0; v < n; v++)
-        order[v] = (struct place){x[3 * v + 1], v};
-    qsort(order, n, sizeof *order, mirror_by_height);
+        order[v] = sort_key(x[3 * v + 1], (uint32_t)v);
+    sort_keys(order, n);
     for (size_t at = 0; at < n; at++)
-        other[order[at].v] = mirror_vertex(x, n, order, at);
+        other[(uint32_t)order[at]] = mirror_vertex(x, n, order, at);
     free(order);
     return 0;
 }

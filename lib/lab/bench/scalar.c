@@ -8,22 +8,12 @@
 #include <sysexits.h>
 
 #include "lib/base/half.h"
+#include "lib/base/sort.h"
 
 /* One Gaussian on the screen, in float. */
 struct scalar_gaussian {
     float z, x, y, A, B, C, rx, ry, opacity;
-    uint32_t i;
 };
-
-/* For qsort: by depth, ties by index. */
-static int scalar_by_depth(const void *a, const void *b)
-{
-    const struct scalar_gaussian *p = a, *q = b;
-
-    if (p->z != q->z)
-        return p->z < q->z ? -1 : 1;
-    return p->i < q->i ? -1 : p->i > q->i;
-}
 
 /* cov2d = J W R S S R^T W^T J^T + 0.3, as in the paper's preliminaries. */
 static int scalar_project(struct scalar_gaussian *s, const struct gaussians *g,
@@ -69,7 +59,7 @@ static int scalar_project(struct scalar_gaussian *s, const struct gaussians *g,
         .z = c[2], .x = cam->fx * c[0] / c[2] + cam->cx,
         .y = cam->fy * c[1] / c[2] + cam->cy, .A = yy / det, .B = -xy / det,
         .C = xx / det, .rx = sqrtf(L * xx), .ry = sqrtf(L * yy),
-        .opacity = g->opacity[i], .i = (uint32_t)i};
+        .opacity = g->opacity[i]};
     return s->x + s->rx > 0 && s->x - s->rx < (float)width &&
            s->y + s->ry > 0 && s->y - s->ry < (float)height;
 }
@@ -114,24 +104,29 @@ int scalar_forward(float *image, float *alpha, const struct gaussians *g,
                    struct error *err)
 {
     struct scalar_gaussian *spot = malloc((g->n + 1) * sizeof *spot);
+    uint64_t *order = malloc((g->n + 1) * sizeof *order);
     size_t pixels = (size_t)width * (size_t)height, n = 0;
     float color[SPLAT_MAX_CHANNELS];
 
-    if (!spot)
+    if (!spot || !order) {
+        free(spot);
+        free(order);
         return error_set(err, EX_OSERR, "out of memory");
+    }
     for (size_t i = 0; i < g->n; i++)
-        n += (size_t)scalar_project(&spot[n], g, i, cam, width, height);
-    qsort(spot, n, sizeof *spot, scalar_by_depth);
+        if (scalar_project(&spot[i], g, i, cam, width, height))
+            order[n++] = sort_key(spot[i].z, (uint32_t)i);
+    sort_keys(order, n);
     memset(image, 0, pixels * (size_t)channels * sizeof *image);
     for (size_t p = 0; p < pixels; p++)
         alpha[p] = 1;
     for (size_t k = 0; k < n; k++) {
-        size_t at = spot[k].i * (size_t)g->channels;
+        size_t i = (uint32_t)order[k], at = i * (size_t)g->channels;
 
         for (int c = 0; c < channels; c++)
             color[c] = g->color ? g->color[at + (size_t)c]
                                 : half_to_float(g->color_half[at + (size_t)c]);
-        scalar_blend(image, alpha, &spot[k], color, width, height, channels);
+        scalar_blend(image, alpha, &spot[i], color, width, height, channels);
     }
     for (size_t p = 0; p < pixels; p++) {
         float T = fabsf(alpha[p]);
@@ -141,5 +136,6 @@ int scalar_forward(float *image, float *alpha, const struct gaussians *g,
         alpha[p] = 1 - T;
     }
     free(spot);
+    free(order);
     return 0;
 }

@@ -149,12 +149,8 @@ void scan_veils(struct scan_stage *s)
         if (f->stuff[i] < STUFF_VEIL)
             continue;
         float q = (s->spot[v[0]].q + s->spot[v[1]].q + s->spot[v[2]].q);
-        uint32_t key;
-        if (!(q > 0))
-            continue;
-        /* positive floats sort like their bits; nearer is larger */
-        memcpy(&key, &q, sizeof key);
-        s->order[n++] = (uint64_t)key << 32 | i;
+        if (q > 0)
+            s->order[n++] = sort_key(q, i);     /* nearer is larger */
     }
     sort_keys(s->order, n);
     for (size_t k = 0; k < n; k++)
