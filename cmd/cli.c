@@ -30,8 +30,8 @@ static int cli_option_bytes(const char *value, void *dest, struct error *err)
 
     if (unit)
         for (end++; unit >= units; unit--)
-            v *= 1024.0;
-    if (end == value || *end || !(v >= 64.0 && v <= 0x1p46))
+            v *= 1024;
+    if (end == value || *end || !(v >= 64 && v <= 0x1p46))
         return error_set(err, EX_USAGE, "not a size (expected bytes, or a "
                          "number with K, M or G)");
     *(size_t *)dest = (size_t)v;

@@ -96,7 +96,7 @@ static void cli_bar_draw(const char *what, size_t done, size_t total,
         return;
     bar.drawn = now;
     if (total && done) {
-        int part = (int)(20.0 * (double)done / (double)total);
+        int part = (int)(20 * (double)done / (double)total);
 
         left = spent / (double)done * (double)(total - done);
         snprintf(mid, sizeof mid, "/%zu [%-20.*s] %.0f s left", total,

@@ -19,7 +19,7 @@ static struct stage {
 
 double stats_begin(void)
 {
-    return cli.stats ? cpu_seconds() : 0.0;
+    return cli.stats ? cpu_seconds() : 0;
 }
 
 void stats_end(const char *name, double begun)

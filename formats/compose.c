@@ -12,9 +12,9 @@
 static uint8_t compose_level(float v)
 {
     v += 0.5f;
-    if (!(v > 0.0f))
+    if (!(v > 0))
         return 0;
-    return v < 255.0f ? (uint8_t)v : 255;
+    return v < 255 ? (uint8_t)v : 255;
 }
 
 void compose_c(uint8_t *out, const float *color, const float *alpha,
@@ -22,14 +22,14 @@ void compose_c(uint8_t *out, const float *color, const float *alpha,
 {
     for (size_t i = 0; i < n; i++, bg += bg_step)
         for (size_t k = 0; k < 3; k++)
-            out[3 * i + k] = compose_level(color[3 * i + k] * 255.0f
-                                           + (1.0f - alpha[i]) * bg[k]);
+            out[3 * i + k] = compose_level(color[3 * i + k] * 255
+                                           + (1 - alpha[i]) * bg[k]);
 }
 
 void compose_quantise_c(uint8_t *out, const float *x, size_t n)
 {
     for (size_t i = 0; i < n; i++)
-        out[i] = compose_level(x[i] * 255.0f);
+        out[i] = compose_level(x[i] * 255);
 }
 
 void compose_half_c(uint16_t *out, const float *x, size_t n)
@@ -175,7 +175,7 @@ void framesink_compose_rgba(uint8_t *out, const struct framesink_frame *f)
         const float *c = compose_color_run(run, f, at, n);
 
         for (size_t i = 0; i < n; i++, out += 4, c += 3) {
-            float a = f->alpha ? f->alpha[at + i] : 1.0f;
+            float a = f->alpha ? f->alpha[at + i] : 1;
             float s = a > 0 ? 1 / a : 0;
             float v[4] = {c[0] * s, c[1] * s, c[2] * s, a};
 

@@ -39,12 +39,12 @@ static void compose_blend(uint8_t *out, const float *color,
     for (; i + VEC <= n; i += VEC) {
         const uint8_t *b = bg_step ? bg + 3 * i : fill;
 
-        vf t = 1.0f - vf_load(alpha + i);
+        vf t = 1 - vf_load(alpha + i);
 
 #pragma GCC unroll 3
         for (size_t k = 0; k < 3; k++)
             vf_store_bytes(out + 3 * i + VEC * k,
-                           255.0f * vf_load(color + 3 * i + VEC * k) +
+                           255 * vf_load(color + 3 * i + VEC * k) +
                            compose_spread(t, k) * vf_load_bytes(b + VEC * k) +
                            0.5f);
     }
@@ -57,7 +57,7 @@ static void compose_quantise(uint8_t *out, const float *x, size_t n)
     size_t i = 0;
 
     for (; i + VEC <= n; i += VEC)
-        vf_store_bytes(out + i, vf_load(x + i) * 255.0f + 0.5f);
+        vf_store_bytes(out + i, vf_load(x + i) * 255 + 0.5f);
     compose_quantise_c(out + i, x + i, n - i);
 }
 

@@ -97,7 +97,7 @@ static void framesink_interleave(float *pixel, const struct framesink_frame *f,
     for (size_t i = 0; i < N; i++) {
         for (size_t k = 0; k < C; k++)
             *pixel++ = f->color ? f->color[i * C + k]
-                                : (float)f->rgb[3 * i + k] / 255.0f;
+                                : (float)f->rgb[3 * i + k] / 255;
         if (f->alpha)
             *pixel++ = f->alpha[i];
         if (f->depth)

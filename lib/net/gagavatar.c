@@ -119,7 +119,7 @@ void gagavatar_plane(float *points, float d[3], const float cam[12], size_t n)
     }
     distance = fabsf(distance);
     for (size_t k = 0; k < n * n; k++) {
-        const float span = n > 1 ? 2.0f / (float)(n - 1) : 0;
+        const float span = n > 1 ? 2 / (float)(n - 1) : 0;
         const float x = ((float)(k % n) * span - 1) / CAMERA_FOCAL;
         const float y = ((float)(k / n) * span - 1) / CAMERA_FOCAL;
 

@@ -47,7 +47,7 @@ static void gaussian_sigmoids(float y[SIGMOIDS], const float *raw,
     const size_t C = h->colors;
 
     for (size_t c = 0; c < 3; c++) {
-        y[COLOR + c] = (c < C ? raw[c] : 0) + (logit ? logit[c] : 0.0f);
+        y[COLOR + c] = (c < C ? raw[c] : 0) + (logit ? logit[c] : 0);
         y[SCALE + c] = raw[C + 1 + c];
     }
     y[OPACITY] = raw[C];
@@ -73,7 +73,7 @@ static void gaussian_colors(float *color, const float *raw, const float *logit,
         return;
     }
     for (size_t c = 0; c < kept; c++) {
-        float x = raw[c] + (logit && c < 3 ? logit[c] : 0.0f);
+        float x = raw[c] + (logit && c < 3 ? logit[c] : 0);
 
         color[c] = gaussian_color_sigmoid(h, n, c, image_w) ? math_sigmoid(x)
                                                             : x;
@@ -95,8 +95,8 @@ PARALLEL(gaussian_forward, at, struct gaussian_out *, o, const float *, raws,
     o->opacity[at] = y[OPACITY];
     for (size_t i = 0; i < 3; i++)
         o->scale[3 * at + i] = SCALE_MAX * y[SCALE + i];
-    float unit = h->quirk_rotation ? 1.0f
-                                   : 1.0f / gaussian_quat_norm(raw + C + 4);
+    float unit = h->quirk_rotation ? 1
+                                   : 1 / gaussian_quat_norm(raw + C + 4);
     for (size_t i = 0; i < 4; i++)
         o->quat[4 * at + i] = raw[C + 4 + i] * unit;
     if (h->position == GAUSSIAN_POSITION_DEPTH)
@@ -140,7 +140,7 @@ void gaussian_head_forward(struct gaussian_out *out, const float *raw,
 /* Derivative of the sigmoid where it is y. */
 static float gaussian_sigmoid_slope(float y)
 {
-    return y * (1.0f - y);
+    return y * (1 - y);
 }
 
 /* In the forward pass this was: quat = raw / |raw|. */
@@ -179,7 +179,7 @@ static void gaussian_colors_backward(float *draw, const float *g,
         return;
     }
     for (size_t c = 0; c < h->colors; c++) {
-        float x = raw[c] + (logit && c < 3 ? logit[c] : 0.0f);
+        float x = raw[c] + (logit && c < 3 ? logit[c] : 0);
 
         draw[c] = gaussian_color_sigmoid(h, n, c, image_w)
                       ? g[c] * gaussian_sigmoid_slope(math_sigmoid(x)) : g[c];
@@ -203,22 +203,22 @@ PARALLEL(gaussian_backward, at, float *, draws, float *, dlogits,
     for (size_t c = 0; dlogits && c < 3 && c < C; c++)
         dlogits[3 * at + c] = draw[c];
     draw[C] = d->opacity ? d->opacity[at] * gaussian_sigmoid_slope(y[OPACITY])
-                         : 0.0f;
+                         : 0;
     for (size_t i = 0; i < 3; i++)
         draw[C + 1 + i] = d->scale ? SCALE_MAX * d->scale[3 * at + i] *
                                          gaussian_sigmoid_slope(y[SCALE + i])
-                                   : 0.0f;
+                                   : 0;
     for (size_t i = 0; i < 4; i++)
-        draw[C + 4 + i] = 0.0f;
+        draw[C + 4 + i] = 0;
     if (d->quat && !h->quirk_rotation)
         gaussian_quat_backward(draw + C + 4, d->quat + 4 * at, raw + C + 4);
     if (h->position == GAUSSIAN_POSITION_DEPTH)
         draw[C + 8] = d->position
                     ? d->position[at] * gaussian_sigmoid_slope(y[DEPTH])
-                    : 0.0f;
+                    : 0;
     else if (h->position == GAUSSIAN_POSITION_OFFSET)
         for (size_t i = 0; i < 3; i++)
-            draw[C + 8 + i] = d->position ? d->position[3 * at + i] : 0.0f;
+            draw[C + 8 + i] = d->position ? d->position[3 * at + i] : 0;
 }
 
 /* In the forward pass: quat[n] = raw[n] / sqrt(sum_n raw[n]^2), each i. */

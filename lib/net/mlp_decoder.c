@@ -57,7 +57,7 @@ int mlp_decoder_init(struct mlp_decoder *d, struct params *ps,
         nn_name(name, "%sfeature_layers.%d", prefix, 2 * i);
         linear_init(&im->trunk[i], ps, name, i ? width : in, width, true);
         im->trunk[i].act = i < 3 ? ACT_RELU : ACT_NONE;
-        ps->tensor[im->trunk[i].weight].gain = i < 3 ? 1.4142135f : 1.0f;
+        ps->tensor[im->trunk[i].weight].gain = i < 3 ? 1.4142135f : 1;
     }
     for (int i = 0; i < 4; i++) {
         nn_name(name, "%s%s_layers.0", prefix, attribute[i]);

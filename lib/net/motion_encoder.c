@@ -68,7 +68,7 @@ void motion_encoder_init_weights(struct motion_encoder *m)
     float *b = param_w(m->ps, m->head[0].bias);
 
     memcpy(b, rot, sizeof rot);
-    param_w(m->ps, m->head[1].bias)[2] = 7.0f;
+    param_w(m->ps, m->head[1].bias)[2] = 7;
     b = param_w(m->ps, m->head[4].bias);
     b[0] = b[1] = -2.0f;          /* sigmoid 0.12 */
 }

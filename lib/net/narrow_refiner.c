@@ -267,7 +267,7 @@ static void narrow_step_forward(struct narrow_step *s, const float *x,
     conv_forward(s->c, x, &s->up);
     rescale_forward(s->r, s->c, &s->grow);
     conv_forward(s->t, e, &s->condition);
-    sft_forward(s->y, s->r, s->t, 1.0f, places, s->width);
+    sft_forward(s->y, s->r, s->t, 1, places, s->width);
     conv_forward(s->z, s->y, &s->body);
 }
 
@@ -355,7 +355,7 @@ static void narrow_step_backward(float *dx, struct narrow_step *s,
                                  struct narrow_refiner *r)
 {
     conv_backward(s->dy, s->dz, s->z, s->y, &s->body);
-    sft_backward(s->dy, s->dt, s->dy, s->r, s->t, 1.0f, places, s->width);
+    sft_backward(s->dy, s->dt, s->dy, s->r, s->t, 1, places, s->width);
     if (r->turns)
         conditional_conv_backward(s->de, r->dturn, s->dt, s->t, e, r->turn,
                                   &s->conditional);

@@ -47,7 +47,7 @@ void small_backbone_init(struct small_backbone *s, struct params *ps,
     for (size_t i = L - 1; i-- > 0;)
         small_backbone_declare(&s->up[i], ps, prefix, "up", i, s->channels[i],
                                i ? s->channels[i - 1] : features, 1,
-                               i ? GAIN : 1.0f);
+                               i ? GAIN : 1);
     s->up[0].act = ACT_NONE;
     s->down[0].no_din = true;
 }
@@ -189,7 +189,7 @@ int small_backbone_graph(struct graph *g, int picture, size_t input,
     if (input != 2 * n)
         x = graph_resize(g, x, 3, 2 * n, 2 * n);
     x = GRAPH_NODE(g, "Sub", x, graph_real(g, 0.45f));
-    x = GRAPH_NODE(g, "Mul", x, graph_real(g, 4.0f));
+    x = GRAPH_NODE(g, "Mul", x, graph_real(g, 4));
     x = graph_to_depth(g, x, 2);
     for (size_t i = 0; i < L; i++) {
         n = i ? (n + 1) / 2 : n;

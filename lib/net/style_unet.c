@@ -103,10 +103,10 @@ static void style_unet_encoder_init(struct style_unet *s, const char *prefix)
                        style_unet_width(s, side / 2), up, true);
         style_condition_init(&l->scale, ps,
                              nn_name(name, "%scondition_scale.%zu", prefix, i),
-                             up, 2 * up, 1.0f);
+                             up, 2 * up, 1);
         style_condition_init(&l->shift, ps,
                              nn_name(name, "%scondition_shift.%zu", prefix, i),
-                             up, 2 * up, 0.0f);
+                             up, 2 * up, 0);
     }
     style_lrelu_conv(&s->final_conv, ps, nn_name(name, "%sfinal_conv", prefix),
                      C, C, 3);

@@ -15,7 +15,7 @@ VEC_INLINE vf act_of(vf x, int act)
         return vf_max(x, ACT_SLOPE * x);
     case ACT_HARDSWISH:
     case ACT_HARDSIGMOID:
-        t = vf_min(vf_set(6.0f), vf_max(vf_set(0), x + 3.0f));
+        t = vf_min(vf_set(6), vf_max(vf_set(0), x + 3));
         return act == ACT_HARDSWISH ? x * t * (1.0f / 6) : t * (1.0f / 6);
     case ACT_SIGMOID:
         return vf_sigmoid(x);
@@ -43,25 +43,25 @@ VEC_INLINE vf act_slope_of(vf x, int act)
     case ACT_LRELU:
         return vf_sel(vf_gt(x, vf_set(0)), one, vf_set(ACT_SLOPE));
     case ACT_HARDSWISH:
-        in = vf_sel(vf_gt(x, vf_set(-3)), (2.0f * x + 3.0f) * (1.0f / 6), zero);
+        in = vf_sel(vf_gt(x, vf_set(-3)), (2 * x + 3) * (1.0f / 6), zero);
         return vf_sel(vf_gt(vf_set(3), x), in, one);
     case ACT_HARDSIGMOID:
         in = vf_sel(vf_gt(x, vf_set(-3)), vf_set(1.0f / 6), zero);
         return vf_sel(vf_gt(vf_set(3), x), in, zero);
     case ACT_SIGMOID:
         y = vf_sigmoid(x);
-        return y * (1.0f - y);
+        return y * (1 - y);
     case ACT_TANH:
         y = vf_tanh(x);
-        return 1.0f - y * y;
+        return 1 - y * y;
     case ACT_GELU_TANH:
-        t = vf_set((float)ACT_GELU_A) + 3.0f * (float)ACT_GELU_B * x * x;
+        t = vf_set((float)ACT_GELU_A) + 3 * (float)ACT_GELU_B * x * x;
         y = vf_sigmoid(x * (vf_set((float)ACT_GELU_A) +
                             (float)ACT_GELU_B * x * x));
-        return y + x * y * (1.0f - y) * t;
+        return y + x * y * (1 - y) * t;
     case ACT_SILU:
         y = vf_sigmoid(x);
-        return y + x * y * (1.0f - y);
+        return y + x * y * (1 - y);
     default:
         return one;
     }
@@ -114,7 +114,7 @@ void ISA(act_sums)(float *sum, float *dout, const float *out, int act,
                    size_t rows, size_t C)
 {
     for (size_t c = 0; c < C; c++)
-        sum[c] = 0.0f;
+        sum[c] = 0;
 #define LOOP(A)                                                              \
     for (size_t r = 0; r < rows; r++) {                                      \
         float *restrict d = dout + r * C;                                    \
@@ -140,7 +140,7 @@ void ISA(act_sums_half)(float *sum, uint16_t *dout, const uint16_t *out,
                         int act, size_t rows, size_t C)
 {
     for (size_t c = 0; c < C; c++)
-        sum[c] = 0.0f;
+        sum[c] = 0;
     for (size_t r = 0; r < rows; r++) {
         uint16_t *restrict d = dout + r * C;
         const uint16_t *restrict y = out + r * C;

@@ -73,7 +73,7 @@ static void attention_head_forward(float *out, const float *q,
         size_t n = T - m < ROWS ? T - m : ROWS;
 
         k->gemm(w.p, w.ld, q + m * a->row, a->row, 1, w.kt, n, T, d, 0);
-        k->softmax(w.p, n, T, w.ld, 1.0f / sqrtf((float)d));
+        k->softmax(w.p, n, T, w.ld, 1 / sqrtf((float)d));
         k->gemm(out + m * E, E, w.p, w.ld, 1, w.v, n, d, T, 0);
     }
 }
@@ -103,7 +103,7 @@ static void attention_head_backward(float *dq, const float *dout,
     const struct nn_kernels *k = nn_kernels();
     struct attention_work w = attention_work(a);
     size_t T = a->tokens, d = a->dim, E = a->heads * d;
-    float scale = 1.0f / sqrtf((float)d);
+    float scale = 1 / sqrtf((float)d);
 
     k->gemm_pack(w.kt, q + E, 1, 3 * E, d, T);
     k->gemm_pack(w.vt, q + 2 * E, 1, 3 * E, d, T);

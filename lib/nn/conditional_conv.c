@@ -19,7 +19,7 @@ void conditional_conv_init(struct conditional_conv *v, struct conv *c,
 
     *v = (struct conditional_conv){ .conv = c, .n = n };
     v->tensor = params_add(c->ps, nn_name(buf, "%s.vary", name), 5, dims,
-                           PARAM_ZERO, 0.0f);
+                           PARAM_ZERO, 0);
 }
 
 void conditional_conv_plan(struct conditional_conv *v, struct nn_plan *p)

@@ -42,10 +42,10 @@ static void conv_declare(struct conv *c, struct params *ps, const char *name,
                         .stride = stride, .bias = NN_NONE, .gamma = NN_NONE };
     size_t dims[4] = { out, in, kernel, kernel };
     c->weight = params_add(ps, nn_name(buf, "%s.weight", name), ndim, dims,
-                           PARAM_HE, 1.0f);
+                           PARAM_HE, 1);
     if (bias)
         c->bias = params_add(ps, nn_name(buf, "%s.bias", name), 1, &out,
-                             PARAM_ZERO, 0.0f);
+                             PARAM_ZERO, 0);
 }
 
 void conv_init(struct conv *c, struct params *ps, const char *name, size_t in,
@@ -72,7 +72,7 @@ void deconv_init(struct conv *c, struct params *ps, const char *name,
     c->weight = params_add(ps, nn_name(buf, "%s.weight", name), 4, dims,
                            PARAM_HE, (float)f);
     c->bias = params_add(ps, nn_name(buf, "%s.bias", name), 1, &out,
-                         PARAM_ZERO, 0.0f);
+                         PARAM_ZERO, 0);
 }
 
 /* ---- the methods --------------------------------------------------------- */
@@ -394,11 +394,11 @@ static const float *conv_staged_weights(struct conv *c)
     size_t taps = c->kernel * c->kernel;
 
     for (size_t o = 0; o < c->out; o++)
-        im->bias[o] = b ? b[o] : 0.0f;
+        im->bias[o] = b ? b[o] : 0;
     if (!bn && c->in_data == c->in && c->gamma == NN_NONE)
         return w;
     for (size_t o = 0; o < c->out; o++) {
-        float scale = 1.0f;
+        float scale = 1;
 
         if (c->gamma != NN_NONE) {
             scale = param_w(c->ps, c->gamma)[o];

@@ -78,9 +78,9 @@ static dnnl_primitive_attr_t conv_onednn_attributes(const struct conv *c,
         dnnl_post_ops_append_binary(post, dnnl_binary_mul, &scale);
     }
     if (c->add)
-        dnnl_post_ops_append_sum(post, 1.0f);
+        dnnl_post_ops_append_sum(post, 1);
     if (c->act != ACT_NONE)
-        dnnl_post_ops_append_eltwise(post, 1.0f, alg[c->act],
+        dnnl_post_ops_append_eltwise(post, 1, alg[c->act],
                                      c->act == ACT_LRELU ? ACT_SLOPE
                                      : c->act == ACT_SILU ? 1 : 0, 0);
     dnnl_primitive_attr_set_post_ops(attr, post);
@@ -222,7 +222,7 @@ static void conv_onednn_plan_reorder(struct nn_call *call,
     dnnl_primitive_attr_set_scratchpad_mode(attr, dnnl_scratchpad_mode_user);
     dnnl_post_ops_create(&post);
     if (back)
-        dnnl_post_ops_append_sum(post, 1.0f);
+        dnnl_post_ops_append_sum(post, 1);
     dnnl_primitive_attr_set_post_ops(attr, post);
     if (dnnl_reorder_primitive_desc_create(&pd, back ? md : &plain,
                                            nn_engine(), back ? &plain : md,

@@ -19,7 +19,7 @@ void depthwise_init(struct depthwise *d, struct params *ps, const char *name,
     *d = (struct depthwise){ .ps = ps, .channels = channels,
                              .kernel = kernel, .stride = stride };
     d->weight = params_add(ps, nn_name(buf, "%s.weight", name), 4, dims,
-                           PARAM_HE, 1.0f);
+                           PARAM_HE, 1);
 }
 
 /* Output pixels along an axis of `size`, and the padding before the first. */
@@ -45,7 +45,7 @@ static void depthwise_update(void *layer)
 
     for (size_t c = 0; c < d->channels; c++) {
         size_t at = c / L * L * taps + c % L;
-        float scale = 1.0f, bias = 0.0f;
+        float scale = 1, bias = 0;
 
         if (bn) {
             scale = param_w(ps, bn->weight)[c] /

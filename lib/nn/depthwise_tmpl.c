@@ -94,7 +94,7 @@ VEC_INLINE vf depthwise_activate(vf x, int act)
     case ACT_RELU:
         return vf_max(x, zero);
     case ACT_HARDSWISH:
-        t = vf_min(vf_set(6.0f), vf_max(zero, x + 3.0f));
+        t = vf_min(vf_set(6), vf_max(zero, x + 3));
         return x * t * (1.0f / 6);
     default:
         return x;

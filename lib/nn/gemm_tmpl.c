@@ -34,7 +34,7 @@ void ISA(gemm_pack)(float *packed, const float *B, size_t rs, size_t cs,
             for (size_t j = 0; j < n; j++)
                 packed[j] = p[j * cs];
             for (size_t j = n; j < PANEL; j++)
-                packed[j] = 0.0f;
+                packed[j] = 0;
         }
     }
 }
@@ -111,7 +111,7 @@ void ISA(softmax)(float *p, size_t rows, size_t n, size_t ld, float scale)
 {
     for (size_t r = 0; r < rows; r++) {
         float *restrict row = p + r * ld;
-        float lane[16], sum = 0.0f, max;
+        float lane[16], sum = 0, max;
         size_t whole = n / 16 * 16;
 
         for (int i = 0; i < 16; i++)
@@ -128,7 +128,7 @@ void ISA(softmax)(float *p, size_t rows, size_t n, size_t ld, float scale)
         for (size_t k = 0; k < n; k++)
             row[k] = math_exp((row[k] - max) * scale);
         for (int i = 0; i < 16; i++)
-            lane[i] = 0.0f;
+            lane[i] = 0;
         for (size_t k = 0; k < whole; k += 16)
             for (int i = 0; i < 16; i++)
                 lane[i] += row[k + (size_t)i];
@@ -136,7 +136,7 @@ void ISA(softmax)(float *p, size_t rows, size_t n, size_t ld, float scale)
             sum += lane[i];
         for (size_t k = whole; k < n; k++)
             sum += row[k];
-        float unit = 1.0f / sum;
+        float unit = 1 / sum;
         for (size_t k = 0; k < n; k++)
             row[k] *= unit;
     }
@@ -150,7 +150,7 @@ void ISA(softmax_backward)(float *dp, const float *p, size_t rows, size_t n,
     for (size_t r = 0; r < rows; r++) {
         float *restrict d = dp + r * ld;
         const float *restrict q = p + r * ld;
-        float lane[16] = { 0 }, sum = 0.0f;
+        float lane[16] = { 0 }, sum = 0;
 
         for (size_t k = 0; k < n; k += 16)
             for (size_t i = 0; i < 16 && k + i < n; i++)

@@ -57,7 +57,7 @@ void ISA(rescale_line_backward)(float *din, float *line, const float *dout,
     float *restrict t = line;
 
     for (size_t k = 0; k < row; k++)
-        t[k] = 0.0f;
+        t[k] = 0;
     for (int32_t j = y->start[i]; j < y->start[i + 1]; j++) {
         const float *restrict p = dout + (size_t)y->from[j] * row;
         float w = y->tweight[j];
@@ -69,7 +69,7 @@ void ISA(rescale_line_backward)(float *din, float *line, const float *dout,
         float *restrict d = din + k * C;
 
         for (size_t c = 0; c < C; c++)
-            d[c] = 0.0f;
+            d[c] = 0;
         for (int32_t j = x->start[k]; j < x->start[k + 1]; j++) {
             const float *restrict p = t + (size_t)x->from[j] * C;
             float w = x->tweight[j];

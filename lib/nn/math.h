@@ -24,10 +24,10 @@
 /* e^x to 2 units in the last place; saturates at +-87. */
 static inline float math_exp(float x)
 {
-    x = x < -87.0f ? -87.0f : x;
-    x = x > 87.0f ? 87.0f : x;
+    x = x < -87 ? -87 : x;
+    x = x > 87 ? 87 : x;
     /* 1.5 * 2^23: adding it rounds to an integer */
-    float magic = 12582912.0f;
+    float magic = 12582912;
     float n = (x * 1.44269504f + magic) - magic;
     float r = (x - n * 0.693359375f) - n * -2.12194440e-4f;
     float p = 1.9875691500e-4f;
@@ -38,12 +38,12 @@ static inline float math_exp(float x)
 
 static inline float math_sigmoid(float x)
 {
-    return 1.0f / (1.0f + math_exp(-x));
+    return 1 / (1 + math_exp(-x));
 }
 
 static inline float math_tanh(float x)
 {
-    return 1.0f - 2.0f / (1.0f + math_exp(2.0f * x));
+    return 1 - 2 / (1 + math_exp(2 * x));
 }
 
 /* act(x); act is a constant where this is inlined. */
@@ -51,14 +51,14 @@ static inline __attribute__((always_inline)) float math_act(float x, int act)
 {
     switch (act) {
     case ACT_RELU:
-        return x > 0.0f ? x : 0.0f;
+        return x > 0 ? x : 0;
     case ACT_LRELU:
-        return x > 0.0f ? x : ACT_SLOPE * x;
+        return x > 0 ? x : ACT_SLOPE * x;
     case ACT_HARDSWISH:
     case ACT_HARDSIGMOID: {
-        float t = x + 3.0f;
-        t = t < 0.0f ? 0.0f : t;
-        t = t > 6.0f ? 6.0f : t;
+        float t = x + 3;
+        t = t < 0 ? 0 : t;
+        t = t > 6 ? 6 : t;
         return act == ACT_HARDSWISH ? x * t * (1.0f / 6) : t * (1.0f / 6);
     }
     case ACT_SIGMOID:
@@ -66,7 +66,7 @@ static inline __attribute__((always_inline)) float math_act(float x, int act)
     case ACT_TANH:
         return math_tanh(x);
     case ACT_GELU:
-        return 0.5f * x * (1.0f + erff(x * 0.70710678f));
+        return 0.5f * x * (1 + erff(x * 0.70710678f));
     case ACT_GELU_TANH:
         return x * math_sigmoid(x * ((float)ACT_GELU_A +
                                      (float)ACT_GELU_B * x * x));
@@ -82,39 +82,39 @@ static inline __attribute__((always_inline)) float math_slope(float x, int act)
 {
     switch (act) {
     case ACT_RELU:
-        return x > 0.0f ? 1.0f : 0.0f;
+        return x > 0 ? 1 : 0;
     case ACT_LRELU:
-        return x > 0.0f ? 1.0f : ACT_SLOPE;
+        return x > 0 ? 1 : ACT_SLOPE;
     case ACT_HARDSWISH: {
-        float in = x > -3.0f ? (2.0f * x + 3.0f) * (1.0f / 6) : 0.0f;
-        return x < 3.0f ? in : 1.0f;
+        float in = x > -3 ? (2 * x + 3) * (1.0f / 6) : 0;
+        return x < 3 ? in : 1;
     }
     case ACT_HARDSIGMOID: {
-        float in = x > -3.0f ? 1.0f / 6 : 0.0f;
-        return x < 3.0f ? in : 0.0f;
+        float in = x > -3 ? 1.0f / 6 : 0;
+        return x < 3 ? in : 0;
     }
     case ACT_SIGMOID: {
         float y = math_sigmoid(x);
-        return y * (1.0f - y);
+        return y * (1 - y);
     }
     case ACT_TANH: {
         float y = math_tanh(x);
-        return 1.0f - y * y;
+        return 1 - y * y;
     }
     case ACT_GELU:
-        return 0.5f * (1.0f + erff(x * 0.70710678f)) +
+        return 0.5f * (1 + erff(x * 0.70710678f)) +
                x * 0.39894228f * math_exp(-0.5f * x * x);
     case ACT_GELU_TANH: {
         const float a = (float)ACT_GELU_A, b = (float)ACT_GELU_B;
         float y = math_sigmoid(x * (a + b * x * x));
-        return y + x * y * (1.0f - y) * (a + 3.0f * b * x * x);
+        return y + x * y * (1 - y) * (a + 3 * b * x * x);
     }
     case ACT_SILU: {
         float y = math_sigmoid(x);
-        return y + x * y * (1.0f - y);
+        return y + x * y * (1 - y);
     }
     default:
-        return 1.0f;
+        return 1;
     }
 }
 
@@ -124,15 +124,15 @@ static inline __attribute__((always_inline)) float math_slope_out(float y,
 {
     switch (act) {
     case ACT_RELU:
-        return y > 0.0f ? 1.0f : 0.0f;
+        return y > 0 ? 1 : 0;
     case ACT_LRELU:
-        return y > 0.0f ? 1.0f : ACT_SLOPE;
+        return y > 0 ? 1 : ACT_SLOPE;
     case ACT_SIGMOID:
-        return y * (1.0f - y);
+        return y * (1 - y);
     case ACT_TANH:
-        return 1.0f - y * y;
+        return 1 - y * y;
     default:
-        return 1.0f;
+        return 1;
     }
 }
 

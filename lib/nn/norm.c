@@ -22,13 +22,13 @@ void batch_norm_init(struct batch_norm *n, struct params *ps,
     n->channels = channels;
     n->eps = eps;
     n->weight = params_add(ps, nn_name(buf, "%s.weight", name), 1, &channels,
-                           PARAM_ONE, 1.0f);
+                           PARAM_ONE, 1);
     n->bias = params_add(ps, nn_name(buf, "%s.bias", name), 1, &channels,
-                         PARAM_ZERO, 0.0f);
+                         PARAM_ZERO, 0);
     n->mean = params_add(ps, nn_name(buf, "%s.running_mean", name), 1,
-                         &channels, PARAM_ZERO, 0.0f);
+                         &channels, PARAM_ZERO, 0);
     n->var = params_add(ps, nn_name(buf, "%s.running_var", name), 1,
-                        &channels, PARAM_ONE, 1.0f);
+                        &channels, PARAM_ONE, 1);
     ps->tensor[n->mean].frozen = ps->tensor[n->var].frozen = true;
 }
 
@@ -224,9 +224,9 @@ void layer_norm_init(struct layer_norm *n, struct params *ps,
     if (!name)
         return;
     n->weight = params_add(ps, nn_name(buf, "%s.weight", name), 1, &channels,
-                           PARAM_ONE, 1.0f);
+                           PARAM_ONE, 1);
     n->bias = params_add(ps, nn_name(buf, "%s.bias", name), 1, &channels,
-                         PARAM_ZERO, 0.0f);
+                         PARAM_ZERO, 0);
 }
 
 /* One chunk. */

@@ -29,7 +29,7 @@ static void norm_sums_begin(struct norm_long_row *t, float *sum,
     t->b = t->rep > 1 ? t->s2 : sum + C;
     t->origin = t->rep > 1 ? t->k : origin;
     for (size_t c = 0; c < t->length; c++)
-        t->a[c] = t->b[c] = 0.0f;
+        t->a[c] = t->b[c] = 0;
     for (size_t c = 0; t->rep > 1 && c < t->length; c++)
         t->k[c] = origin[c % C];
 }
@@ -144,7 +144,7 @@ void ISA(norm_backward_apply)(float *dx, const float *dz, const float *x,
 /* Sum of n values in 16 lanes, folded in a fixed order. */
 static inline float norm_lane_sum(const float *lane)
 {
-    float s = 0.0f;
+    float s = 0;
 
     for (int i = 0; i < 16; i++)
         s += lane[i];
@@ -163,15 +163,15 @@ void ISA(layer_norm_forward)(float *y, float *mean, float *rstd,
 
         for (size_t c = 0; c < C; c += 16)
             for (size_t i = 0; i < 16; i++)
-                s[i] += c + i < C ? p[c + i] : 0.0f;
+                s[i] += c + i < C ? p[c + i] : 0;
         float m = norm_lane_sum(s) / (float)C;
         for (size_t c = 0; c < C; c += 16)
             for (size_t i = 0; i < 16; i++) {
-                float d = c + i < C ? p[c + i] - m : 0.0f;
+                float d = c + i < C ? p[c + i] - m : 0;
 
                 v[i] += d * d;
             }
-        float k = 1.0f / sqrtf(norm_lane_sum(v) / (float)C + eps);
+        float k = 1 / sqrtf(norm_lane_sum(v) / (float)C + eps);
         for (size_t c = 0; c < C; c++)
             q[c] = w ? (p[c] - m) * k * w[c] + b[c] : (p[c] - m) * k;
         if (mean) {
@@ -188,7 +188,7 @@ void ISA(layer_norm_backward)(float *dx, float *sum, const float *dy,
                               size_t C)
 {
     for (size_t c = 0; c < 2 * C; c++)
-        sum[c] = 0.0f;
+        sum[c] = 0;
     for (size_t r = 0; r < rows; r++) {
         const float *restrict p = x + r * C, *g = dy + r * C;
         float *d = dx + r * C, m = mean[r], k = rstd[r];

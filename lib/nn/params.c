@@ -99,7 +99,7 @@ static void params_fill(float *w, const struct param *t, uint64_t seed)
 {
     struct random r;
     double fan_in = t->ndim > 1 ? (double)t->count / (double)t->dim[0] : 1;
-    double bound = t->gain * sqrt(3.0 / fmax(fan_in, 1));
+    double bound = t->gain * sqrt(3 / fmax(fan_in, 1));
 
     random_init(&r, seed, t->name);
     for (size_t i = 0; i < t->count; i++)

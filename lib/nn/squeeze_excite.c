@@ -77,7 +77,7 @@ void spatial_mean_forward(float *mean, float *part, const float *x, size_t B,
     parallel_each(spatial_mean_forward_part, B * P, 1, part, x, P, pixels, C);
     for (size_t n = 0; n < B; n++)
         squeeze_excite_fold(mean + n * C, part + n * P * C, P, C,
-                            1.0f / (float)pixels);
+                            1 / (float)pixels);
 }
 
 PARALLEL(spatial_mean_backward_part, k, float *, dx, const float *, dmean,
@@ -92,7 +92,7 @@ PARALLEL(spatial_mean_backward_part, k, float *, dx, const float *, dmean,
 void spatial_mean_backward(float *dx, const float *dmean, size_t B,
                            size_t pixels, size_t C)
 {
-    float scale = 1.0f / (float)pixels;
+    float scale = 1 / (float)pixels;
 
     parallel_each(spatial_mean_backward_part, B * pixels, 1, dx, dmean, C,
                   pixels, scale);
@@ -167,7 +167,7 @@ void squeeze_excite_backward(float *dx, const float *dy, const float *x,
 
     parallel_each(squeeze_excite_backward_part, B * P, 1, s, dy, x, P, C);
     for (size_t n = 0; n < B; n++)
-        squeeze_excite_fold(s->dgate + n * C, s->part + n * P * C, P, C, 1.0f);
+        squeeze_excite_fold(s->dgate + n * C, s->part + n * P * C, P, C, 1);
     squeeze_excite_gate_backward(s);
 
     parallel_each(squeeze_excite_gather_part, B * P, 1, s, dx, dy, P, C);

@@ -12,7 +12,7 @@ void ISA(gemv)(float *y, const float *w, const float *x, const float *b,
         const float *row = w + o * in;
 
         vf acc[VEC_PARTS] = { { 0 } };
-        float lane[16], sum = b ? b[o] : 0.0f;
+        float lane[16], sum = b ? b[o] : 0;
         for (size_t i = 0; i < whole; i += 16)
             for (size_t j = 0; j < VEC_PARTS; j++)
                 acc[j] += vf_load(row + i + VEC * j) *
@@ -80,7 +80,7 @@ void ISA(channel_dot)(float *sum, const float *a, const float *b, size_t rows,
     float *restrict s = sum;
 
     for (size_t c = 0; c < C; c++)
-        s[c] = 0.0f;
+        s[c] = 0;
     for (size_t r = 0; r < rows; r++)
         for (size_t c = 0; c < C; c++)
             s[c] += a[r * C + c] * b[r * C + c];

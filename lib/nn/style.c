@@ -221,7 +221,7 @@ static void style_demodulate_backward(const float *dd, size_t n,
         float dq = (float)(-0.25 * d * d * d * (double)dd[o]);
 
         for (size_t i = 0; i < s->in; i++) {
-            float a = 2.0f * dq * st[i];
+            float a = 2 * dq * st[i];
 
             dst[i] += a * s->squares[o * s->in + i];
             for (size_t k = 0; k < 9; k++)

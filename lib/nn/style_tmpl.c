@@ -14,7 +14,7 @@ void ISA(style_finish)(float *y, const float *u, const float *d,
         for (size_t c = 0; c < C; c++) {
             float z = p[c] * d[c] + (n + b[c]);
 
-            q[c] = z > 0.0f ? z : ACT_SLOPE * z;
+            q[c] = z > 0 ? z : ACT_SLOPE * z;
         }
     }
 }
@@ -28,13 +28,13 @@ void ISA(style_backward)(float *du, float *sum, const float *dy,
     float *restrict s0 = sum, *restrict s1 = sum + C, *restrict s2 = s1 + C;
 
     for (size_t c = 0; c < 3 * C; c++)
-        sum[c] = 0.0f;
+        sum[c] = 0;
     for (size_t r = 0; r < rows; r++) {
         const float *p = u + r * C, *q = y + r * C, *g = dy + r * C;
         float *to = du + r * C, n = noise[r];
         KERNEL_INDEPENDENT
         for (size_t c = 0; c < C; c++) {
-            float dz = g[c] * (q[c] > 0.0f ? 1.0f : ACT_SLOPE);
+            float dz = g[c] * (q[c] > 0 ? 1 : ACT_SLOPE);
 
             s0[c] += dz;
             s1[c] += dz * p[c];

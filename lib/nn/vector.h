@@ -28,9 +28,9 @@ VEC_INLINE void vf_store_bf16(uint16_t *p, vf a)
 /* e^x, and below the sigmoid and tanh: math.h's, to the bit. */
 VEC_INLINE vf vf_exp(vf x)
 {
-    x = vf_max(vf_set(-87.0f), x);
-    x = vf_min(vf_set(87.0f), x);
-    vf magic = vf_set(12582912.0f);
+    x = vf_max(vf_set(-87), x);
+    x = vf_min(vf_set(87), x);
+    vf magic = vf_set(12582912);
     vf n = (x * 1.44269504f + magic) - magic;
     vf r = (x - n * 0.693359375f) - n * -2.12194440e-4f;
     vf p = vf_set(1.9875691500e-4f);
@@ -41,13 +41,13 @@ VEC_INLINE vf vf_exp(vf x)
 /* 1 / (1 + e^-x) */
 VEC_INLINE vf vf_sigmoid(vf x)
 {
-    return 1.0f / (1.0f + vf_exp(-x));
+    return 1 / (1 + vf_exp(-x));
 }
 
 /* tanh by e^2x */
 VEC_INLINE vf vf_tanh(vf x)
 {
-    return 1.0f - 2.0f / (1.0f + vf_exp(2.0f * x));
+    return 1 - 2 / (1 + vf_exp(2 * x));
 }
 
 #endif

@@ -110,8 +110,8 @@ void ISA(winograd_output)(float *out, const float *m, const struct winograd *g,
     size_t ny = g->h - y0 < 4 ? g->h - y0 : 4;
     size_t nx = g->w - x0 < 4 ? g->w - x0 : 4;
 
-    vf slope = vf_set(g->act == ACT_NONE ? 1.0f
-                        : g->act == ACT_RELU ? 0.0f : ACT_SLOPE);
+    vf slope = vf_set(g->act == ACT_NONE ? 1
+                        : g->act == ACT_RELU ? 0 : ACT_SLOPE);
     for (size_t c = 0; c < C; c += VEC) {
         vf t[4][6], bias = vf_load(g->bias + c);
         for (int x = 0; x < 6; x++) {

@@ -61,7 +61,7 @@ DEFINE_SUM(sum_f64, double, (double))
 
 void array_stats(struct array_stats *s, const struct array *a)
 {
-    struct sums t = { INFINITY, -INFINITY, 0.0, 0 };
+    struct sums t = { INFINITY, -INFINITY, 0, 0 };
     size_t n = array_count(a);
 
     switch (a->dtype) {

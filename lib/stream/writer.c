@@ -250,7 +250,7 @@ int stream_copy(struct stream_writer *w, const struct record *rec,
 
 int stream_finish(struct stream_writer *w, struct error *err)
 {
-    int rc = stream_write(w, RECORD_END, w->records, 0.0, NULL, 0, err);
+    int rc = stream_write(w, RECORD_END, w->records, 0, NULL, 0, err);
     int fd = w->fd;
 
     if (rc) {

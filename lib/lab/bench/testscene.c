@@ -110,7 +110,7 @@ static void testscene_on_ellipsoid(struct testscene *t, size_t i,
 static void testscene_on_sheet(struct testscene *t, size_t i, size_t k,
                                size_t across, struct random *r)
 {
-    double cell = 2.0 / (double)across;
+    double cell = 2 / (double)across;
     double x = -1 + cell * ((double)(k % across) + 0.5);
     double y = 1 - cell * ((double)(k / across) + 0.5);
     double relief = -0.55 + 1.1 * exp(-2.2 * (x * x + y * y)) +
@@ -202,7 +202,7 @@ static int testscene_take_all(struct testscene *t, const struct safetensors *st,
 
     for (size_t i = 0; i < n * CHANNELS; i++) {
         size_t c = i % CHANNELS;
-        double u = (double)(random_mix(key + i) >> 40) / 16777216.0;
+        double u = (double)(random_mix(key + i) >> 40) / 16777216;
 
         ((float *)t->g.color)[i] =
             c < channels ? x[i / CHANNELS * channels + c] : (float)(u - 0.5);

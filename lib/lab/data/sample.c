@@ -348,7 +348,7 @@ int data_portrait(float *rgb, float *mask, size_t n,
         f->height != f->size)
         return error_set(err, EX_DATAERR, "pictures of %zux%zu (expected a "
                          "multiple of %zu)", f->size, f->size, n);
-    part = 1.0f / (255.0f * (float)(k * k));
+    part = 1 / (255 * (float)(k * k));
     memset(rgb, 0, 3 * n * n * sizeof *rgb);
     if (mask)
         memset(mask, 0, n * n * sizeof *mask);

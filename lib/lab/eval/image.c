@@ -59,7 +59,7 @@ void metric_planar_u8(float *planar, const uint8_t *rgb, size_t n)
 {
     for (size_t c = 0; c < 3; c++)
         for (size_t i = 0; i < n; i++)
-            planar[c * n + i] = (float)rgb[3 * i + c] / 255.0f;
+            planar[c * n + i] = (float)rgb[3 * i + c] / 255;
 }
 
 double metric_edges(const float *rgb, size_t H, size_t W)
@@ -226,7 +226,7 @@ int metric_ssim(struct metric_ssim *out, double *map, double *db,
                           pa, pb, H, W, &k);
         out->mean += out->channel[c] / (double)C;
         if (db)
-            metric_plane_ssim_backward(db + c * n, 1.0 / (double)C, 0, pa, pb,
+            metric_plane_ssim_backward(db + c * n, 1 / (double)C, 0, pa, pb,
                                        H, W, &k);
     }
     arena_release(&k.memory);

@@ -142,7 +142,7 @@ static void people_motion(struct people *e, const struct driven *st,
 {
     const struct head *h = e->s->head;
     float x[68 * 3], uv[68][2];
-    double found[3], true_[3], to512 = 512.0 / (double)f->size;
+    double found[3], true_[3], to512 = 512 / (double)f->size;
     struct metric_points p;
     static const char *const angle[3] = {"yaw_deg", "pitch_deg", "roll_deg"};
     double mean = 0;

@@ -215,7 +215,7 @@ void codec_damage(uint8_t *rgb, float *scratch, int n, int q)
     struct blocks b = blocks_split(scratch, rgb, n);
 
     blocks_quantise(b.luma, n, codec_round, &step);
-    codec_deblock(b.luma, n, 2.0f * step);
+    codec_deblock(b.luma, n, 2 * step);
     blocks_quantise(b.cb, b.m, codec_round, &step);
     blocks_quantise(b.cr, b.m, codec_round, &step);
     blocks_join(rgb, &b);

@@ -130,7 +130,7 @@ static double motion_loss_distance(float *uv, const float *truth, size_t n,
                                    size_t size, bool square, double delta,
                                    double scale)
 {
-    double unit = 512.0 / (64.0 * (double)size), sum = 0;
+    double unit = 512 / (64 * (double)size), sum = 0;
 
     for (size_t i = 0; i < n; i++) {
         double a = (uv[2 * i] - truth[2 * i]) * unit;

@@ -118,7 +118,7 @@ static int avatar_task_target(struct task *t, double *parts,
     struct impl *m = t->impl;
     struct avatar_system *tr = &m->tr;
     const struct data_frame *f = l->target[i];
-    double scale = 1.0 / (double)(t->config->batch * t->config->targets);
+    double scale = 1 / (double)(t->config->batch * t->config->targets);
     double terms[TERM_COUNT] = {0};
     struct motion_weights w = t->config->geometry;
     struct motion_state s = {.verts = tr->verts};

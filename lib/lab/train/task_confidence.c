@@ -96,7 +96,7 @@ static int confidence_task_pass(struct task *t, double *parts, uint64_t step,
     for (size_t i = 0; i < m->batch; i++)
         parts[0] += confidence_head_loss(&m->head, m->pooled + i * m->net.features,
                                    m->how[i] == NEGATIVE_NONE,
-                                   1.0 / (double)c->batch);
+                                   1 / (double)c->batch);
     return 0;
 }
 
@@ -140,7 +140,7 @@ static int confidence_task_validate(struct task *t, double *figures,
         }
     }
     for (int k = 0; k < FIGURE_COUNT; k++)
-        figures[k] = 100.0 * (double)wrong[k] / (double)(count[k] + !count[k]);
+        figures[k] = 100 * (double)wrong[k] / (double)(count[k] + !count[k]);
     return 0;
 }
 

@@ -30,7 +30,7 @@ static int light_task_pass(struct task *t, double *parts, uint64_t step,
 
         if (truth->lit)
             parts[0] += light_net_loss(truth->light, m->e.rgb + i * N * N * 3,
-                                       1.0 / (double)t->config->batch,
+                                       1 / (double)t->config->batch,
                                        &m->net);
     }
     return 0;

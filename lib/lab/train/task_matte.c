@@ -52,7 +52,7 @@ static int matte_task_pass(struct task *t, double *parts, uint64_t step,
                            size_t micro, struct error *err)
 {
     struct impl *m = t->impl;
-    double scale = 1.0 / (double)t->config->batch;
+    double scale = 1 / (double)t->config->batch;
 
     for (size_t i = 0; i < m->batch; i++) {
         struct random r;

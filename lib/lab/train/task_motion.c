@@ -95,7 +95,7 @@ static int motion_task_pass(struct task *t, double *parts, uint64_t step,
     struct encoder_task *e = &m->e;
     const struct train_config *c = t->config;
     struct motion_weights w = c->geometry;
-    double scale = 1.0 / (double)c->batch, mine[TERM_COUNT] = {0};
+    double scale = 1 / (double)c->batch, mine[TERM_COUNT] = {0};
 
     for (int k = 0; k < TERM_COUNT; k++)
         w.term[k] *= (float)train_anchor(c, step);

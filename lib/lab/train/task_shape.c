@@ -77,7 +77,7 @@ static int shape_task_pass(struct task *t, double *parts, uint64_t step,
 {
     struct impl *m = t->impl;
     struct encoder_task *e = &m->e;
-    double scale = 1.0 / (double)t->config->batch;
+    double scale = 1 / (double)t->config->batch;
 
     if (encoder_task_draw(e, t, step, micro, err))
         return -1;
