@@ -1,5 +1,5 @@
-/* Square crops of pictures, bilinear and area-averaged, with the gradients
- * that track the crop; windows and crops from boxes, landmarks and text. */
+/* Square crops of pictures, bilinear and area-averaged; windows and crops from
+ * boxes and landmarks. */
 #include "lib/base/crop.h"
 
 #include <assert.h>
@@ -142,9 +142,9 @@ static ptrdiff_t crop_sample_lower(double p, size_t n, float *w)
 }
 
 /* One pixel, four taps, black outside. */
-static void crop_sample_pixel(double *out, const float *f, const uint8_t *u,
-                              size_t W, size_t H, size_t stride, ptrdiff_t x,
-                              ptrdiff_t y, double wx, double wy)
+static void crop_sample_pixel(double *out, const uint8_t *rgb, size_t W,
+                              size_t H, size_t stride, ptrdiff_t x, ptrdiff_t y,
+                              double wx, double wy)
 {
     out[0] = out[1] = out[2] = 0;
     for (int k = 0; k < 4; k++) {
@@ -154,17 +154,14 @@ static void crop_sample_pixel(double *out, const float *f, const uint8_t *u,
         if (px < 0 || py < 0 || px >= (ptrdiff_t)W || py >= (ptrdiff_t)H)
             continue;
         for (int c = 0; c < 3; c++)
-            out[c] += w * (u ? u[(size_t)py * stride + 3 * (size_t)px
-                                 + (size_t)c] / 255.0
-                             : f[((size_t)py * W + (size_t)px) * 3
-                                 + (size_t)c]);
+            out[c] += w * (rgb[(size_t)py * stride + 3 * (size_t)px
+                               + (size_t)c] / 255.0);
     }
 }
 
-/* The plain version of crop_sample. */
-static void crop_sample_plain(float *out, size_t n, const float *f,
-                              const uint8_t *u, size_t W, size_t H,
-                              size_t stride, struct square q)
+/* For squares too wide for the buffers of the fast one. */
+static void crop_sample_plain(float *out, size_t n, const uint8_t *rgb, size_t W,
+                              size_t H, size_t stride, struct square q)
 {
     for (size_t i = 0; i < n; i++) {
         float wy;
@@ -177,17 +174,11 @@ static void crop_sample_plain(float *out, size_t n, const float *f,
             ptrdiff_t x = crop_sample_lower(crop_sample_place(q.x, q.size, j,
                                                               n), W, &wx);
 
-            crop_sample_pixel(p, f, u, W, H, stride, x, y, wx, wy);
+            crop_sample_pixel(p, rgb, W, H, stride, x, y, wx, wy);
             for (int c = 0; c < 3; c++)
                 out[c] = (float)p[c];
         }
     }
-}
-
-void crop_sample(float *out, size_t n, const float *rgb, size_t W, size_t H,
-                 struct square q)
-{
-    crop_sample_plain(out, n, rgb, NULL, W, H, 0, q);
 }
 
 void crop_sample_ref(double *out, size_t n, const double *rgb, size_t W,
@@ -212,51 +203,6 @@ void crop_sample_ref(double *out, size_t n, const double *rgb, size_t W,
                 out[c] = v;
             }
         }
-}
-
-/* in the forward pass this was: v = sum of w(x, y) rgb[tap] */
-void crop_sample_backward(float *grgb, double gq[3], const float *gout,
-                          size_t n, const float *rgb, size_t W, size_t H,
-                          struct square q)
-{
-    double sum[3] = {0};
-
-    for (size_t i = 0; i < n; i++) {
-        float wy, wx;
-        ptrdiff_t y = crop_sample_lower(crop_sample_place(q.y, q.size, i, n), H,
-                                        &wy);
-        double v = ((double)i + 0.5) / (double)n - 0.5;
-
-        for (size_t j = 0; j < n; j++, gout += 3) {
-            ptrdiff_t x = crop_sample_lower(crop_sample_place(q.x, q.size, j,
-                                                              n), W, &wx);
-            double u = ((double)j + 0.5) / (double)n - 0.5, dx = 0, dy = 0;
-
-            for (int k = 0; k < 4; k++) {
-                ptrdiff_t px = x + (k & 1), py = y + (k >> 1);
-                double ax = k & 1 ? wx : 1 - wx, ay = k & 2 ? wy : 1 - wy;
-                size_t at;
-
-                if (px < 0 || py < 0 || px >= (ptrdiff_t)W
-                    || py >= (ptrdiff_t)H)
-                    continue;
-                at = ((size_t)py * W + (size_t)px) * 3;
-                for (int c = 0; c < 3; c++) {
-                    double g = gout[c], t = g * rgb[at + (size_t)c];
-
-                    if (grgb)
-                        grgb[at + (size_t)c] += (float)(ax * ay * g);
-                    dx += k & 1 ? ay * t : -ay * t;
-                    dy += k & 2 ? ax * t : -ax * t;
-                }
-            }
-            sum[0] += dx;
-            sum[1] += dy;
-            sum[2] += dx * u + dy * v;
-        }
-    }
-    for (int k = 0; k < 3 && gq; k++)
-        gq[k] += sum[k];
 }
 
 /* ---- the fast one ----------------------------------------------------- */
@@ -308,7 +254,7 @@ void crop_sample_u8(float *out, size_t n, const uint8_t *rgb, size_t W,
     if (n == 0)
         return;
     if (crop_find_columns(&c, n, W, q) != 0) {
-        crop_sample_plain(out, n, NULL, rgb, W, H, stride, q);
+        crop_sample_plain(out, n, rgb, W, H, stride, q);
         return;
     }
     left = floor(crop_sample_place(q.x, q.size, 0, n));

@@ -1,6 +1,6 @@
 /* The face crop: which square of the picture the networks see, what their
- * translation means, and the sampling with its gradient.  Squares are given by
- * centre and side in pixels; the centre of pixel i is i + 0.5. */
+ * translation means, and the sampling.  Squares are given by centre and side in
+ * pixels; the centre of pixel i is i + 0.5. */
 #ifndef SPID_BASE_CROP_H
 #define SPID_BASE_CROP_H
 
@@ -79,15 +79,7 @@ void crop_translation_backward(double gtnet[3], double gcrop[3],
  * black outside.  stride is bytes from row to row. */
 void crop_sample_u8(float *out, size_t n, const uint8_t *rgb, size_t W,
                     size_t H, size_t stride, struct square q);
-/* The same from f32 [H,W,3] (no scaling of the values). */
-void crop_sample(float *out, size_t n, const float *rgb, size_t W, size_t H,
-                 struct square q);
-/* Gradient of crop_sample: adds to grgb [H,W,3] (may be NULL) and to gq[3]
- * (dL/dx, dL/dy, dL/dsize; may be NULL) from gout [n,n,3]. */
-void crop_sample_backward(float *grgb, double gq[3], const float *gout,
-                          size_t n, const float *rgb, size_t W, size_t H,
-                          struct square q);
-/* Plain double reference of crop_sample_u8 and crop_sample. */
+/* Plain double reference of it, of numbers in [0,1]. */
 void crop_sample_ref(double *out, size_t n, const double *rgb, size_t W,
                      size_t H, struct square q);
 

@@ -3,6 +3,8 @@
 
 #include <string.h>
 
+#include "lib/base/resample.h"
+
 #define REACH 3                   /* pixels around a map's largest value */
 
 int alignment_open(struct alignment *a, const char *path, size_t side,
@@ -25,6 +27,7 @@ int alignment_open(struct alignment *a, const char *path, size_t side,
     a->side = side;
     a->crop = nn_plan_floats(&a->plan, side * side * 3);
     a->dcrop = nn_plan_floats(&a->plan, side * side * 3);
+    a->grid = nn_plan_floats(&a->plan, side * side * 2);
     a->dheat = nn_plan_floats(&a->plan, n * n * FAN_LANDMARKS);
     rc = nn_plan_finish(&a->plan, err);
 out:
@@ -101,13 +104,27 @@ static void alignment_centre_backward(float *dheat, const float *heat,
         }
 }
 
+/* The heat maps of square q of a picture (H,W,3). */
+static const float *alignment_look(struct alignment *a, const float *rgb,
+                                   size_t H, size_t W, struct square q)
+{
+    const double w = (double)W, h = (double)H;
+    const float theta[6] = {
+        (float)(q.size / w), 0, (float)(2 * q.x / w - 1),
+        0, (float)(q.size / h), (float)(2 * q.y / h - 1)
+    };
+
+    affine_grid(a->grid, theta, 1, a->side, a->side, false);
+    grid_sample(a->crop, rgb, a->grid, 1, H, W, 3, a->side * a->side, false,
+                RESAMPLE_ZEROS);
+    return fan_forward(a->crop, &a->net);
+}
+
 void alignment_target(struct alignment *a, const float *rgb, size_t H,
                       size_t W, struct square q)
 {
-    const float *heat;
+    const float *heat = alignment_look(a, rgb, H, W, q);
 
-    crop_sample(a->crop, a->side, rgb, W, H, q);
-    heat = fan_forward(a->crop, &a->net);
     for (size_t k = 0; k < FAN_LANDMARKS; k++)
         a->seen[k] = alignment_centre(a->target[k], heat, a->side / 4, k) > 0;
 }
@@ -117,10 +134,8 @@ double alignment_loss(float *drgb, const float *rgb, size_t H, size_t W,
 {
     size_t n = a->side / 4;
     double unit = weight / ((double)(n * n) * FAN_LANDMARKS), sum = 0;
-    const float *heat;
+    const float *heat = alignment_look(a, rgb, H, W, q);
 
-    crop_sample(a->crop, a->side, rgb, W, H, q);
-    heat = fan_forward(a->crop, &a->net);
     memset(a->dheat, 0, n * n * FAN_LANDMARKS * sizeof *a->dheat);
     for (size_t k = 0; k < FAN_LANDMARKS; k++) {
         double at[2], d[2], mass = alignment_centre(at, heat, n, k);
@@ -134,6 +149,7 @@ double alignment_loss(float *drgb, const float *rgb, size_t H, size_t W,
         alignment_centre_backward(a->dheat, heat, d, at, mass, n, k);
     }
     fan_backward(a->dcrop, a->dheat, &a->net);
-    crop_sample_backward(drgb, NULL, a->dcrop, a->side, rgb, W, H, q);
+    grid_sample_backward(drgb, NULL, a->dcrop, rgb, a->grid, 1, H, W, 3,
+                         a->side * a->side, false, RESAMPLE_ZEROS);
     return sum;
 }

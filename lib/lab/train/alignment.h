@@ -21,6 +21,7 @@ struct alignment {
     size_t side;                  /* of the network's picture; 0: none */
     struct nn_plan plan;
     float *crop, *dcrop;          /* (side,side,3) */
+    float *grid;                  /* (side,side,2) where its pixels lie */
     float *dheat;                 /* (side/4,side/4,68) */
     double target[FAN_LANDMARKS][2];    /* x, y in heat map pixels */
     bool seen[FAN_LANDMARKS];
