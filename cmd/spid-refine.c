@@ -124,16 +124,16 @@ static void refine_report_precision(const struct program *p,
                                     const struct refine_input *in)
 {
     struct error err = {0};
-    double largest, db;
+    double max, db;
 
-    if (cli.quiet || refine_picture_compare(&largest, &db, &p->picture,
+    if (cli.quiet || refine_picture_compare(&max, &db, &p->picture,
                                             &p->refine, in, &err))
         return;
     notice("%s%s, %zu x %zu of %zu x %zu pixels refined: largest error %.2g, "
            "%.1f dB against all of it in f32 (first frame)",
            nn_type_name(precision), roi ? ", --roi" : "",
            p->refine.plan.width, p->refine.plan.height, in->width, in->height,
-           largest, db);
+           max, db);
 }
 
 _Static_assert(FEAT_PHOTO == TEXTURE_PHOTO &&

@@ -14,8 +14,8 @@
 #define LINE_MAX_BYTES 65536
 #define MAX_COLUMNS 512
 #define DEFAULT_RATE 60.0       /* the app's timecodes, in a pipe */
-#define LONGEST_GAP 60.0        /* seconds made up at most */
-#define SHORTEST_STEP 0.125     /* frames between interpolated ones */
+#define GAP_MAX 60.0            /* seconds made up at most */
+#define STEP_MIN 0.125          /* frames between interpolated ones */
 #define DAY 86400.0
 #define WEIGHT_MAX 10.0         /* beyond it a file means something else */
 
@@ -315,7 +315,7 @@ static int livelink_header(struct livelink *l, struct error *err)
 static double livelink_find_rate(struct livelink *l)
 {
     static const double rates[] = {24, 25, 30, 48, 50, 60, 90, 100, 120};
-    double largest = 0, second = -1;
+    double max = 0, second = -1;
     bool several = false;
 
     while (livelink_line(l, NULL) > 0) {
@@ -328,12 +328,12 @@ static double livelink_find_rate(struct livelink *l)
             continue;
         several |= second >= 0 && s - frame != second;
         second = s - frame;
-        largest = fmax(largest, frame);
+        max = fmax(max, frame);
     }
     rewind(l->file);
     livelink_begin(l);
     for (size_t i = 0; several && i < sizeof rates / sizeof *rates; i++)
-        if (largest < rates[i])
+        if (max < rates[i])
             return rates[i];
     return DEFAULT_RATE;
 }
@@ -422,11 +422,11 @@ static int livelink_row(struct livelink *l, struct error *err)
             return livelink_fail(l, err, "its Timecode is before that of the "
                                  "row before");
     }
-    if (row->frame - l->last > LONGEST_GAP * l->rate)
+    if (row->frame - l->last > GAP_MAX * l->rate)
         return error_set(err, EX_DATAERR, "%s: row %zu: %.0f seconds after "
                          "the row before (expected at most %.0f)", l->name,
                          l->number, (row->frame - l->last) / l->rate,
-                         LONGEST_GAP);
+                         GAP_MAX);
     return 1;
 }
 
@@ -438,7 +438,7 @@ static bool livelink_gap(struct livelink *l)
     double step = l->next.frame - l->last;
 
     if (!l->pending && (l->step == 0 || step < 0.75 * l->step))
-        l->step = fmax(step, SHORTEST_STEP);
+        l->step = fmax(step, STEP_MIN);
     return step > 1.5 * l->step;
 }
 

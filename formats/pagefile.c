@@ -17,7 +17,7 @@
 static char *pagefile_template(char **place, const char *path,
                                struct error *err)
 {
-    char *text = file_read_text(path, PAGEFILE_LARGEST, err);
+    char *text = file_read_text(path, PAGEFILE_MAX, err);
 
     if (!text)
         return NULL;

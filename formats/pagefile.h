@@ -10,7 +10,7 @@
 
 /* What the template has exactly once. */
 #define PAGEFILE_PLACE "<!--AVATAR-->"
-#define PAGEFILE_LARGEST ((size_t)64 << 20)     /* of a template, bytes */
+#define PAGEFILE_MAX ((size_t)64 << 20)         /* of a template, bytes */
 
 /* Write the page beside its final name and rename it.  The archive is a
  * safetensors file (st_write), deflated (zlib) and in base64, the text of an

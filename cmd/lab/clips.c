@@ -37,9 +37,9 @@ void clips_add(struct names *c, const char *operand)
     if (*operand != '@' && c->count == i)
         die(EX_NOINPUT, "%s: an empty folder (expected clips)", operand);
     for (; i < c->count; i++)
-        if (strlen(c->name[i]) > CLIPS_LONGEST)
+        if (strlen(c->name[i]) > CLIPS_MAX)
             die(EX_USAGE, "a name of %zu characters (expected at most %d)",
-                strlen(c->name[i]), CLIPS_LONGEST);
+                strlen(c->name[i]), CLIPS_MAX);
 }
 
 /* What spid-prepare leaves in a folder. */

@@ -18,7 +18,7 @@
 #define CLIPS_MIN_FRAMES 8          /* and how many good ones it needs */
 #define CLIPS_MIN_FACE 64           /* pixels of a face crop's side */
 
-#define CLIPS_LONGEST 3000          /* characters of a name */
+#define CLIPS_MAX 3000              /* characters of a name */
 
 /* Append what an operand names: a video, all that is in a folder (each a clip;
  * a folder of pictures is one, too), or with "@FILE" the file's lines.  A

@@ -32,7 +32,7 @@ static void clips_record_path(char *out, size_t room, const char *folder,
 static bool clips_is_done(const char *folder, const char *clip,
                           const char *ending)
 {
-    char path[2 * CLIPS_LONGEST];
+    char path[2 * CLIPS_MAX];
 
     clips_record_path(path, sizeof path, folder, clip, ending);
     return access(path, F_OK) == 0;
@@ -41,7 +41,7 @@ static bool clips_is_done(const char *folder, const char *clip,
 /* Whether the list of clips has this very line. */
 static bool clips_is_noted(const char *path, const char *line)
 {
-    char seen[2 * CLIPS_LONGEST];
+    char seen[2 * CLIPS_MAX];
     bool found = false;
     FILE *f = fopen(path, "r");
 
@@ -58,12 +58,12 @@ static bool clips_is_noted(const char *path, const char *line)
 static void clips_note(const char *folder, const char *clip,
                        const struct clip_report *r, const char *why)
 {
-    char path[CLIPS_LONGEST + 20], line[2 * CLIPS_LONGEST];
+    char path[CLIPS_MAX + 20], line[2 * CLIPS_MAX];
     int n = snprintf(line, sizeof line, "%s\t%zu\t%zu\t%zu\t%.1f\t%.2f\t%.3f"
                      "\t%s\n", clip, r->read, r->tried, r->kept, r->face,
                      r->outlined, r->score, why);
 
-    snprintf(path, sizeof path, "%.*s/clips.tsv", CLIPS_LONGEST, folder);
+    snprintf(path, sizeof path, "%.*s/clips.tsv", CLIPS_MAX, folder);
     if (clips_is_noted(path, line))
         return;
     int fd = open(path, O_WRONLY | O_CREAT | O_APPEND, 0666);
@@ -78,7 +78,7 @@ static void clips_note(const char *folder, const char *clip,
 static void clips_note_bad(const char *folder, const char *clip,
                            const char *why)
 {
-    char path[2 * CLIPS_LONGEST];
+    char path[2 * CLIPS_MAX];
     struct outfile out;
     struct error err = {0};
 
@@ -94,7 +94,7 @@ static void clips_note_bad(const char *folder, const char *clip,
 static bool clips_prepare_one(const struct clip *c, const char *folder,
                               const char *clip)
 {
-    char path[2 * CLIPS_LONGEST];
+    char path[2 * CLIPS_MAX];
     struct clip_report r;
     struct error err = {0};
 
@@ -151,7 +151,7 @@ static size_t clips_prepare_each(const struct names *names,
 /* The folder of the records, and the one it lies in. */
 static void clips_make_folder(const char *path)
 {
-    char outer[CLIPS_LONGEST];
+    char outer[CLIPS_MAX];
 
     snprintf(outer, sizeof outer, "%s", path);
     char *slash = strrchr(outer, '/');

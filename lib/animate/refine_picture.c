@@ -95,7 +95,7 @@ int refine_picture_finish(struct refine_picture *p,
     return 0;
 }
 
-int refine_picture_compare(double *largest, double *db,
+int refine_picture_compare(double *max, double *db,
                            const struct refine_picture *p,
                            const struct refine *r,
                            const struct refine_input *in, struct error *err)
@@ -110,11 +110,11 @@ int refine_picture_compare(double *largest, double *db,
         rc = refine_open(&full, r->model, NN_F32, false, err);
     if (rc == 0)
         rc = refine_frame(want, &full, in, err);
-    *largest = 0;
+    *max = 0;
     for (size_t i = 0; rc == 0 && i < n; i++) {
         double a = fmin(1, fmax(0, want[i])), b = fmin(1, fmax(0, p->rgb[i]));
 
-        *largest = fmax(*largest, fabs(a - b));
+        *max = fmax(*max, fabs(a - b));
         square += (a - b) * (a - b);
     }
     square /= (double)n;

@@ -41,7 +41,7 @@ int refine_picture_finish(struct refine_picture *p,
 
 /* Largest error and its dB against all of the frame refined in float, before
  * the photograph; -1: that could not be done. */
-int refine_picture_compare(double *largest, double *db,
+int refine_picture_compare(double *max, double *db,
                            const struct refine_picture *p,
                            const struct refine *r,
                            const struct refine_input *in, struct error *err);

@@ -16,7 +16,7 @@
 #define EPS_DEFAULT 1e-5f   /* own default */
 /* The public configuration's (lam-20k), in metres. */
 #define REACH 0.2f          /* a Gaussian is within half of it from its vertex */
-#define LARGEST 0.01f       /* standard deviation */
+#define SCALE_MAX 0.01f     /* standard deviation */
 
 /* ---- making ------------------------------------------------------------- */
 
@@ -292,7 +292,7 @@ static void lam_activate(struct lam *l, enum lam_head head, float metre)
     float *out = to[head];
 
     for (size_t i = 0; i < n; i++)
-        out[i] = head == LAM_SCALE ? metre * fminf(expf(l->raw[i]), LARGEST)
+        out[i] = head == LAM_SCALE ? metre * fminf(expf(l->raw[i]), SCALE_MAX)
                : head == LAM_ROTATION ? l->raw[i] : math_sigmoid(l->raw[i]);
     for (size_t i = 0; head == LAM_PLACE && i < n; i++)
         out[i] = metre * (out[i] - 0.5f) * REACH;

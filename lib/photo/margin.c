@@ -12,7 +12,7 @@
 #include "lib/base/parallel.h"
 #include "lib/photo/pyramid.h"
 
-#define LARGEST 512             /* cells across at most: the networks' pixels */
+#define SIDE_MAX 512            /* cells across at most: the networks' pixels */
 #define REST 0.01f              /* of a cell: what coarser cells count for it */
 #define REACH 64                /* cells from the edge to where guesses hold: a
                                  * cell of the pyramid that is as wide has as
@@ -170,7 +170,7 @@ int margin_fill(struct matting *m, struct error *err)
 
     if (margin_next(m, 0, m->n * m->n) == m->n * m->n)
         return 0;
-    while (2 * g.side <= m->n && g.side < LARGEST)
+    while (2 * g.side <= m->n && g.side < SIDE_MAX)
         g.side *= 2;
     const size_t floats = pyramid_floats(g.side, OFF);
     float *cells = malloc(LAYERS * floats * sizeof *cells);

@@ -9,7 +9,7 @@
 #include <sysexits.h>
 
 #define SEARCH_SIDE 240         /* pixels of the shorter side, to twice that */
-#define SEARCH_LARGEST 1.25     /* crop's side over the shorter one's */
+#define SEARCH_MAX 1.25         /* crop's side over the shorter one's */
 #define SEARCH_RATIO 1.5        /* of one level's sides to the next one's */
 #define SEARCH_STEP 0.4         /* from square to square, over their side: of 301
                                  * faces each is found as with 0.3: tests/bench/
@@ -116,7 +116,7 @@ size_t search_level(struct square best[SEARCH_BEST], struct search *s,
 {
     const struct mipmap_level *l = search_take(picture);
     const double shrunk = (double)(1u << (l - picture->level));
-    const double side = SEARCH_LARGEST * fmin((double)l->W, (double)l->H) /
+    const double side = SEARCH_MAX * fmin((double)l->W, (double)l->H) /
                         pow(SEARCH_RATIO, (double)level);
     const size_t nx = search_along(side, l->W), ny = search_along(side, l->H);
     float confidence[SEARCH_BEST] = {0};

@@ -399,9 +399,9 @@ int convert_fan(struct convert *c, struct error *err)
     }
     if (!stacks)
         return 0;
-    if (!width || width % 16 || width > FAN_WIDEST) {
+    if (!width || width % 16 || width > FAN_WIDTH_MAX) {
         convert_note(c, CONVERT_SHAPE, "hourglasses of %zu channels (expected "
-                     "a multiple of 16 up to %d)", width, FAN_WIDEST);
+                     "a multiple of 16 up to %d)", width, FAN_WIDTH_MAX);
         return 0;
     }
     return network_fan_take(c, prefix, stacks, width, err);

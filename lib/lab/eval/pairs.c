@@ -9,7 +9,7 @@
 #include "lib/base/file.h"
 #include "lib/base/list.h"
 
-#define PAIRS_LARGEST ((size_t)16 << 20)        /* of a list, bytes */
+#define PAIRS_MAX ((size_t)16 << 20)            /* of a list, bytes */
 
 enum { FIELD_NAME, FIELD_KIND, FIELD_TRUTH, FIELD_RESULT, FIELD_PROTOCOL,
        FIELD_SOURCE, FIELDS };
@@ -59,7 +59,7 @@ int pairs_read(struct pairs *p, const char *path, struct error *err)
     int rc = 0;
 
     memset(p, 0, sizeof *p);
-    p->text = file_read_text(path, PAIRS_LARGEST, err);
+    p->text = file_read_text(path, PAIRS_MAX, err);
     if (!p->text)
         return -1;
     for (rest = p->text; rc == 0 && (line = strsep(&rest, "\n"));) {

@@ -13,7 +13,7 @@
 #include "lib/base/vec3.h"
 
 #define PATH 4096
-#define LOWEST (-2.6f)          /* of clothes, head units */
+#define CLOTHES_MIN (-2.6f)     /* of clothes, head units */
 
 /* ---- folders ------------------------------------------------------------ */
 
@@ -159,8 +159,8 @@ static int scan_make_torso(struct scan_assets *a, struct error *err)
         if (l > 0.05f)
             mad3(p + 3 * i, q, d, -in / l);
     }
-    rc = rc || piece_make(&a->torso, b, p, b->nbody, f, n, LOWEST, &a->memory,
-                          err) ? -1 : 0;
+    rc = rc || piece_make(&a->torso, b, p, b->nbody, f, n, CLOTHES_MIN,
+                          &a->memory, err) ? -1 : 0;
     arena_release(&room);
     return rc;
 }
@@ -273,7 +273,7 @@ struct scan_assets *scan_open(const char *dir, const char *light,
          scan_load_rack(&a->hat, a, dir, "clothes", NULL, "fedora01", -9,
                         err) ||
          scan_load_rack(&a->cloth, a, dir, "clothes", "_diffuse.png", NULL,
-                        LOWEST, err) ||
+                        CLOTHES_MIN, err) ||
          scan_load_irises(a, dir, err) ||
          scan_load_lights(a, dir, light, err) ||
          sky_measure(a, err) ||

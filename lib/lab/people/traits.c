@@ -29,7 +29,7 @@ static const struct trait {
 
 #define TRAITS_MAX ((size_t)16 << 20)   /* bytes of a file */
 #define NUMBERS 100             /* of a trait, at most */
-#define LARGEST 1e6
+#define TRAIT_MAX 1e6
 
 /* The numbers of j and of the lists in it, in their order; *n counts also what
  * finds no room, and what is no number. */
@@ -42,7 +42,7 @@ static void traits_flatten(double *out, size_t *n, const cJSON *j)
             traits_flatten(out, n, e);
         return;
     }
-    if (!cJSON_IsNumber(j) || !(fabs(j->valuedouble) <= LARGEST))
+    if (!cJSON_IsNumber(j) || !(fabs(j->valuedouble) <= TRAIT_MAX))
         *n = NUMBERS;
     else if (*n < NUMBERS)
         out[*n] = j->valuedouble;

@@ -12,7 +12,7 @@
 #include "formats/video.h"
 #include "lib/base/file.h"
 
-#define PAIR_LARGEST ((size_t)256 << 20)        /* bytes of the file */
+#define PAIR_MAX ((size_t)256 << 20)            /* bytes of the file */
 
 void pair_release(struct pair *p)
 {
@@ -123,7 +123,7 @@ int pair_make(struct pair *p, const char *driver, const char *result,
         rc = video_finish(g.video, 0, err);
         g.video = NULL;
         if (rc == 0)
-            p->mp4 = (uint8_t *)file_read(&p->bytes, g.path, PAIR_LARGEST, err);
+            p->mp4 = (uint8_t *)file_read(&p->bytes, g.path, PAIR_MAX, err);
         rc = p->mp4 ? 0 : -1;
     }
     video_abandon(g.video);

@@ -30,13 +30,13 @@ static const struct height height[] = {
 #define PAIRS (sizeof pair / sizeof *pair)
 #define HEIGHTS (sizeof height / sizeof *height)
 
-#define SHORTEST 1e-4f          /* head units: closed lips have a direction */
+#define LENGTH_MIN 1e-4f        /* head units: closed lips have a direction */
 
 /* d = x_a - x_b; its length, rounded off where the points meet. */
 static float expression_distance(float d[3], const float *x,
                                  const struct pair *p)
 {
-    float sum = SHORTEST * SHORTEST;
+    float sum = LENGTH_MIN * LENGTH_MIN;
 
     for (int i = 0; i < 3; i++) {
         d[i] = x[3 * p->a + i] - x[3 * p->b + i];

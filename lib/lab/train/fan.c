@@ -25,7 +25,7 @@ int fan_size(size_t *stacks, size_t *width, const struct safetensors *st,
         t = st_find(st, name);
     }
     if (!t || t->ndim != 1 || !t->dim[0] || t->dim[0] % 16 ||
-        t->dim[0] > FAN_WIDEST)
+        t->dim[0] > FAN_WIDTH_MAX)
         return error_set(err, EX_DATAERR, "%s: no m0.b1_4.bn1.weight of a "
                          "multiple of 16 (expected a face alignment network, "
                          "spid-import --as fan)", st_path(st));

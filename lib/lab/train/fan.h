@@ -15,7 +15,7 @@
 #define FAN_STACKS 4          /* hourglasses at most */
 #define FAN_LEVELS 4          /* an hourglass halves its maps so often */
 #define FAN_MULTIPLE 64       /* sides are multiples of this */
-#define FAN_WIDEST 1024       /* channels; theirs have 256 */
+#define FAN_WIDTH_MAX 1024    /* channels; theirs have 256 */
 
 /* y = conv(a), a = relu(norm x) */
 struct fan_step {
@@ -70,7 +70,7 @@ struct fan {
 int fan_size(size_t *stacks, size_t *width, const struct safetensors *st,
              struct error *err);
 /* Declare the tensors, all frozen.  The public networks: 1 to 4 stacks, 256
- * wide; others are multiples of 16 up to FAN_WIDEST. */
+ * wide; others are multiples of 16 up to FAN_WIDTH_MAX. */
 void fan_init(struct fan *f, struct params *ps, size_t stacks, size_t width);
 /* One picture of side x side pixels, a multiple of FAN_MULTIPLE; the weights
  * are in ps. */

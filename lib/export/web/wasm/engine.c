@@ -11,7 +11,7 @@
 
 #include "lib/base/parallel.h"
 
-#define LARGEST 4096            /* pixels along a side: PERSON_LARGEST's window
+#define SIDE_MAX 4096           /* pixels along a side: PERSON_LARGEST's window
                                  * is found in twice as many */
 
 struct engine engine;
@@ -52,7 +52,7 @@ EMSCRIPTEN_KEEPALIVE
 uint8_t *engine_room(size_t W, size_t H)
 {
     free(given);
-    given = W > LARGEST || H > LARGEST ? NULL : malloc(4 * W * H);
+    given = W > SIDE_MAX || H > SIDE_MAX ? NULL : malloc(4 * W * H);
     return given;
 }
 
