@@ -72,9 +72,9 @@ static void attention_head_forward(float *out, const float *q,
     for (size_t m = 0; m < T; m += ROWS) {
         size_t n = T - m < ROWS ? T - m : ROWS;
 
-        k->gemm(w.p, w.ld, q + m * a->row, a->row, 1, w.kt, n, T, d, 0);
+        k->gemm(w.p, w.ld, q + m * a->row, a->row, 1, w.kt, n, T, d, NULL, 0);
         k->softmax(w.p, n, T, w.ld, 1 / sqrtf((float)d));
-        k->gemm(out + m * E, E, w.p, w.ld, 1, w.v, n, d, T, 0);
+        k->gemm(out + m * E, E, w.p, w.ld, 1, w.v, n, d, T, NULL, 0);
     }
 }
 
@@ -111,15 +111,17 @@ static void attention_head_backward(float *dq, const float *dout,
     for (size_t m = 0; m < T; m += ROWS) {
         size_t n = T - m < ROWS ? T - m : ROWS;
 
-        k->gemm(w.p, w.ld, q + m * 3 * E, 3 * E, 1, w.kt, n, T, d, 0);
+        k->gemm(w.p, w.ld, q + m * 3 * E, 3 * E, 1, w.kt, n, T, d, NULL, 0);
         k->softmax(w.p, n, T, w.ld, scale);
-        k->gemm(w.dp, w.ld, dout + m * E, E, 1, w.vt, n, T, d, 0);
+        k->gemm(w.dp, w.ld, dout + m * E, E, 1, w.vt, n, T, d, NULL, 0);
         k->gemm_pack(w.block, dout + m * E, E, 1, n, d);
-        k->gemm(dq + 2 * E, 3 * E, w.p, 1, w.ld, w.block, T, d, n, m > 0);
+        k->gemm(dq + 2 * E, 3 * E, w.p, 1, w.ld, w.block, T, d, n,
+                m > 0 ? dq + 2 * E : NULL, 3 * E);
         k->softmax_backward(w.dp, w.p, n, T, w.ld, scale);
-        k->gemm(dq + m * 3 * E, 3 * E, w.dp, w.ld, 1, w.k, n, d, T, 0);
+        k->gemm(dq + m * 3 * E, 3 * E, w.dp, w.ld, 1, w.k, n, d, T, NULL, 0);
         k->gemm_pack(w.block, q + m * 3 * E, 3 * E, 1, n, d);
-        k->gemm(dq + E, 3 * E, w.dp, 1, w.ld, w.block, T, d, n, m > 0);
+        k->gemm(dq + E, 3 * E, w.dp, 1, w.ld, w.block, T, d, n,
+                m > 0 ? dq + E : NULL, 3 * E);
     }
 }
 

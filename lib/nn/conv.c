@@ -1,9 +1,9 @@
 /* Convolutions and linear layers: declaration, the choice of who computes the
  * forward pass, weights with a norm folded in, and gradients.  The methods are
  * oneDNN's direct convolution (conv_onednn.c), the same with 8-bit products
- * (int8.c), Winograd's F(4x4,3x3) (winograd.c), im2col with sums in pieces
- * (im2col.c), dot products in double for a few rows (small_linear.c), and 1x1
- * layers in bfloat16 that learn (pointwise.c). */
+ * (int8.c), Winograd's F(4x4,3x3) (winograd.c), im2col with sums in pieces, or
+ * of one tap (im2col.c), dot products in double for a few rows
+ * (small_linear.c), and 1x1 layers in bfloat16 that learn (pointwise.c). */
 #include "lib/nn/conv.h"
 
 #include <assert.h>

@@ -39,70 +39,83 @@ void ISA(gemm_pack)(float *packed, const float *B, size_t rs, size_t cs,
     }
 }
 
-/* C block of `rows` (a constant) by COLUMNS */
+/* C block of `rows` by n columns, in `wide` vectors (constants both but n). */
 VEC_INLINE void gemm_block(float *C, size_t ldc, const float *A, size_t rs,
                            size_t cs, const float *B, size_t K, size_t n,
-                           int accumulate, const int rows)
+                           const float *more, size_t ldm, const int rows,
+                           const int wide)
 {
     vf acc[ROWS][WIDE];
 
     for (int r = 0; r < rows; r++)
-        for (int j = 0; j < WIDE; j++)
+        for (int j = 0; j < wide; j++)
             acc[r][j] = (vf){ 0 };
     for (size_t k = 0; k < K; k++) {
         vf b[WIDE];
-        for (int j = 0; j < WIDE; j++)
+        for (int j = 0; j < wide; j++)
             b[j] = vf_load(B + k * PANEL + VEC * j);
         for (int r = 0; r < rows; r++) {
             float a = A[(size_t)r * rs + k * cs];
 
-            for (int j = 0; j < WIDE; j++)
+            for (int j = 0; j < wide; j++)
                 acc[r][j] += a * b[j];
         }
     }
+#pragma GCC unroll 12
     for (int r = 0; r < rows; r++)
-        for (int j = 0; j < WIDE; j++) {
-            size_t done = VEC * (size_t)j, left = n > done ? n - done : 0;
-            float *c = C + (size_t)r * ldc + done, lane[VEC];
+#pragma GCC unroll 4
+        for (int j = 0; j < wide; j++) {
+            const size_t left = n - VEC * (size_t)j;
+            const float *from = more + (size_t)r * ldm + VEC * j;
+            float *c = C + (size_t)r * ldc + VEC * j;
 
-            if (left >= VEC) {
-                if (accumulate)
-                    acc[r][j] += vf_load(c);
+            if (more && left < VEC)
+                acc[r][j] += vf_load_some(from, left);
+            else if (more)
+                acc[r][j] += vf_load(from);
+            if (left < VEC)
+                vf_store_some(c, acc[r][j], left);
+            else
                 vf_store(c, acc[r][j]);
-                continue;
-            }
-            vf_store(lane, acc[r][j]);
-            for (size_t i = 0; i < left; i++)
-                c[i] = accumulate ? c[i] + lane[i] : lane[i];
         }
 }
 
-/* The rows that are left over: any number below ROWS. */
-static void gemm_block_few(float *C, size_t ldc, const float *A, size_t rs,
-                           size_t cs, const float *B, size_t K, size_t n,
-                           int accumulate, size_t rows)
+/* All M rows of n columns. */
+VEC_INLINE void gemm_columns(float *C, size_t ldc, const float *A, size_t rs,
+                             size_t cs, const float *B, size_t M, size_t K,
+                             size_t n, const float *more, size_t ldm,
+                             const int wide)
 {
-    for (; rows >= 3; rows -= 3, C += 3 * ldc, A += 3 * rs)
-        gemm_block(C, ldc, A, rs, cs, B, K, n, accumulate, 3);
-    for (; rows; rows--, C += ldc, A += rs)
-        gemm_block(C, ldc, A, rs, cs, B, K, n, accumulate, 1);
+    for (; M >= ROWS; M -= ROWS, C += ROWS * ldc, A += ROWS * rs) {
+        gemm_block(C, ldc, A, rs, cs, B, K, n, more, ldm, ROWS, wide);
+        more = more ? more + ROWS * ldm : NULL;
+    }
+    for (; M >= 3; M -= 3, C += 3 * ldc, A += 3 * rs) {
+        gemm_block(C, ldc, A, rs, cs, B, K, n, more, ldm, 3, wide);
+        more = more ? more + 3 * ldm : NULL;
+    }
+    for (; M; M--, C += ldc, A += rs) {
+        gemm_block(C, ldc, A, rs, cs, B, K, n, more, ldm, 1, wide);
+        more = more ? more + ldm : NULL;
+    }
 }
 
-/* C (M,N), rows ldc apart, = or += A B; A's element (m,k) at A[m rs + k cs],
- * B from gemm_pack. */
+/* C (M,N), rows ldc apart, = A B + more, whose rows are ldm apart (0: it is one
+ * row; NULL: nothing); A's element (m,k) at A[m rs + k cs], B from gemm_pack. */
 void ISA(gemm)(float *C, size_t ldc, const float *A, size_t rs, size_t cs,
                const float *packed, size_t M, size_t N, size_t K,
-               int accumulate)
+               const float *more, size_t ldm)
 {
     for (size_t n0 = 0; n0 < N; n0 += COLUMNS) {
         const float *B = packed + n0 / PANEL * PANEL * K + n0 % PANEL;
-        size_t n = N - n0 < COLUMNS ? N - n0 : COLUMNS, m = 0;
+        const size_t n = N - n0 < COLUMNS ? N - n0 : COLUMNS;
+        const float *from = more ? more + n0 : NULL;
 
-        for (; m + ROWS <= M; m += ROWS)
-            gemm_block(C + m * ldc + n0, ldc, A + m * rs, rs, cs, B, K, n,
-                       accumulate, ROWS);
-        gemm_block_few(C + m * ldc + n0, ldc, A + m * rs, rs, cs, B, K, n,
-                       accumulate, M - m);
+        if (n > COLUMNS / 2)
+            gemm_columns(C + n0, ldc, A, rs, cs, B, M, K, n, from, ldm, WIDE);
+        else
+            gemm_columns(C + n0, ldc, A, rs, cs, B, M, K, n, from, ldm,
+                         WIDE / 2);
     }
 }
 

@@ -9,159 +9,177 @@
 #include "lib/nn/kernels.h"
 
 #define PIECE 128        /* terms of one chain, at most */
-#define BAND 1024        /* pixels unfolded at a time */
-#define COLUMNS 64       /* of a piece of work: two panels of gemm's */
-#define ROWS 48
+#define PANEL 32         /* columns of gemm's weights */
+#define BLOCK 12         /* pixels that gemm takes at once */
+#define BLOCKS 4         /* of them a piece of work, at most */
 
 bool im2col_wanted(const struct conv *c)
 {
-    size_t terms = c->kernel * c->kernel * c->in_data;
-    bool few = c->h * c->w <= 256 && c->kernel == 3;
+    const size_t terms = c->kernel * c->kernel * c->in_data;
+    const bool few = c->h * c->w <= 256 && c->kernel == 3;
 
+    if (c->kernel == 1 && c->stride == 1 && !nn_plan_backward(c->plan))
+        return c->act != ACT_GELU;
     return c->pad == CONV_HALF && c->act <= ACT_LRELU &&
            (nn_plan_type(c->plan) == NN_F32 ? terms >= 512
                                             : few && terms >= 2048);
 }
 
+/* n / m, rounded up. */
+static size_t im2col_up(size_t n, size_t m)
+{
+    return (n + m - 1) / m;
+}
+
 void im2col_plan(struct conv *c, const struct conv_shape *s)
 {
+    const size_t parts = 2 * (size_t)parallel_threads();
+    const size_t blocks = c->batch * c->oh * c->ow / parts / BLOCK;
     struct im2col *t = &c->impl->im2col;
-    struct nn_plan *p = c->plan;
-    size_t pixels = c->batch * c->oh * c->ow;
-    size_t rows = pixels < BAND ? pixels : BAND;
 
     t->c = c;
     t->top = s->top;
     t->left = s->left;
     t->K = c->kernel * c->kernel * c->in_data;
-    t->N = (c->out + COLUMNS - 1) / COLUMNS * COLUMNS;
-    t->w = nn_plan_floats(p, t->K * t->N);
-    t->rows = c->kernel == 1 && c->stride == 1
-                  ? NULL : nn_plan_floats(p, rows * t->K);
-    t->sum = c->add ? nn_plan_floats(p, rows * c->out) : NULL;
+    t->N = im2col_up(c->out, PANEL) * PANEL;
+    t->piece = im2col_up(c->in_data, im2col_up(c->in_data, PIECE));
+    t->w = nn_plan_floats(c->plan, t->K * t->N);
+    t->rows = BLOCK * (blocks < 1 ? 1 : blocks < BLOCKS ? blocks : BLOCKS);
+    t->unfold = c->kernel > 1 || c->stride > 1 ? t->rows * t->K : 0;
+    t->own = t->unfold + (c->add ? t->rows * c->out : 0);
+    nn_plan_scratch(c->plan, t->own * sizeof(float) * (size_t)parallel_width());
 }
 
-/* How many pieces a sum is made in. */
-static size_t im2col_pieces(const struct im2col *t)
+/* How many terms the piece has that begins with number `first`: all of a tap. */
+static size_t im2col_terms(const struct im2col *t, size_t first)
 {
-    size_t taps = t->c->kernel * t->c->kernel;
+    const size_t rest = t->c->in_data - first % t->c->in_data;
 
-    return taps * ((t->c->in_data + PIECE - 1) / PIECE);
+    return rest < t->piece ? rest : t->piece;
 }
 
-/* Piece j of the sum: rows [first, first + length) of (K, out). */
-static size_t im2col_piece(const struct im2col *t, size_t j, size_t *first)
+/* A panel of w (out,in,k,k), as gemm_pack lays out each piece: term (tap,i) of
+ * the sum is row tap * in + i of a matrix.  Some terms at a time, whose rows
+ * stay near. */
+PARALLEL(im2col_update_part, panel, struct im2col *, t, const float *, w)
 {
-    size_t in = t->c->in_data, each = (in + PIECE - 1) / PIECE;
-    size_t at = j % each * PIECE;
+    enum { SOME = 16 };
+    const struct conv *c = t->c;
+    const size_t in = c->in_data, taps = c->kernel * c->kernel;
+    const size_t rest = c->out - panel * PANEL;
 
-    *first = j / each * in + at;
-    return in - at < PIECE ? in - at : PIECE;
+    for (size_t first = 0, terms; first < t->K; first += terms) {
+        const size_t tap = first / in, i = first % in;
+        float *to = t->w + first * t->N;
+
+        terms = im2col_terms(t, first);
+        to += panel * terms * PANEL;
+        for (size_t at = 0; at < terms; at += SOME)
+            for (size_t o = 0; o < PANEL && o < rest; o++) {
+                const float *from = w + ((panel * PANEL + o) * in + i) * taps;
+
+                for (size_t k = at; k < at + SOME && k < terms; k++)
+                    to[k * PANEL + o] = from[k * taps + tap];
+            }
+    }
 }
 
-PARALLEL(im2col_update_part, j, struct im2col *, t, const float *, w,
-         size_t, in, size_t, taps, size_t, out)
-{
-    size_t first, terms = im2col_piece(t, j, &first);
-
-    nn_kernels()->gemm_pack(t->w + first * t->N,
-                            w + first % in * taps + first / in, taps,
-                            taps * in, terms, out);
-}
-
-/* w (out,in,k,k): term (tap,i) of the sum is row tap * in + i of a matrix. */
 void im2col_update(struct conv *c, const float *w)
 {
     struct im2col *t = &c->impl->im2col;
 
-    parallel_each(im2col_update_part, im2col_pieces(t), 1, t, w, c->in_data,
-                  c->kernel * c->kernel, c->out);
+    parallel_each(im2col_update_part, t->N / PANEL, 1, t, w);
 }
 
-/* What the window of one pixel of the output sees. */
-PARALLEL(im2col_unfold_part, row, const struct im2col *, t, const float *, in,
-         size_t, m0)
+/* n floats, which are too few for a call. */
+static inline void im2col_copy(float *to, const float *from, size_t n)
+{
+    size_t i = 0;
+
+    for (; i + 4 <= n; i += 4)
+        memcpy(to + i, from + i, 4 * sizeof *to);
+    for (; i < n; i++)
+        to[i] = from[i];
+}
+
+/* What the window at pixel (x,y) of the padded image `in` sees, zeros outside:
+ * row by row. */
+static void im2col_window(float *to, const float *in, const struct im2col *t,
+                          size_t x, size_t y)
 {
     const struct conv *c = t->c;
-    const size_t r = m0 + row, n = r / (c->oh * c->ow), C = c->in_data;
-    const size_t y = r / c->ow % c->oh * c->stride;
-    const size_t x = r % c->ow * c->stride;
-    float *to = t->rows + row * t->K;
+    const size_t C = c->in_data, k = c->kernel;
+    const size_t from = x < t->left ? t->left - x : 0;
+    const size_t room = c->w + t->left - x, end = room < k ? room : k;
 
-    for (size_t tap = 0; tap < c->kernel * c->kernel; tap++, to += C) {
-        const size_t yy = y + tap / c->kernel;  /* t->top too many */
-        const size_t xx = x + tap % c->kernel;
+    for (size_t i = y; i < y + k; i++, to += k * C) {
+        const bool inside = i >= t->top && i < c->h + t->top;
 
-        if (yy < t->top || yy >= c->h + t->top || xx < t->left ||
-            xx >= c->w + t->left)
-            memset(to, 0, C * sizeof *to);
-        else
-            memcpy(to,
-                   in + ((n * c->h + yy - t->top) * c->w + xx - t->left) * C,
-                   C * sizeof *to);
+        if (!inside || end - from < k)
+            memset(to, 0, k * C * sizeof *to);
+        if (inside)
+            im2col_copy(to + from * C,
+                        in + ((i - t->top) * c->w + x + from - t->left) * C,
+                        (end - from) * C);
     }
 }
 
-/* rows (M,K): what the windows of pixels [m0, m0 + M) of the output see, zeros
- * outside the picture. */
-static void im2col_unfold(const float *in, struct im2col *t, size_t m0,
-                          size_t M)
+/* Those of m pixels of the output, from number `first`. */
+static void im2col_unfold(float *to, const float *in, const struct im2col *t,
+                          size_t first, size_t m)
 {
-    parallel_each(im2col_unfold_part, M, 1, t, in, m0);
-}
+    const struct conv *c = t->c;
+    size_t x = first % c->ow, y = first / c->ow % c->oh;
+    size_t n = first / c->ow / c->oh;
 
-PARALLEL(im2col_multiply_part, at, float *, out, const float *, rows,
-         const struct im2col *, t, size_t, M)
-{
-    const size_t N = t->c->out, across = t->N / COLUMNS;
-    size_t m0 = at / across * ROWS, n0 = at % across * COLUMNS;
-    size_t n = N - n0 < COLUMNS ? N - n0 : COLUMNS;
-    size_t m = M - m0 < ROWS ? M - m0 : ROWS;
-
-    for (size_t j = 0; j < im2col_pieces(t); j++) {
-        size_t first, terms = im2col_piece(t, j, &first);
-
-        nn_kernels()->gemm(out + m0 * N + n0, N, rows + m0 * t->K + first,
-                           t->K, 1, t->w + first * t->N + n0 * terms, m, n,
-                           terms, j > 0);
+    for (; m > 0; m--, to += t->K) {
+        im2col_window(to, in + n * c->h * c->w * c->in_data, t, x * c->stride,
+                      y * c->stride);
+        x++;
+        y += x == c->ow;
+        n += y == c->oh;
+        x = x < c->ow ? x : 0;
+        y = y < c->oh ? y : 0;
     }
 }
 
-static void im2col_add(float *restrict to, const float *restrict x, size_t n)
+/* Some pixels of the output: the pieces of the sum and the bias, what is there
+ * already, the activation. */
+PARALLEL(im2col_forward_part, part, float *, out, const float *, in,
+         const struct im2col *, t, size_t, pixels)
 {
-    for (size_t i = 0; i < n; i++)
-        to[i] += x[i];
-}
+    const struct nn_kernels *k = nn_kernels();
+    const struct conv *c = t->c;
+    const size_t N = c->out, m0 = part * t->rows;
+    const size_t m = pixels - m0 < t->rows ? pixels - m0 : t->rows;
+    const float *rows = in + m0 * t->K;
+    float *own = (float *)(void *)c->plan->scratch + parallel_slot() * t->own;
+    const bool one = im2col_terms(t, 0) == t->K;
+    float *sum = c->add ? own + t->unfold : out + m0 * N;
 
-/* out (M, out) of the unfolded rows. */
-static void im2col_multiply(float *out, const float *rows,
-                            const struct im2col *t, size_t M)
-{
-    const size_t N = t->c->out;
-    float *sum = t->sum ? t->sum : out;
-
-    parallel_each(im2col_multiply_part,
-                  (M + ROWS - 1) / ROWS * (t->N / COLUMNS), 1, sum, rows, t,
-                  M);
-    for (size_t r = 0; r < M; r++)
-        im2col_add(sum + r * N, t->c->impl->bias, N);
-    if (t->sum)
-        im2col_add(out, t->sum, M * N);
+    if (t->unfold) {
+        im2col_unfold(own, in, t, m0, m);
+        rows = own;
+    }
+    for (size_t first = 0, terms; first < t->K; first += terms) {
+        terms = im2col_terms(t, first);
+        k->gemm(sum, N, rows + first, t->K, 1, t->w + first * t->N, m, N,
+                terms, first ? sum : one ? c->impl->bias : NULL,
+                first ? N : 0);
+    }
+    for (size_t r = 0; !one && r < m; r++)
+        k->add(sum + r * N, c->impl->bias, N);
+    if (c->add)
+        k->add(out + m0 * N, sum, m * N);
+    if (c->act != ACT_NONE)
+        k->act_forward(out + m0 * N, out + m0 * N, (int)c->act, m * N);
 }
 
 void im2col_forward(float *out, const float *in, struct conv *c)
 {
     struct im2col *t = &c->impl->im2col;
-    size_t pixels = c->batch * c->oh * c->ow;
+    const size_t pixels = c->batch * c->oh * c->ow;
 
-    for (size_t m = 0; m < pixels; m += BAND) {
-        size_t M = pixels - m < BAND ? pixels - m : BAND;
-
-        if (t->rows)
-            im2col_unfold(in, t, m, M);
-        im2col_multiply(out + m * c->out, t->rows ? t->rows : in + m * t->K, t,
-                        M);
-    }
-    if (c->act != ACT_NONE)
-        act_forward(out, out, c->act, pixels * c->out);
+    parallel_each(im2col_forward_part, im2col_up(pixels, t->rows), 1, out, in, t,
+                  pixels);
 }

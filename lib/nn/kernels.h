@@ -110,7 +110,7 @@ struct winograd;
                         size_t K, size_t N))                                 \
     X(void, gemm, (float *C, size_t ldc, const float *A, size_t rs,          \
                    size_t cs, const float *packed, size_t M, size_t N,       \
-                   size_t K, int accumulate))                                \
+                   size_t K, const float *more, size_t ldm))                 \
     X(void, pointwise_pack, (uint32_t *packed, const float *B, size_t ks,    \
                              size_t ns, size_t K, size_t N))                 \
     X(void, pointwise_rows, (float *C, const float *A, uint32_t *half,       \

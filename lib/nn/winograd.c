@@ -92,10 +92,14 @@ static void winograd_group(float *out, const float *in,
                           (ptrdiff_t)(t % across * 4) - 1);
     }
     for (size_t j = 0; j < 36; j++)
-        for (size_t i = 0; i < g->in; i += g->piece)
-            k->gemm(m + j * g->m_size, g->out, v + j * g->v_size + i, g->in, 1,
+        for (size_t i = 0; i < g->in; i += g->piece) {
+            float *to = m + j * g->m_size;
+
+            k->gemm(to, g->out, v + j * g->v_size + i, g->in, 1,
                     g->u + j * g->u_size + i * (g->u_size / g->in), n, g->out,
-                    g->in - i < g->piece ? g->in - i : g->piece, i > 0);
+                    g->in - i < g->piece ? g->in - i : g->piece,
+                    i > 0 ? to : NULL, g->out);
+        }
     for (size_t i = 0; i < n; i++) {
         size_t b = winograd_tile(g, t0 + i) / image;
         size_t t = winograd_tile(g, t0 + i) % image;

@@ -111,7 +111,7 @@ CASE(style_finish, k->style_finish(out[0], in[0], in[1], in[2], in[3], 0.3f,
 CASE(style_backward, k->style_backward(out[0], out[1], in[0], in[1], in[2],
                                        in[3], in[4], rows, C))
 CASE(gemm_pack, k->gemm_pack(out[0], in[0], C, 1, rows, C))
-CASE(gemm, k->gemm(out[0], C, in[0], C, 1, in[1], rows, C, C, 0))
+CASE(gemm, k->gemm(out[0], C, in[0], C, 1, in[1], rows, C, C, NULL, 0))
 CASE(winograd_input, (void)C; for (size_t i = 0; i < rows; i++)
      k->winograd_input(out[0], in[0], &wino, i, 4 * (ptrdiff_t)i - 1, 3))
 CASE(winograd_output, (void)C; for (size_t i = 0; i < rows; i++)
