@@ -218,6 +218,8 @@ int prepare_person(struct prepared *s, struct prepare *p, struct error *err)
         texture_init(&s->texture, s->person.rgb, s->person.matte,
                      s->person.back, s->person.size, err))
         goto fail;
+    s->texture.grain = s->baked.grain;
+    s->texture.grain_size = s->baked.grain_size;
     s->bake_s = cpu_seconds() - begun;
     return 0;
 fail:

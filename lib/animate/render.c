@@ -111,6 +111,8 @@ static int render_fast(struct render *r, const struct splat_camera *cam,
                        struct error *err)
 {
     render_set_view(r, cam);
+    r->texture.grain = r->scene.grain;
+    r->texture.grain_size = r->scene.grain_size;
     r->canvas.lit = r->scene.normal && render_camera(r);
     if (r->canvas.lit)
         relative_light(r->canvas.light, r->scene.lamp, render_camera(r));

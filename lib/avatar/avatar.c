@@ -95,6 +95,15 @@ static int avatar_allocate(struct avatar *a, struct error *err)
                            a->train, err);
 }
 
+/* What learns from it would learn to leave it out: one cannot know it. */
+static int avatar_plan_grain(struct avatar *a, struct error *err)
+{
+    const size_t N = a->dynamic.count + a->plane.count + a->mouth.count;
+
+    return a->train || !a->config.rgb_skip
+               ? 0 : grain_init(&a->grain, a->head, N, a->config.size, err);
+}
+
 /* Buffers and networks of every part; with WITHOUT_INTERP the dynamic
  * decoder computes vertices alone. */
 int avatar_plan(struct avatar *a, struct nn_options opt, struct error *err)
@@ -115,7 +124,8 @@ int avatar_plan(struct avatar *a, struct nn_options opt, struct error *err)
              static_branch_plan(&a->plane, opt, err) ||
              backbone_plan(&a->backbone, 1, c->size, opt, err) ||
              dynamic_branch_plan(&a->dynamic, points, opt, err) ||
-             mouth_branch_plan(&a->mouth, opt, err) ? -1 : 0;
+             mouth_branch_plan(&a->mouth, opt, err) ||
+             avatar_plan_grain(a, err) ? -1 : 0;
     nn_pool_use(NULL);
     return rc;
 }
@@ -126,6 +136,7 @@ void avatar_release(struct avatar *a)
     source_picture_release(&a->picture);
     source_mesh_release(&a->source);
     tilt_release(&a->tilted);
+    grain_release(&a->grain);
     dynamic_branch_release(&a->dynamic);
     static_branch_release(&a->plane);
     mouth_branch_release(&a->mouth);
@@ -174,6 +185,7 @@ static void avatar_views(struct avatar *a)
         .scale = s->scale, .quat = s->quat, .opacity = s->opacity,
         .color = s->color, .branch = a->branch, .uv = a->uv, .seen = s->seen,
         .reach = a->reach, .tilt = a->tilt, .normal = a->normal,
+        .around = a->grain.around,
         .light = {a->light[0], a->light[1], a->light[2]}
     };
     a->drive = (struct drive){
@@ -317,6 +329,9 @@ void avatar_bake(struct avatar *a, const struct avatar_source *src)
     if (a->config.rgb_skip)
         dynamic_branch_tilt(a->tilt, a->all.neck, dynamic.n, &a->source,
                             &a->dynamic);
+    if (a->grain.size)
+        grain_find(&a->grain, dynamic.n, a->all.n, &a->dynamic, &a->source,
+                   &a->picture);
     avatar_normals(a);
     avatar_views(a);
     if (!a->train)

@@ -31,6 +31,7 @@
 
 #include "lib/avatar/branch.h"
 #include "lib/avatar/dynamic_branch.h"
+#include "lib/avatar/grain.h"
 #include "lib/avatar/mouth_branch.h"
 #include "lib/avatar/source_mesh.h"
 #include "lib/avatar/source_picture.h"
@@ -102,6 +103,7 @@ struct avatar {
                                          * (lib/photo/place.h) */
     float *reach;                       /* (N) gaussian_seen */
     float *tilt;                        /* (N,2) gaussian_visible */
+    struct grain grain;                 /* none in training */
     float *normal;                      /* (N,3) of the surface, head frame; as
                                          * far as it turns with the head */
 

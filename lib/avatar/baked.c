@@ -11,7 +11,7 @@
 #include "lib/stream/records.h"
 #include "lib/splat/splat.h"
 
-#define FLOATS 24       /* of a Gaussian beside its colours: mean to jaw */
+#define FLOATS 26       /* of a Gaussian beside its colours: mean to jaw */
 
 /* N Gaussians of C colours, the first `dynamic` on the mesh; no neck blend. */
 static int baked_allocate(struct baked *b, size_t N, size_t C,
@@ -38,9 +38,10 @@ static int baked_allocate(struct baked *b, size_t N, size_t C,
     b->reach = b->seen + N;
     b->tilt = b->reach + N;
     b->normal = b->tilt + 2 * N;
-    b->jaw = b->normal + 3 * N;
+    b->around = b->normal + 3 * N;
+    b->jaw = b->around + 2 * N;
     b->color = b->jaw + 3 * N;
-    memset(b->uv, 0, 12 * N * sizeof *b->uv);
+    memset(b->uv, 0, 14 * N * sizeof *b->uv);
     memset(b->neck, 0, N * sizeof *b->neck);
     memcpy(b->source, neck_blend_upright, sizeof b->source);
     return 0;
@@ -138,9 +139,26 @@ static void baked_copy_motion(struct baked *b, const struct avatar *a,
         baked_keep_rows(b->reach, a->reach, 1, keep, N);
         baked_keep_rows(b->tilt, a->tilt, 2, keep, N);
         baked_keep_rows(b->normal, a->normal, 3, keep, N);
+        if (a->grain.size)
+            baked_keep_rows(b->around, a->grain.around, 2, keep, N);
         memcpy(b->view, a->source.cam, sizeof b->view);
     }
     baked_find_blended(b);
+}
+
+/* A copy of a grain (size,size). */
+static int baked_copy_grain(struct baked *b, const uint8_t *grain, size_t size,
+                            struct error *err)
+{
+    b->grain = malloc(size * size);
+    if (!b->grain) {
+        baked_release(b);
+        return error_set(err, EX_OSERR, "no memory for a grain of %zu pixels",
+                         size);
+    }
+    b->grain_size = size;
+    memcpy(b->grain, grain, size * size);
+    return 0;
 }
 
 int baked_from_avatar(struct baked *b, const struct avatar *a, bool drawn,
@@ -154,6 +172,8 @@ int baked_from_avatar(struct baked *b, const struct avatar *a, bool drawn,
 
     if (rc == 0)
         baked_copy_motion(b, a, keep);
+    if (rc == 0 && a->grain.size)
+        rc = baked_copy_grain(b, a->grain.picture, a->grain.size, err);
     free(keep);
     return rc;
 }
@@ -163,6 +183,7 @@ void baked_release(struct baked *b)
     free(b->block);
     free(b->branch);
     free(b->vertex);
+    free(b->grain);
     memset(b, 0, sizeof *b);
 }
 
@@ -188,6 +209,7 @@ struct gaussians baked_set(const struct baked *b)
         .quat = b->quat, .opacity = b->opacity, .color = b->color,
         .branch = b->branch, .uv = b->uv, .seen = b->seen,
         .reach = b->reach, .tilt = b->tilt,
+        .around = b->grain ? b->around : NULL,
         .normal = baked_is_lit(b) ? b->normal : NULL,
         .light = {b->light[0], b->light[1], b->light[2]}
     };
@@ -304,6 +326,10 @@ int baked_read(struct baked *b, const struct record *rec, size_t vertices,
             memcpy(b->reach, g.reach, g.n * sizeof *g.reach);
         if (g.tilt)
             memcpy(b->tilt, g.tilt, 2 * g.n * sizeof *g.tilt);
+        if (g.around)
+            memcpy(b->around, g.around, 2 * g.n * sizeof *g.around);
+        if (g.around && baked_copy_grain(b, g.grain, g.grain_size, err))
+            return -1;
     }
     if (baked_read_vertices(b, &g, vertices, err) ||
         baked_read_motion(b, &g, err)) {
@@ -338,7 +364,9 @@ int baked_write(struct stream_writer *w, uint64_t frame, double time,
         .vertices = b->dynamic, .lip = b->lip, .bend = b->neck,
         .pivot = b->pivot, .source = b->source, .light = b->light, .cam = cam,
         .uv = b->uv, .seen = b->seen, .view = b->view, .reach = b->reach,
-        .tilt = b->tilt, .normal = b->normal
+        .tilt = b->tilt, .normal = b->normal,
+        .around = b->grain ? b->around : NULL, .grain = b->grain,
+        .grain_size = b->grain_size
     };
     float *left = NULL, own[LAMP_SIZE];
 
@@ -356,8 +384,10 @@ int baked_write(struct stream_writer *w, uint64_t frame, double time,
         g.seen = left;
         g.reach = NULL;
     }
-    if (!baked_has_places(b))
-        g.uv = g.seen = g.view = g.reach = g.tilt = NULL;
+    if (!baked_has_places(b)) {
+        g.uv = g.seen = g.view = g.reach = g.tilt = g.around = NULL;
+        g.grain = NULL;
+    }
     if (!baked_is_lit(b))
         g.normal = NULL;
     int rc = gaus_write(w, frame, time, &g, err);
@@ -381,6 +411,7 @@ void baked_keep(struct baked *b, const uint8_t *keep)
     baked_keep_rows(b->reach, b->reach, 1, keep, b->N);
     baked_keep_rows(b->tilt, b->tilt, 2, keep, b->N);
     baked_keep_rows(b->normal, b->normal, 3, keep, b->N);
+    baked_keep_rows(b->around, b->around, 2, keep, b->N);
     baked_keep_rows(b->jaw, b->jaw, 3, keep, b->N);
     baked_keep_rows(b->color, b->color, b->C, keep, b->N);
     for (size_t i = 0; i < b->N; i++) {

@@ -42,6 +42,10 @@ struct baked {
     float *reach;           /* (N) gaussian_seen, from mean on */
     float *tilt;            /* (N,2) gaussian_visible */
     float *normal;          /* (N,3) of the surface, head frame */
+    float *around;          /* (N,2) places in */
+    uint8_t *grain;         /* (grain_size,grain_size) the grain
+                             * (lib/avatar/grain.h), or NULL: none */
+    size_t grain_size;
     size_t first, blended;  /* static Gaussians with a neck weight lie in
                              * this range: first index, count */
     float *block;           /* what the float arrays are part of */

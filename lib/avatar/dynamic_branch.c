@@ -368,8 +368,8 @@ static void dynamic_branch_start(const struct source_picture *picture,
     dynamic_branch_hull(picture, mesh, b);
     if (b->has_more)
         further_take(b->pixel, b->trust, rgb, b->facing, b->more, b->count);
-    material_layers(b->as, b->chance, b->tmp + b->count, b->beside, &seen,
-                    b->held, mesh->weights, b->dense);
+    material_layers(b->look, b->as, b->chance, b->tmp + b->count, b->beside,
+                    &seen, b->held, mesh->weights, b->dense);
     dynamic_branch_complete(rgb, mesh, b);
     for (size_t i = 0; i < 3 * b->count; i++) {
         const size_t k = i / 3;

@@ -13,6 +13,7 @@
 #include <stddef.h>
 
 #include "lib/avatar/branch.h"
+#include "lib/avatar/material.h"
 #include "lib/avatar/source_mesh.h"
 #include "lib/avatar/source_picture.h"
 #include "lib/base/densify.h"
@@ -59,6 +60,7 @@ struct dynamic_branch {
     float *trust;                       /* (D) in its colour elsewhere, too, */
     float *as;                          /* (MATERIALS,D) and as each material's */
     float *chance;                      /* (MATERIALS,D) of each material */
+    struct material_look look[MATERIALS];       /* the person's */
     float beside[HEAD_STYLES];          /* of relief_beside; set by _relief */
     float *first;                       /* (D,4) colour and trust of the first
                                          * picture */

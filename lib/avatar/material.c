@@ -211,13 +211,12 @@ struct material_share material_person(float *odds,
     return material_find(beside, held, odds, a);
 }
 
-void material_layers(float *trust, float *chance, float *odds,
+void material_layers(struct material_look *look, float *trust, float *chance, float *odds,
                      const float *beside,
                      const struct white_point_colors *seen, const float *held,
                      const struct head_avatar *a, const struct densify *d)
 {
     const size_t N = d->V + d->E;
-    struct material_look look[MATERIALS];
 
     material_looks(look, chance, seen, held, a, d);
     const struct material_share share = material_person(odds, look, beside,

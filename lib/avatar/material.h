@@ -64,9 +64,9 @@ struct material_share material_person(float *odds,
                                       const struct densify *d);
 
 /* The material of the points that a photograph shows: chance (MATERIALS,V+E) by
- * the shares, trust (MATERIALS,V+E) in what is seen as each material's colour.  The
- * rest as material_person has it. */
-void material_layers(float *trust, float *chance, float *odds,
+ * the shares, trust (MATERIALS,V+E) in what is seen as each material's colour, look
+ * (MATERIALS) of the person.  The rest as material_person has it. */
+void material_layers(struct material_look *look, float *trust, float *chance, float *odds,
                      const float *beside,
                      const struct white_point_colors *seen, const float *held,
                      const struct head_avatar *a, const struct densify *d);

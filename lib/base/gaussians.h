@@ -35,6 +35,9 @@ struct gaussians {
                                    * light is known; NULL: nowhere */
     float light[3];               /* l on the photograph, head frame; with
                                    * normal */
+    const float *around;          /* (N,2) place in the picture of the grain
+                                   * (lib/avatar/grain.h), 0..1 across, or
+                                   * under -1: none; NULL: nowhere */
     const float *tilt;            /* (N,2) how the depth that the source's
                                    * camera saw there rises to the picture's
                                    * right and down; NULL: nowhere */

@@ -244,6 +244,10 @@ static int page_pack_photograph(struct pack *k, const struct baked *b,
     page_pack_columns(k, "uv", b->uv, b->N, 2, 2);
     page_pack_columns(k, "seen", b->seen, b->N, 1, 1);
     page_pack_columns(k, "tilt", b->tilt, b->N, 2, 2);
+    if (b->grain) {
+        page_pack_columns(k, "around", b->around, b->N, 2, 2);
+        page_pack_picture(k, "grain", b->grain, b->grain_size, 1);
+    }
     if (baked_is_lit(b)) {
         page_pack_columns(k, "normal", b->normal, b->N, 3, 3);
         page_pack_add(k, "light", ST_F32, 3, 0, b->light);

@@ -115,7 +115,7 @@ void texture_field_row(float *photo, const float *color, const float *alpha,
     for (size_t i = 0; i < n; i++, photo += TEXTURE_PHOTO, color += 3) {
         const quad was = {color[0], color[1], color[2], alpha[i]};
 
-        if (photo[4] > 0)
+        if (photo[4] != 0)
             *(quad *)photo = compose_doubt(
                 photo, was,
                 compose_field_at(f, ty, compose_tap_make(x + i, f->width, step)));
@@ -182,7 +182,7 @@ static void compose_run(float *rgb, float *alpha, const float *photo,
         const float w = ((float)(at % TEXTURE_FIELD_STEP) + 0.5f) /
                         TEXTURE_FIELD_STEP;
 
-        if (photo[4] > 0)
+        if (photo[4] != 0)
             compose_pixel(rgb, alpha, photo,
                           line[k] + w * (line[k + 1] - line[k]));
         for (size_t c = 0; c < 3; c++)
@@ -298,12 +298,12 @@ void texture_compose_backward(float *drgb, float *dalpha, float *dphoto,
             float df[TEXTURE_FIELD] = {0};
             quad f = {0};
 
-            if (p[4] > 0 && field->at)
+            if (p[4] != 0 && field->at)
                 f = compose_field_at(field, ty, tx);
             compose_pixel_backward(drgb + 3 * i, dalpha + i,
                                    dphoto + TEXTURE_PHOTO * i, df,
                                    rgb + 3 * i, alpha[i], p, f);
-            if (p[4] > 0 && field->at)
+            if (p[4] != 0 && field->at)
                 compose_field_add(dfield, field, ty, tx, df);
         }
     }

@@ -42,6 +42,26 @@ void texture_shader_init(struct texture_shader *s, const struct texture *t,
                                  splat_place_side(v), photo, channels};
 }
 
+/* The pixel p (5) where only the grain has a place, (u,v), 0..1 across: black that is
+ * mixed in by what is missing to 1, more or less, by as much. */
+static void lookup_grain(float *p, const struct texture *t, float u, float v,
+                         float much, float alpha)
+{
+    const size_t S = t->grain_size;
+    const float x = u * (float)S - 0.5f, y = v * (float)S - 0.5f;
+    const float last = (float)(S - 1);
+
+    if (!(x >= 0 && y >= 0 && x < last && y < last))
+        return;
+    const float a = x - floorf(x), b = y - floorf(y);
+    const uint8_t *at = t->grain + S * (size_t)y + (size_t)x;
+    const float top = (1 - a) * at[0] + a * at[1];
+    const float bottom = (1 - a) * at[S] + a * at[S + 1];
+
+    p[3] = alpha;
+    p[4] = much * (1 - ((1 - b) * top + b * bottom) / 128);
+}
+
 /* photo (n,5) of row y's pixels from x on; whether the photograph shows any of
  * them.  Rows end where they end: what is left of a vector is looked up in a
  * copy. */
@@ -73,6 +93,12 @@ static bool lookup_run(float *photo, const struct texture_shader *s,
     memset(photo, 0, TEXTURE_PHOTO * n * sizeof *photo);
     kernels->bicubic(photo, r.u, r.v, r.confidence, n, s->t->level[s->level],
                      S);
+    if (s->t->grain)
+        for (size_t i = 0; i < n; i++)
+            if (r.grain[i] > 0 && !(r.confidence[i] > 0))
+                lookup_grain(photo + TEXTURE_PHOTO * i, s->t,
+                             r.u[i] / (float)S, r.v[i] / (float)S, r.grain[i],
+                             alpha[i]);
     return true;
 }
 

@@ -6,12 +6,24 @@
 
 #include "lib/photo/texture.h"
 
-/* A pixel with this blended weight or less has no place. */
+/* A pixel with this blended weight or less has no place in the photograph, and with
+ * the other in the grain, either: of a tenth of coverage nobody sees it. */
 #define TEXTURE_MIN 0.004f
+#define TEXTURE_GRAIN_MIN (0.1f * SPLAT_PLACE_GRAIN)
 /* The confidence by the share of the coverage that has a place: whole from
  * three quarters on, since along an outline some of the coverage never has
  * one. */
-#define TEXTURE_SHARE(share) (1.6f * (share) - 0.2f)
+#define TEXTURE_SHARE(share) (((share) - SPLAT_PLACE_SLIGHT) / \
+                              (0.75f - SPLAT_PLACE_SLIGHT))
+
+/* How much of the grain a pixel has by the share of the coverage that has a place:
+ * all where that share is the grain's.  Where it is less, places of the grain are
+ * mixed with none, and where it is more, with places of the photograph: there is
+ * no such place. */
+#define TEXTURE_GRAIN(share) \
+    (5 * (share) / SPLAT_PLACE_GRAIN - 4)
+#define TEXTURE_GRAIN_NO_MORE(share) \
+    (5 - 10.0f / 3 * (share) / SPLAT_PLACE_GRAIN)
 
 /* How many times its coverage the confidence in a pixel may be.  Where a head has
  * turned its outline is its Gaussians' and not the photograph's, and a pixel

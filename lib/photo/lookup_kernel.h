@@ -18,10 +18,11 @@ struct lookup_run {
                                  * centre, and to the next one's */
     float half;                 /* half the texture's side */
     _Alignas(64) float confidence[LOOKUP_RUN];    /* confidence, 0 without a place */
+    _Alignas(64) float grain[LOOKUP_RUN];   /* how much of the grain, 0..1 */
     float u[LOOKUP_RUN], v[LOOKUP_RUN];     /* places, the texture's pixels */
 };
 
-/* r->confidence, u and v of n pixels, a multiple of 16, from what was blended there:
+/* r->confidence, grain, u and v of n pixels, a multiple of 16, from what was blended there:
  * place (n,4) and alpha (n); whether any has a place. */
 typedef bool lookup_places_fn(struct lookup_run *r,
                               const struct splat_place_view *v,

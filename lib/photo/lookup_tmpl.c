@@ -28,26 +28,31 @@ static bool ISA(lookup_places)(struct lookup_run *r,
             row[k] = place + SPLAT_PLACE_CHANNELS * k;
         vf_columns(p, row, 1);
         vf weight = p[2];
-        vm has = vf_gt(weight, vf_set(TEXTURE_MIN));
+        vm has = vf_gt(weight, vf_set(TEXTURE_GRAIN_MIN));
 
         if (!vm_any(has)) {
             vf_store(r->confidence + i, zero);
+            vf_store(r->grain + i, zero);
             vf_store(r->u + i, zero);
             vf_store(r->v + i, zero);
             continue;
         }
         vf over = one / vf_sel(has, weight, one);
-        vf own = TEXTURE_SHARE(weight / vf_max(vf_load(alpha + i),
-                                               vf_set(TEXTURE_MIN)));
+        vf part = weight / vf_max(vf_load(alpha + i), vf_set(TEXTURE_MIN));
+        vf own = TEXTURE_SHARE(part);
+        vf grain = vf_min(TEXTURE_GRAIN(part), TEXTURE_GRAIN_NO_MORE(part));
         vf covered = vf_min(cover * vf_load(alpha + i), one);
-        vf confidence = vf_keep(has, vf_clamp(own, zero, one) * covered);
+        vf confidence = vf_keep(vf_gt(weight, vf_set(TEXTURE_MIN)),
+                                vf_clamp(own, zero, one) * covered);
         vf nx = __builtin_convertvector(vi_iota() + (int)i, vf) * r->step +
                 r->nx;
         vf x = A[0] * nx + (A[1] * r->ny + b[0]);
         vf y = A[2] * nx + (A[3] * r->ny + b[1]);
 
+        grain = vf_keep(has, vf_clamp(grain, zero, one));
         vf_store(r->confidence + i, confidence);
-        max = vf_max(max, confidence);
+        vf_store(r->grain + i, grain);
+        max = vf_max(max, vf_max(confidence, grain));
         vf share = vf_clamp(neck[0] * nx + (neck[1] * r->ny + neck[2]), zero,
                             one);
         x += share * (S[0] * nx + (S[1] * r->ny + S[4]));
@@ -273,7 +278,7 @@ static void ISA(texture_mix)(float *color, float *alpha, const float *photo,
     for (; i + 4 <= n; i += 4) {
         const float *p = photo + TEXTURE_PHOTO * i;
 
-        if (p[4] + p[9] + p[14] + p[19] > 0)
+        if (p[4] != 0 || p[9] != 0 || p[14] != 0 || p[19] != 0)
             lookup_mix_four(color + 3 * i, alpha + i, p);
     }
     if (i < n)

@@ -31,6 +31,9 @@ struct texture {
     uint8_t *level[TEXTURE_LEVELS];     /* (side, side, 4) premultiplied red,
                                          * green, blue, matte */
     uint8_t *block;             /* what they are parts of */
+    const uint8_t *grain;       /* (grain_size,grain_size) GAUS's, the caller's,
+                                 * or NULL: none */
+    size_t grain_size;
 };
 
 /* Of a source picture rgb (S,S,3), its matte (S,S) and the background that
@@ -70,7 +73,9 @@ splat_shade_fn texture_shade;   /* ctx: a struct texture_shader */
 /* photo (size,size,5) of a picture of size by size pixels.
  *   place (size,size,4)  the blended places (place.h)
  *   alpha (size,size)    coverage
- * A pixel that no Gaussian with a place covers gets zeros.  The confidence is
+ * A pixel that no Gaussian with a place covers gets zeros, and one that only places
+ * in the grain cover what multiplies its colours by it, g: black, its own alpha and
+ * a confidence of 1 - g, which may be negative.  The confidence is
  * the blended one's share of the coverage: how far the photograph is believed
  * is decided for each Gaussian (gaussian_visible); and it is little where there
  * is little of them, the less the further the head has turned. */

@@ -54,6 +54,8 @@ PARALLEL(pack_one, i, struct splat *, s, const struct gaussians *, g)
 
             st->cloud.uv[k][i] = g->uv ? 2 * g->uv[at] - 1 : 0;
             st->cloud.tilt[k][i] = g->tilt ? g->tilt[at] : 0;
+            st->cloud.around[k][i] = g->around ? 2 * g->around[at] - 1
+                                               : SPLAT_PLACE_NOWHERE;
         }
     }
     for (int c = 0; c < 4; c++)
@@ -106,6 +108,7 @@ void pack_gaussians(struct splat *s, const struct gaussians *g)
     struct splat_state *st = s->state;
     size_t n = (g->n + PAD - 1) / PAD * PAD + PAD;
 
+    st->grained = st->place && g->around;
     parallel_each(pack_one, g->n, g->n > 10000 ? 1 : g->n, s, g);
     for (size_t i = g->n; i < n; i++)
         st->cloud.top[i] = -1e30f;

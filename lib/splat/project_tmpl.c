@@ -176,6 +176,50 @@ VEC_INLINE vf project_confidence(const struct splat_state *s, size_t i,
            vf_clamp(vf_min(drawn, rotated), vf_set(0), vf_set(1));
 }
 
+/* splat_place_unrolled of Gaussians i and on. */
+VEC_INLINE vf project_unrolled(const struct splat_state *s, size_t i,
+                               float facing)
+{
+    const float *rt = s->view.rt;
+    vf across = vf_set(0), toward = vf_set(0);
+
+    for (int k = 0; k < 3; k++) {
+        vf n = vf_load(s->cloud.normal[k] + i);
+
+        across = vf_fma(n, vf_set(rt[k]), across);
+        toward = vf_fma(n, vf_set(-rt[8 + k]), toward);
+    }
+    vf length = vf_sqrt(vf_fma(across, across, toward * toward));
+    vm known = vf_gt(length, vf_set(0));
+    vf cosine = vf_max(toward / vf_sel(known, length, vf_set(1)),
+                       vf_set(SPLAT_PLACE_STEEPEST));
+
+    return vf_keep(known, vf_set(1) - vf_set(facing) / cosine);
+}
+
+/* What the grain adds to row's place channels of Gaussians i and on, which the view
+ * takes to `at` (2). */
+VEC_INLINE void project_grain(vf row[SPLAT_PLACE_CHANNELS],
+                              const struct splat_state *s, size_t i,
+                              const struct splat_place_side *side,
+                              const vf at[2])
+{
+    vm has = vf_gt(vf_load(s->cloud.around[0] + i), vf_set(SPLAT_PLACE_NOWHERE));
+    vf weight = vf_keep(has, vf_set(SPLAT_PLACE_GRAIN) *
+                                 vf_max(vf_set(1) - row[2] / SPLAT_PLACE_SLIGHT,
+                                        vf_set(0)));
+    vf shorter = project_unrolled(s, i, side->facing);
+    vf along = shorter * (vf_set(side->e[0]) * at[0] +
+                          vf_set(side->e[1]) * at[1]);
+
+    for (int k = 0; k < 2; k++)
+        row[k] += vf_keep(has, weight * (vf_load(s->cloud.around[k] + i) -
+                                         at[k] + along *
+                                         vf_set(side->e[k])));
+    row[2] += weight;
+    row[3] += weight * shorter;
+}
+
 /* Place channels of Gaussians i and on (struct splat_place_view). */
 VEC_INLINE void project_channels(struct splat_state *s, size_t i,
                                  const struct splat_place_side *side,
@@ -213,6 +257,8 @@ VEC_INLINE void project_channels(struct splat_state *s, size_t i,
                                              vf_set(side->e[k])));
     row[2] = confidence;
     row[3] = vf_keep(seen, confidence * shorter);
+    if (s->grained)
+        project_grain(row, s, i, side, at);
     vf_put_rows(s->place[i], row, 4);
 }
 

@@ -84,6 +84,9 @@ void reference_release(struct reference *t)
     free(t->uv);
     free(t->confidence);
     free(t->shorter);
+    free(t->around);
+    free(t->grain);
+    free(t->unrolled);
     free(t->mean);
     free(t->scale);
     free(t->quat);

@@ -91,6 +91,21 @@ static int traversal_fill_lists(struct traversal *w, const struct reference *t,
     return 0;
 }
 
+/* What Gaussian i's place in the grain adds to its place channels, at: where the view
+ * takes it. */
+static void traversal_add_grain(double *out, const struct reference *t, size_t i,
+                                const double at[2], const float e[2])
+{
+    const double *to = t->around + 2 * i, s = t->unrolled[i];
+    const double along = s * (e[0] * at[0] + e[1] * at[1]);
+    const double weight = t->grain[i];
+
+    for (int k = 0; k < 2; k++)
+        out[k] += weight * (to[k] - at[k] + along * e[k]);
+    out[2] += weight;
+    out[3] += weight * s;
+}
+
 /* The scene's channels with the places of where the Gaussians are now (struct
  * splat_place_view). */
 static int traversal_fill_places(struct traversal *w,
@@ -120,6 +135,8 @@ static int traversal_fill_places(struct traversal *w,
                                    along * side.e[k]);
         out[2] = confidence;
         out[3] = confidence * t->shorter[i];
+        if (t->around)
+            traversal_add_grain(out, t, i, at, side.e);
     }
     return 0;
 }

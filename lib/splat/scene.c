@@ -31,6 +31,8 @@ void scene_release(struct scene *s)
     free(s->reach);
     free(s->tilt);
     free(s->normal);
+    free(s->around);
+    free(s->grain);
     memset(s, 0, sizeof *s);
 }
 
@@ -152,6 +154,12 @@ static int scene_copy_arrays(struct scene *s, const struct gaus *g,
     }
     if (g->view && g->tilt)
         s->g.tilt = s->tilt = scene_copy(g->tilt, 2 * n * sizeof *g->tilt);
+    if (g->around) {
+        s->g.around = s->around = scene_copy(g->around,
+                                             2 * n * sizeof *g->around);
+        s->grain_size = g->grain_size;
+        s->grain = scene_copy(g->grain, g->grain_size * g->grain_size);
+    }
     if (s->has_source && g->normal) {
         s->g.normal = s->normal = scene_copy(g->normal,
                                              3 * n * sizeof *g->normal);
@@ -162,6 +170,7 @@ static int scene_copy_arrays(struct scene *s, const struct gaus *g,
         (g->branch && !s->branch) ||
         (g->view && (!s->uv || !s->seen || (g->reach && !s->reach) ||
                       (g->tilt && !s->tilt))) ||
+        (g->around && (!s->around || !s->grain)) ||
         (s->has_source && g->normal && !s->normal))
         return error_set(err, EX_OSERR, "out of memory for %zu Gaussians", n);
     return scene_take_color(s, g, err);

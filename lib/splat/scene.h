@@ -37,7 +37,9 @@ struct scene {
 
     /* owned */
     float *mean, *loaded, *scale, *quat, *opacity, *color, *uv, *seen,
-          *reach, *tilt, *normal;
+          *reach, *tilt, *normal, *around;
+    uint8_t *grain;     /* (grain_size,grain_size), or NULL: none */
+    size_t grain_size;
     float *jaw;         /* (mouth_count,3) how the mouth goes with the chin, or
                          * NULL */
     float *neck;        /* (N) neck blend weights, 0 but in the static

@@ -233,6 +233,8 @@ static int splat_check_gaussians(const struct splat *s,
                                        "0 to 1", err)) ||
          (g->tilt && splat_check_array(g->tilt, g->n, 2, "tilt", -1e6f, 1e6f,
                                        "-1e6 to 1e6", err)) ||
+         (g->around && splat_check_array(g->around, g->n, 2, "around", -1e6f,
+                                         1e6f, "-1e6 to 1e6", err)) ||
          (g->normal && splat_check_array(g->normal, g->n, 3, "normal", -1.01f,
                                          1.01f, "-1 to 1", err)) ||
          (g->normal && splat_check_array(g->light, 1, 3, "light", -1.01f,

@@ -81,6 +81,7 @@ size_t state_cloud_layout(struct splat *s, char *base, size_t n)
     for (int k = 0; k < 2 && s->opt.place; k++) {
         st->cloud.uv[k] = state_reserve(base, &used, row);
         st->cloud.tilt[k] = state_reserve(base, &used, row);
+        st->cloud.around[k] = state_reserve(base, &used, row);
     }
     if (s->opt.place) {
         st->cloud.seen = state_reserve(base, &used, row);

@@ -53,6 +53,7 @@ struct cloud {
     float *uv[2], *seen;       /* with places: -1..1 across the source
                                 * picture, and how much; else NULL */
     float *tilt[2];            /* likewise */
+    float *around[2];          /* likewise: -1..1 across the grain */
     float *thin;               /* likewise: gaussians_thin */
     float *normal[3], *lit;    /* likewise: of the surface, and one over
                                 * the photograph's light on it */
@@ -86,6 +87,7 @@ struct splat_state {
     int slots;                 /* of parallel_slot, at least threads */
     struct view view;
     struct splat_camera camera;
+    bool grained;              /* some Gaussians have a place in the grain */
     bool projected;            /* projection, key, rect are of this camera */
     size_t dirty0, dirty1;     /* ... but for these Gaussians */
 

@@ -96,8 +96,16 @@ struct splat {
  *   2 uv - 1 + (1 - s e e^T) (M(y) - M(x)).
  * Its place channels, of which y is not part and which are blended, are
  *   c (2 uv - 1 - M(x) + s e e^T M(x)), x before y; c; c s,
- * c being the confidence in it: seen times gaussian_visible. */
+ * c being the confidence in it: seen times gaussian_visible.
+ *
+ * A Gaussian that has a place in the grain, too (gaussians.h), adds the same of that
+ * with splat_place_grain for c and splat_place_unrolled for s: so little that where
+ * there is confidence in places of the photograph they are the photograph's. */
 #define SPLAT_PLACE_CHANNELS 4
+#define SPLAT_PLACE_GRAIN (1.0f / 4096)
+#define SPLAT_PLACE_NOWHERE (-3.0f)     /* places under that are none */
+#define SPLAT_PLACE_SLIGHT 0.125f       /* confidence under which a pixel shows
+                                         * none of the photograph */
 struct splat_place_view {
     float A[4];                   /* rows */
     float b[2];
@@ -135,6 +143,30 @@ splat_place_side(const struct splat_place_view *v)
 static inline float splat_place_shorter(float rise, float facing)
 {
     return rise / fmaxf(facing + rise, SPLAT_PLACE_STEEPEST);
+}
+
+/* The weight of a place in the grain by the confidence in the photograph's. */
+static inline float splat_place_grain(float confidence)
+{
+    return SPLAT_PLACE_GRAIN * fmaxf(1 - confidence / SPLAT_PLACE_SLIGHT, 0);
+}
+
+/* s on the grain, which is as long as the surface and not as the photograph shows
+ * it: by normal n (3) in the frame of a head that [R|t] rt (3,4) sees, upright, as
+ * the grain is unrolled; 0 of n 0. */
+static inline float splat_place_unrolled(const float n[3], const float rt[12],
+                                         float facing)
+{
+    float across = 0, toward = 0;
+
+    for (int k = 0; k < 3; k++) {
+        across += n[k] * rt[k];
+        toward -= n[k] * rt[8 + k];
+    }
+    const float length = sqrtf(across * across + toward * toward);
+
+    return length > 0 ? 1 - facing / fmaxf(toward / length,
+                                           SPLAT_PLACE_STEEPEST) : 0;
 }
 
 /* at (2): where the view takes a frame's (x,y). */

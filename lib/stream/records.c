@@ -106,7 +106,7 @@ static const struct schema_field gaus_fields[] = {
     I32(gaus, vertex), F32(gaus, bend), F32(gaus, pivot), F32(gaus, source),
     F32(gaus, light), F32(gaus, lamp), F32(gaus, uv), F32(gaus, seen),
     F32(gaus, view), F32(gaus, reach), F32(gaus, normal), F32(gaus, tilt),
-    F32(gaus, cam)
+    F32(gaus, around), U8(gaus, grain), F32(gaus, cam)
 };
 
 int gaus_read(struct gaus *g, const struct record *rec, struct error *err)
@@ -118,6 +118,7 @@ int gaus_read(struct gaus *g, const struct record *rec, struct error *err)
     g->channels = record_find(rec, "color")->dim[1];
     g->vertices = schema_rows(rec, "vertex");
     g->jaws = schema_rows(rec, "jaw");
+    g->grain_size = schema_rows(rec, "grain");
     if (g->channels == 0)
         return error_set(err, EX_DATAERR, "GAUS color has no channels "
                          "(expected at least one)");
@@ -128,13 +129,18 @@ int gaus_read(struct gaus *g, const struct record *rec, struct error *err)
         return error_set(err, EX_DATAERR, "GAUS has %s without %s",
                          g->uv ? "uv" : g->seen ? "seen" : "view",
                          !g->uv ? "uv" : g->seen ? "view" : "seen");
+    if (!g->around != !g->grain)
+        return error_set(err, EX_DATAERR, "GAUS has %s without %s",
+                         g->grain ? "grain" : "around",
+                         g->grain ? "around" : "grain");
     return 0;
 }
 
 int gaus_arrays(struct array a[STREAM_MAX_ARRAYS], const struct gaus *g)
 {
     const size_t size[] = {['N'] = g->n, ['C'] = g->channels,
-                           ['M'] = g->vertices, ['K'] = g->jaws};
+                           ['M'] = g->vertices, ['K'] = g->jaws,
+                           ['G'] = g->grain_size};
 
     return schema_arrays(a, RECORD_GAUS, g, gaus_fields, COUNT(gaus_fields),
                          size);

@@ -83,6 +83,11 @@ struct gaus {
     const float *reach;                 /* (n) up to where it does, and */
     const float *normal;                /* (n,3) of the surface, head frame */
     const float *tilt;                  /* (n,2) how depth rises there */
+    const float *around;                /* (n,2) places in, 0..1, and */
+    const uint8_t *grain;               /* (grain_size,grain_size) what colours
+                                         * are multiplied by, times 128: both or
+                                         * none */
+    size_t grain_size;
     const float *cam;                   /* (3,4) [R|t] */
 };
 

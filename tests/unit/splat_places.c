@@ -53,6 +53,25 @@ static double places_left(const struct gaussians *g, size_t i)
                     gaussian_more(g->tilt + 2 * i, view.toward)));
 }
 
+/* And of its places in the grain. */
+static void places_reference_grain(struct reference *r,
+                                   const struct gaussians *g,
+                                   const float rt[12], float facing)
+{
+    r->around = scene_grab(2 * r->n, sizeof *r->around);
+    r->grain = scene_grab(r->n, sizeof *r->grain);
+    r->unrolled = scene_grab(r->n, sizeof *r->unrolled);
+    for (size_t i = 0; i < r->n; i++) {
+        const bool has = g->around[2 * i] >= -1;
+
+        r->grain[i] = has ? splat_place_grain((float)r->confidence[i]) : 0;
+        r->unrolled[i] = splat_place_unrolled(g->normal + 3 * i, rt, facing);
+        for (size_t k = 0; k < 2; k++)
+            r->around[2 * i + k] =
+                has ? 2 * (double)g->around[2 * i + k] - 1 : 0;
+    }
+}
+
 /* t's reference, whose pictures end in the channels of places; size pixels a
  * side. */
 static int places_reference(struct reference *r, const struct testscene *t,
@@ -80,6 +99,8 @@ static int places_reference(struct reference *r, const struct testscene *t,
         for (size_t k = 0; k < 2; k++)
             r->uv[2 * i + k] = 2 * (double)g->uv[2 * i + k] - 1;
     }
+    if (g->around)
+        places_reference_grain(r, g, cam.rt, side.facing);
     free(r->color);
     r->color = color;
     r->channels += PLACES;
@@ -229,6 +250,44 @@ static void places_shown(void)
           gaussian_halved(GAUSSIAN_THIN, 1 / GAUSSIAN_DRAWN), 0);
     check("and falls by eight halves where nothing is",
           fabs(8 - gaussian_halved(GAUSSIAN_THIN, 1 / GAUSSIAN_TORN)), 1e-5);
+}
+
+/* Places in the grain: beside those in the photograph, and alone, where they are all
+ * there is. */
+static void places_grain(void)
+{
+    struct testscene t;
+    struct splat_options o = splat_defaults(SIZE, SIZE, 3);
+    float *image = scene_grab(SIZE * SIZE * 3, sizeof *image);
+    float *place = scene_grab(SIZE * SIZE * PLACES, sizeof *place);
+    float *around = scene_grab(2 * N, sizeof *around);
+    float *normal = scene_grab(3 * N, sizeof *normal), most = 0;
+    struct random r;
+
+    places_scene(&t, N, 47);
+    random_init(&r, 47, "grain");
+    for (size_t i = 0; i < 2 * N; i++)
+        around[i] = i % 10 < 2 ? -9 : (float)random_range(&r, -0.5, 1.5);
+    for (size_t i = 0; i < 3 * N; i++)
+        normal[i] = i % 21 < 3 ? 0 : (float)random_range(&r, -0.5, 0.5);
+    t.g.around = around;
+    t.g.normal = normal;
+    o.place = true;
+    o.exp_degree = 5;
+    draw_places(image, place, &t, &o);
+    check("places of both against double", places_error(place, &t), 5e-5);
+    memset((float *)t.g.seen, 0, N * sizeof *t.g.seen);
+    draw_places(image, place, &t, &o);
+    check("places in the grain alone, of their weight",
+          places_error(place, &t) / SPLAT_PLACE_GRAIN, 5e-5);
+    for (size_t p = 0; p < SIZE * SIZE; p++)
+        most = fmaxf(most, place[PLACES * p + 2] / SPLAT_PLACE_GRAIN);
+    check_range("which is what covers a pixel", (double)most, 0.5, 1);
+    places_release(&t);
+    free(image);
+    free(place);
+    free(around);
+    free(normal);
 }
 
 /* Gaussians move, some beyond their reach, and the view changes, while the
@@ -516,6 +575,7 @@ static int places_test(void)
     places_forward(3, true);
     places_forward(4, false);
     places_forward(32, false);
+    places_grain();
     places_moving();
     places_backward(3);
     places_backward(8);

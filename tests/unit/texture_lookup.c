@@ -322,6 +322,39 @@ static void test_shares(const struct texture *t)
     }
 }
 
+/* Where only the grain has a place it multiplies colours, linear between its
+ * pixels. */
+static void test_grain(struct texture *t)
+{
+    static const struct { float x, share, alpha, gain; } at[] = {
+        {0, 1, 1, 1.5f}, {0, 1, 0.5f, 1.5f}, {1.0f / S, 1, 1, 1.25f},
+        {2.0f / S, 1, 1, 1}, {0, 0.9f, 1, 1.25f}, {0, 0.7f, 1, 1},
+        {0, 1.35f, 1, 1.25f}, {0, 1.6f, 1, 1}, {0, 200, 1, 1}, {1, 1, 1, 1}
+    };
+    static uint8_t grain[PIXELS];
+
+    memset(grain, 128, sizeof grain);
+    for (size_t i = 0; i < S; i++)
+        grain[40 + i * S] = 192;
+    t->grain = grain;
+    t->grain_size = S;
+    for (size_t k = 0; k < sizeof at / sizeof *at; k++) {
+        const size_t i = 40 * S + 40;
+        char what[80];
+
+        lookup_set_grey();
+        lookup_set_places(at[k].x, 0,
+                          at[k].share * at[k].alpha * SPLAT_PLACE_GRAIN,
+                          at[k].alpha);
+        texture_apply(color, 3, alpha, t, &straight, place, S);
+        snprintf(what, sizeof what, "grain %g pixels off, share %g, alpha %g",
+                 (double)at[k].x * S / 2, at[k].share, at[k].alpha);
+        expect(what, color[3 * i], 0.3 * (double)at[k].gain, 1e-4);
+        check_that("and alpha stays", alpha[i] == at[k].alpha);
+    }
+    t->grain = NULL;
+}
+
 /* ---- mixture ------------------------------------------------------------ */
 
 static void test_mixture(void)
@@ -444,6 +477,7 @@ static int at_level(void)
     texture_of_photograph(&t);
     test_nothing(&t);
     test_shares(&t);
+    test_grain(&t);
     test_mixture();
     in_one(&t);
     field_in_one(&t);

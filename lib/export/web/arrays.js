@@ -38,6 +38,8 @@ export function drawnArrays(a, count) {
                                       pivot: a.array("pivot"),
                                       shoulders: a.array("shoulders"),
                                       light: [0, 0, 0], lamp: [0, 0, 0, 1, 1, 1] });
+  if (a.has("around")) Object.assign(g, { around: a.planes("around"),
+                                          grain: a.picture("grain", 1) });
   if (a.has("normal")) Object.assign(g, { normal: a.planes("normal"),
                                           light: a.array("light"),
                                           lamp: a.array("lamp") });

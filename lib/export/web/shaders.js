@@ -25,7 +25,7 @@ vec2 viewed(vec2 n) {
 export const gaussianVertex = `
 precision highp float;
 precision highp int;
-uniform highp sampler2D means, table, normals;
+uniform highp sampler2D means, table, normals, arounds;
 uniform highp usampler2D order;
 uniform vec4 cam[3];
 uniform vec2 size;
@@ -47,6 +47,12 @@ float visible(float more) {
 }
 float halved(float more) {
   return 8.0 / (1.0 / 0.4 - 1.0 / 0.75) * max(more - 1.0 / 0.75, 0.0);
+}
+uniform bool grained;
+/* splat_place_unrolled of lib/splat/types.h. */
+float unrolled(vec3 normal, float facing) {
+  vec2 n = vec2(dot(cam[0].xyz, normal), -dot(cam[2].xyz, normal));
+  return dot(n, n) > 0.0 ? 1.0 - facing / max(normalize(n).y, 0.35) : 0.0;
 }
 float lit(vec3 normal, vec3 l) { return max(1.0 + dot(normal, l), 0.4); }
 
@@ -99,6 +105,12 @@ void main() {
   place = sure * vec4(2.0 * t3.xy - 1.0 - view +
                       shorter * dot(e.xy, view) * e.xy, 1.0, shorter);
   vec3 normal = texelFetch(normals, ivec2(i % WIDTH, i / WIDTH), 0).xyz;
+  vec2 around = 2.0 * texelFetch(arounds, ivec2(i % WIDTH, i / WIDTH), 0).xy - 1.0;
+  if (grained && around.x > -3.0) {
+    shorter = unrolled(normal, e.z);
+    place += max(1.0 - 8.0 * sure, 0.0) / 4096.0 *
+             vec4(around - view + shorter * dot(e.xy, view) * e.xy, 1.0, shorter);
+  }
   gain = sqrt(lit(normal, light) / lit(normal, photoLight));
 #endif
 }`;
@@ -135,7 +147,7 @@ void main() { gl_Position = vec4(position.xy, 0.0, 1.0); }`;
 // the portrait window.
 export const pictureFragment = `
 precision highp float;
-uniform highp sampler2D colors, wheres, gains, person, backdrop;
+uniform highp sampler2D colors, wheres, gains, person, grain, backdrop;
 uniform vec2 size;
 uniform float span;
 uniform vec3 background, beyond, tint;
@@ -144,6 +156,12 @@ ${viewed}
 out vec4 color;
 
 const float LEAST = 0.004;         /* as in lib/photo/lookup.h, */
+const float GRAIN = 1.0 / 4096.0;  /* SPLAT_PLACE_GRAIN of lib/splat/types.h */
+/* TEXTURE_GRAIN, as much as TEXTURE_GRAIN_NO_MORE allows: this, too, */
+float grained(float share) {
+  return clamp(min(5.0 * share / GRAIN - 4.0, 5.0 - 10.0 / 3.0 * share / GRAIN),
+               0.0, 1.0);
+}
 float cover() { return 1.4 / max(length(toward), 1e-3); }   /* this, too */
 
 /* Keys's weights, as in lib/photo/lookup_tmpl.c. */
@@ -188,14 +206,19 @@ void main() {
   if (photo) {
     vec3 p = texelFetch(wheres, at, 0).xyz;
     vec2 gain = textureLod(gains, gl_FragCoord.xy / size, 3.0).xy + LEAST;
-    if (p.z > LEAST) {
-      float sure = clamp(1.6 * p.z / max(own.a, LEAST) - 0.2, 0.0, 1.0) *
-                   min(cover() * own.a, 1.0);
+    if (p.z > 0.1 * GRAIN) {
+      float share = p.z / max(own.a, LEAST);
+      float sure = p.z > LEAST ? clamp(1.6 * share - 0.2, 0.0, 1.0) *
+                                 min(cover() * own.a, 1.0) : 0.0;
       vec2 e = side().xy, view = viewed(n);
       float shorter = texelFetch(gains, at, 0).z;
       vec2 uv = view + (p.xy - shorter * dot(e, view) * e) / p.z + 1.0;
       vec4 seen = bicubic(person, 0.5 * uv * vec2(textureSize(person, 0)));
       own = mix(own, seen, sure);
+      vec2 around = 0.5 * uv;
+      if (sure == 0.0 && clamp(around, 0.0, 1.0) == around)
+        own.rgb *= mix(1.0, texture(grain, around).r * 255.0 / 128.0,
+                       grained(share));
     }
     own.rgb = min(gain.x / gain.y * tint * own.rgb, own.a);
   }

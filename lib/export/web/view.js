@@ -58,10 +58,21 @@ function tableTexture(g) {
   return floatTexture(out, WIDTH, rows);
 }
 
-function normalTexture({ count: n, normal }) {
+// A texel for each of n Gaussians, from planes.
+function planesTexture(n, planes) {
   const rows = texelsFor(n) / WIDTH, out = new Float32Array(4 * WIDTH * rows);
-  normal.forEach((v, at) => { out[4 * (at % n) + Math.floor(at / n)] = v; });
+  planes.forEach((v, at) => { out[4 * (at % n) + Math.floor(at / n)] = v; });
   return floatTexture(out, WIDTH, rows);
+}
+
+// Linear between the grain's pixels.
+function grainTexture(pixels) {
+  const size = Math.sqrt(pixels.length);
+  const t = new THREE.DataTexture(pixels, size, size, THREE.RedFormat,
+                                  THREE.UnsignedByteType);
+  t.minFilter = t.magFilter = THREE.LinearFilter;
+  t.needsUpdate = true;
+  return t;
 }
 
 function rawMaterial(vertexShader, fragmentShader, uniforms, more = {}) {
@@ -100,8 +111,8 @@ function dispose(scene) {
 }
 
 export class View {
-  // g: count, counts, scale, quat, opacity, color, uv, seen, normal; view,
-  // rgb, matte, back of the photograph, light on it and, in its pose, now (lamp);
+  // g: count, counts, scale, quat, opacity, color, uv, seen, normal, around; view,
+  // rgb, matte, back of the photograph, grain, light on it and, in its pose, now (lamp);
   // faces and vertices of the mesh.
   constructor(canvas, g, distance) {
     this.canvas = canvas;
@@ -122,7 +133,8 @@ export class View {
   // What is drawn from now on, at such a distance from the camera at home.
   load(g, distance) {
     this.scenes?.forEach(dispose);
-    for (const t of [this.target, this.empty, this.rgb, this.back, ...this.levels ?? []])
+    for (const t of [this.target, this.empty, this.rgb, this.back, this.grain,
+                     ...this.levels ?? []])
       t?.dispose();
     this.source = g.view;
     this.pivot = g.pivot;
@@ -170,6 +182,7 @@ export class View {
     const gl = this.renderer.getContext();
     this.deep = Boolean(gl.getExtension("EXT_color_buffer_float") ||
                         gl.getExtension("EXT_color_buffer_half_float"));
+    this.grain = g.grain ? grainTexture(g.grain) : null;
     this.levels = g.uv && this.deep ? personLevels(g.rgb, g.matte, g.back) : null;
   }
 
@@ -183,7 +196,9 @@ export class View {
     this.uniforms = {
       means: uniform(this.means), order: uniform(this.order),
       table: uniform(tableTexture(g)),
-      normals: uniform(g.normal ? normalTexture(g) : this.empty),
+      normals: uniform(g.normal ? planesTexture(g.count, g.normal) : this.empty),
+      arounds: uniform(g.around ? planesTexture(g.count, g.around) : this.empty),
+      grained: uniform(Boolean(g.around)),
       light: uniform(new THREE.Vector3()),
       photoLight: uniform(new THREE.Vector3(...g.light ?? [])),
       cam: uniform([0, 1, 2].map(() => new THREE.Vector4())),
@@ -218,6 +233,7 @@ export class View {
       colors: uniform(colors), wheres: uniform(wheres ?? this.empty),
       gains: uniform(gains ?? this.empty),
       person: uniform(this.empty), backdrop: uniform(this.empty),
+      grain: uniform(this.grain ?? this.empty),
       size: u.size, span: uniform(1), background: uniform(this.show.background),
       beyond: uniform(this.beyond), tint: uniform(new THREE.Vector3(1, 1, 1)),
       photo: uniform(false), scenery: uniform(false), original: uniform(false),

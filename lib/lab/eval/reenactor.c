@@ -121,6 +121,8 @@ static int reenactor_open_pipelines(struct reenactor *r, struct error *err)
         .rules = SPLAT_GSPLAT, .f32 = true, .precision = NN_F32
     };
 
+    r->texture.grain = r->baked.grain;
+    r->texture.grain_size = r->baked.grain_size;
     if (!baked_has_places(&r->baked))
         avatar.texture = NULL;
     if (r->model->config.has_refiner &&

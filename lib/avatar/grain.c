@@ -1,0 +1,261 @@
+/* The grain of a head (grain.h). */
+#include "lib/avatar/grain.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "lib/avatar/coverage.h"
+#include "lib/avatar/material.h"
+#include "lib/base/camera.h"
+#include "lib/base/parallel.h"
+#include "lib/base/slices.h"
+#include "lib/base/vec3.h"
+#include "lib/photo/quilt.h"
+
+#define COARSE 2.3f     /* standard deviation of the mesh's disks, pixels (DISKS_SIZE
+                         * of 2.8 mm): what is smoother they show themselves */
+#define DARKEST 0.02f   /* added to brightness before its logarithm: noise of a
+                         * photograph's blacks is no grain */
+#define SQUARE 0.5f     /* cosine from which the photograph shows grain as it is */
+#define SURE 0.7f       /* trust from which skin is seen */
+#define LIKELY 0.6f     /* chance of a pixel's material, by mesh and colour */
+#define WHOLE 0.97f     /* matte of the person alone */
+
+#define NONE 0          /* labels of pixels; m + 1 is material m */
+#define MIXED 0.5f      /* chance up to which none is a material's own, */
+#define OWN 0.9f        /* and from which all is */
+#define BESIDE 0.5f     /* chance of hair, and of cloth, beside the mesh */
+
+int grain_init(struct grain *g, const struct head *h, size_t N, size_t size,
+               struct error *err)
+{
+    const size_t P = size * size, labels = (P + 3) / 4;
+    struct grain_work *w = &g->work;
+    const struct slice slices[] = {
+        {&g->picture, labels, false}, {&g->around, 2 * N, false},
+        {&w->depth, P, false}, {&w->sure, P, false}, {&w->hair, P, false},
+        {&w->cloth, P, false}, {&w->from, P, false}, {&w->out, P, false},
+        {&w->known, P, false}, {&w->tmp, P, false},
+        {&w->scratch, MATERIALS * QUILT_SCRATCH(size), false},
+        {&w->is, labels, false}, {&w->want, labels, false},
+        {&w->vertex, 3 * h->V, false}, {&w->value, h->V, false},
+        {&w->face, 3 * h->F, false}
+    };
+
+    *g = (struct grain){.size = size};
+    return slices_allocate(&g->block, slices, sizeof slices / sizeof *slices,
+                           false, err);
+}
+
+void grain_release(struct grain *g)
+{
+    free(g->block);
+    memset(g, 0, sizeof *g);
+}
+
+/* ---- around the head ----------------------------------------------------- */
+
+/* x as the source's camera has it, from the head's origin, but for the way to the
+ * axis that the head is unrolled about: upright before that camera, through the
+ * origin, and from there up leaning back, since about an upright one the crown
+ * would be drawn to a point. */
+static void grain_about(float q[3], const float x[3], const float cam[12])
+{
+    for (int i = 0; i < 3; i++)
+        q[i] = dot3(cam + 4 * i, x);
+    q[2] -= fmaxf(-q[1], 0);
+}
+
+/* How far n points x (N,3) are from the axis, the mean. */
+static float grain_radius(const float *x, size_t n, const float cam[12])
+{
+    float sum = 0;
+
+    for (size_t k = 0; k < n; k++) {
+        float q[3];
+
+        grain_about(q, x + 3 * k, cam);
+        sum += hypotf(q[0], q[2]);
+    }
+    return sum / (float)n;
+}
+
+PARALLEL(grain_unroll, k, float *, around, float *, vertex, const float *, x,
+         const float *, cam, float, radius, size_t, V)
+{
+    const float scale = CAMERA_FOCAL / fmaxf(cam[11], CAMERA_NEAR);
+    float q[3];
+
+    grain_about(q, x + 3 * k, cam);
+    const float at[2] = {
+        scale * (cam[3] + radius * atan2f(q[0], -q[2])),
+        scale * (cam[7] + q[1])
+    };
+    for (int i = 0; i < 2; i++)
+        around[2 * k + (size_t)i] = (at[i] + 1) / 2;
+    if (k >= V)
+        return;
+    /* what is further from the axis lies before what is nearer to it */
+    const float z = 1 / (1 + hypotf(q[0], q[2]));
+
+    vertex[3 * k] = at[0] * z / CAMERA_FOCAL;
+    vertex[3 * k + 1] = at[1] * z / CAMERA_FOCAL;
+    vertex[3 * k + 2] = z;
+}
+
+/* The faces that do not reach around the back; returns how many. */
+static size_t grain_faces(int32_t *to, const float *around,
+                          const struct head *h)
+{
+    size_t n = 0;
+
+    for (size_t f = 0; f < h->F; f++) {
+        const int32_t *v = h->f + 3 * f;
+        const float u[3] = {around[2 * v[0]], around[2 * v[1]],
+                            around[2 * v[2]]};
+
+        if (fmaxf(u[0], fmaxf(u[1], u[2])) - fminf(u[0], fminf(u[1], u[2])) <
+            0.5f)
+            memcpy(to + 3 * n++, v, 3 * sizeof *v);
+    }
+    return n;
+}
+
+/* ---- materials ----------------------------------------------------------- */
+
+/* map (S,S) of what the head's first vertices have. */
+static void grain_draw(float *map, struct grain *g, const float *of,
+                       const float *vertex, size_t F, const int32_t *face,
+                       const float cam[12])
+{
+    coverage_depth(g->work.depth, map, vertex, of, face, F, cam, g->size);
+}
+
+/* How far each vertex shows its material's grain. */
+static void grain_sure(float *sure, const struct dynamic_branch *b)
+{
+    for (size_t v = 0; v < b->dense->V; v++) {
+        sure[v] = 0;
+        for (size_t m = 0; m < MATERIALS; m++)
+            sure[v] += b->as[m * b->count + v];
+        if (b->facing[v] < SQUARE)
+            sure[v] = 0;
+    }
+}
+
+/* Which material the photograph's pixel i shows, or NONE. */
+static uint8_t grain_is(const struct grain_work *w, const float rgba[4],
+                        const struct material_look *look, size_t i)
+{
+    const bool beside = !isfinite(w->depth[i]);
+    const float hair = beside ? BESIDE : w->hair[i];
+    const float cloth = beside ? BESIDE : w->cloth[i];
+    const float chance[MATERIALS] = {
+        [MATERIAL_SKIN] = 1 - hair - cloth, [MATERIAL_HAIR] = hair,
+        [MATERIAL_CLOTH] = cloth
+    };
+    float odds[MATERIALS], sum = 0;
+    size_t best = 0;
+
+    if (rgba[3] < WHOLE)
+        return NONE;
+    material_odds(odds, rgba, look);
+    for (size_t m = 0; m < MATERIALS; m++) {
+        odds[m] *= chance[m];
+        sum += odds[m];
+        best = odds[m] > odds[best] ? m : best;
+    }
+    /* eyes, lips and nostrils are no skin */
+    return odds[best] < LIKELY * sum ||
+                   (best == MATERIAL_SKIN && w->sure[i] < SURE)
+               ? NONE : (uint8_t)(best + 1);
+}
+
+/* That, and its brightness. */
+PARALLEL(grain_look, i, const struct grain_work *, w,
+         const struct material_look *, look, const float *, rgba)
+{
+    const float *p = rgba + 4 * i;
+
+    w->is[i] = grain_is(w, p, look, i);
+    w->known[i] = w->is[i] != NONE;
+    w->from[i] = w->is[i] == NONE
+                     ? 0 : logf((p[0] + 2 * p[1] + p[2]) / 4 + DARKEST);
+}
+
+/* And what of that is finer than the mesh. */
+static void grain_fine(struct grain *g)
+{
+    const size_t P = g->size * g->size;
+    struct grain_work *w = &g->work;
+    float *smooth = w->out, *weight = w->depth;
+
+    coverage_blur(smooth, w->from, g->size, COARSE, w->tmp);
+    coverage_blur(weight, w->known, g->size, COARSE, w->tmp);
+    for (size_t i = 0; i < P; i++)
+        w->from[i] -= w->known[i] > 0 ? smooth[i] / weight[i] : 0;
+}
+
+/* Pixel i of the picture around: what is to be there, and how far it is that. */
+PARALLEL(grain_want, i, struct grain_work *, w)
+{
+    const float hair = w->hair[i], cloth = w->cloth[i];
+    const float skin = 1 - hair - cloth, most = fmaxf(skin, fmaxf(hair, cloth));
+    const enum material m = skin == most ? MATERIAL_SKIN
+                          : hair == most ? MATERIAL_HAIR : MATERIAL_CLOTH;
+
+    w->want[i] = isfinite(w->depth[i]) ? (uint8_t)(m + 1) : NONE;
+    w->known[i] = clampf((most - MIXED) / (OWN - MIXED), 0, 1);
+    w->out[i] = 0;
+}
+
+PARALLEL(grain_cover, m, const struct quilt *, q, float *, scratch)
+{
+    quilt_cover(q, (uint8_t)(m + 1), scratch + m * QUILT_SCRATCH(q->n));
+}
+
+PARALLEL(grain_write, i, uint8_t *, picture, const struct grain_work *, w)
+{
+    const float of = w->known[i] * w->out[i];
+
+    picture[i] = of == 0 ? 128 : (uint8_t)fminf(128 * expf(of) + 0.5f, 255);
+}
+
+/* ---- all of it ----------------------------------------------------------- */
+
+void grain_find(struct grain *g, size_t n, size_t N,
+                const struct dynamic_branch *b,
+                const struct source_mesh *mesh,
+                const struct source_picture *picture)
+{
+    static const float unit[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
+    const struct head *h = mesh->head;
+    struct grain_work *w = &g->work;
+    const float *hair = b->chance + MATERIAL_HAIR * b->count;
+    const float *cloth = b->chance + MATERIAL_CLOTH * b->count;
+    const size_t P = g->size * g->size;
+
+    grain_sure(w->value, b);
+    grain_draw(w->sure, g, w->value, mesh->verts, h->F, h->f, mesh->cam);
+    grain_draw(w->hair, g, hair, mesh->verts, h->F, h->f, mesh->cam);
+    grain_draw(w->cloth, g, cloth, mesh->verts, h->F, h->f, mesh->cam);
+    parallel_each(grain_look, P, 1, w, b->look, picture->rgba);
+    grain_fine(g);
+
+    const float radius = grain_radius(b->verts, h->V, mesh->cam);
+    parallel_each(grain_unroll, n, 1, g->around, w->vertex, b->verts,
+                  mesh->cam, radius, h->V);
+    const size_t F = grain_faces(w->face, g->around, h);
+    grain_draw(w->hair, g, hair, w->vertex, F, w->face, unit);
+    grain_draw(w->cloth, g, cloth, w->vertex, F, w->face, unit);
+    parallel_each(grain_want, P, 1, w);
+    for (size_t k = 0; k < N; k++)
+        if (k >= n || mesh->weights->lining[k] > 0 || b->lid[k] > 0)
+            g->around[2 * k] = g->around[2 * k + 1] = GRAIN_NOWHERE;
+
+    const struct quilt q = {g->size, w->from, w->is, w->want, w->out};
+
+    parallel_each(grain_cover, MATERIALS, 1, &q, w->scratch);
+    parallel_each(grain_write, P, 1, g->picture, w);
+}
