@@ -7,20 +7,6 @@
 /* Below this length a vector has no direction (the public code's clamp). */
 #define TINY 1e-12
 
-/* Inner product. */
-static double rotation_dot(const double a[3], const double b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
-/* c = a x b. */
-static void rotation_cross(double c[3], const double a[3], const double b[3])
-{
-    c[0] = a[1] * b[2] - a[2] * b[1];
-    c[1] = a[2] * b[0] - a[0] * b[2];
-    c[2] = a[0] * b[1] - a[1] * b[0];
-}
-
 /* float to double. */
 static void rotation_numbers_widen(double *out, const float *in, int n)
 {
@@ -57,7 +43,7 @@ void mat3_mul_nt_d(double C[9], const double A[9], const double B[9])
 {
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++)
-            C[3 * i + j] = rotation_dot(A + 3 * i, B + 3 * j);
+            C[3 * i + j] = dot3_d(A + 3 * i, B + 3 * j);
 }
 
 void mat3_mul_tn_d(double C[9], const double A[9], const double B[9])
@@ -73,7 +59,7 @@ void mat3_mul_tn_d(double C[9], const double A[9], const double B[9])
 /* b = v / max(|v|, TINY); returns the divisor. */
 static double rotation_vector_normalise(double b[3], const double v[3])
 {
-    double n = sqrt(rotation_dot(v, v));
+    double n = sqrt(dot3_d(v, v));
 
     if (n < TINY)
         n = TINY;
@@ -86,7 +72,7 @@ static double rotation_vector_normalise(double b[3], const double v[3])
 static void rotation_normalise_backward(double dv[3], const double db[3],
                                         const double b[3], double n)
 {
-    double along = n > TINY ? rotation_dot(b, db)
+    double along = n > TINY ? dot3_d(b, db)
                             : 0; /* below the clamp: g / n */
 
     for (int i = 0; i < 3; i++)
@@ -98,11 +84,11 @@ void rotation_6d_d(double R[9], const double x[6])
     double *b1 = R, *b2 = R + 3, *b3 = R + 6, u[3];
 
     rotation_vector_normalise(b1, x);
-    double c = rotation_dot(b1, x + 3);
+    double c = dot3_d(b1, x + 3);
     for (int i = 0; i < 3; i++)
         u[i] = x[3 + i] - c * b1[i];
     rotation_vector_normalise(b2, u);
-    rotation_cross(b3, b1, b2);
+    cross3_d(b3, b1, b2);
 }
 
 void rotation_6d_backward_d(double dx[6], const double dR[9],
@@ -111,22 +97,22 @@ void rotation_6d_backward_d(double dx[6], const double dR[9],
     const double *a2 = x + 3, *g3 = dR + 6;
     double b1[3], b2[3], u[3], db1[3], db2[3], du[3] = {0};
     double n1 = rotation_vector_normalise(b1, x);
-    double c = rotation_dot(b1, a2);
+    double c = dot3_d(b1, a2);
 
     for (int i = 0; i < 3; i++)
         u[i] = a2[i] - c * b1[i];
     double n2 = rotation_vector_normalise(b2, u);
 
     /* b3 = b1 x b2 */
-    rotation_cross(db1, b2, g3);
-    rotation_cross(db2, g3, b1);
+    cross3_d(db1, b2, g3);
+    cross3_d(db2, g3, b1);
     for (int i = 0; i < 3; i++) {
         db1[i] += dR[i];
         db2[i] += dR[3 + i];
     }
     /* b2 = n(u), u = a2 - (b1.a2) b1 */
     rotation_normalise_backward(du, db2, b2, n2);
-    double along = rotation_dot(du, b1);
+    double along = dot3_d(du, b1);
     for (int i = 0; i < 3; i++) {
         dx[3 + i] += du[i] - along * b1[i];
         db1[i] -= along * a2[i] + c * du[i];
@@ -172,7 +158,7 @@ struct exp_terms {
 /* sin(a)/a, (1 - cos(a))/a^2 and their derivatives, by series near 0. */
 static void rotation_exp_terms(struct exp_terms *t, const double r[3])
 {
-    double s = rotation_dot(r, r), a = sqrt(s), h = sin(0.5 * a);
+    double s = dot3_d(r, r), a = sqrt(s), h = sin(0.5 * a);
 
     t->cosine = cos(a);
     if (s < 1e-4) { /* next terms are below 1e-14 relative */
@@ -217,7 +203,7 @@ static double rotation_outer_backward(double v[3], const double dR[9],
         for (int j = 0; j < 3; j++)
             v[i] += (dR[3 * i + j] + dR[3 * j + i]) * r[j];
     }
-    return 0.5 * rotation_dot(v, r);
+    return 0.5 * dot3_d(v, r);
 }
 
 void rotation_exp_d(double R[9], const double r[3])
@@ -239,7 +225,7 @@ void rotation_exp_backward_d(double dr[3], const double dR[9],
     double quad = rotation_outer_backward(outer, dR, r);
     /* R = cos I + A [r]x + B r r^T; d cos = -A r, dA = t.dA r, dB = t.dB r */
     double radial = -t.A * (dR[0] + dR[4] + dR[8]) +
-                    t.dA * rotation_dot(skew, r) + t.dB * quad;
+                    t.dA * dot3_d(skew, r) + t.dB * quad;
     for (int i = 0; i < 3; i++)
         dr[i] += radial * r[i] + t.A * skew[i] + t.B * outer[i];
 }
@@ -270,7 +256,7 @@ static double rotation_rodrigues_axis(double k[3], double shifted[3],
 {
     for (int i = 0; i < 3; i++)
         shifted[i] = r[i] + 1e-8;
-    double a = sqrt(rotation_dot(shifted, shifted));
+    double a = sqrt(dot3_d(shifted, shifted));
     if (a < 1e-30)
         a = 1e-30;
     for (int i = 0; i < 3; i++)
@@ -284,7 +270,7 @@ void rotation_rodrigues_eps_d(double R[9], const double r[3])
     double h = sin(0.5 * a), c1 = 2 * h * h;
 
     /* I + sin K + (1-cos) K^2, K^2 = k k^T - |k|^2 I */
-    rotation_assemble(R, 1 - c1 * rotation_dot(k, k), sin(a), c1, k);
+    rotation_assemble(R, 1 - c1 * dot3_d(k, k), sin(a), c1, k);
 }
 
 void rotation_rodrigues_eps_backward_d(double dr[3], const double dR[9],
@@ -298,10 +284,10 @@ void rotation_rodrigues_eps_backward_d(double dr[3], const double dR[9],
     double quad = rotation_outer_backward(outer, dR, k);
     for (int i = 0; i < 3; i++)
         dk[i] = sin(a) * skew[i] + c1 * (outer[i] - 2 * trace * k[i]);
-    double da = cos(a) * rotation_dot(skew, k) +
-                sin(a) * (quad - trace * rotation_dot(k, k));
+    double da = cos(a) * dot3_d(skew, k) +
+                sin(a) * (quad - trace * dot3_d(k, k));
     /* k = r / a */
-    da -= rotation_dot(dk, k) / a;
+    da -= dot3_d(dk, k) / a;
     for (int i = 0; i < 3; i++)
         dr[i] += dk[i] / a + da * shifted[i] / a;
 }
@@ -329,7 +315,7 @@ static void rotation_quat_f64(double q[4], const double R[9])
         q[1 + j] = R[3 * i + j] + R[3 * j + i];
         q[1 + k] = R[3 * i + k] + R[3 * k + i];
     }
-    double n = sqrt(q[0] * q[0] + rotation_dot(q + 1, q + 1));
+    double n = sqrt(q[0] * q[0] + dot3_d(q + 1, q + 1));
     n = (q[0] < 0 ? -1 : 1) / (n > TINY ? n : TINY);
     for (int i = 0; i < 4; i++)
         q[i] *= n;
@@ -349,7 +335,7 @@ void rotation_log_d(double r[3], const double R[9])
     double q[4];
 
     rotation_quat_f64(q, R);
-    double v = sqrt(rotation_dot(q + 1, q + 1));
+    double v = sqrt(dot3_d(q + 1, q + 1));
     double s = v > 1e-150 ? 2 * atan2(v, q[0]) / v : 2;
     for (int i = 0; i < 3; i++)
         r[i] = s * q[1 + i];
@@ -366,13 +352,13 @@ void rotation_log(float r[3], const float R[9])
 
 void rotation_quat_d(double R[9], const double q[4])
 {
-    double n = sqrt(q[0] * q[0] + rotation_dot(q + 1, q + 1));
+    double n = sqrt(q[0] * q[0] + dot3_d(q + 1, q + 1));
     double u[4];
 
     for (int i = 0; i < 4; i++)
         u[i] = q[i] / (n > TINY ? n : TINY);
     /* of a unit quaternion: (1 - 2|v|^2) I + 2w [v]x + 2 v v^T */
-    rotation_assemble(R, 1 - 2 * rotation_dot(u + 1, u + 1), 2 * u[0], 2,
+    rotation_assemble(R, 1 - 2 * dot3_d(u + 1, u + 1), 2 * u[0], 2,
                       u + 1);
 }
 
@@ -384,5 +370,5 @@ double rotation_distance(const float A[9], const float B[9])
     rotation_numbers_widen(Bd, B, 9);
     mat3_mul_nt_d(C, Ad, Bd);
     rotation_quat_f64(q, C);
-    return 2 * atan2(sqrt(rotation_dot(q + 1, q + 1)), q[0]);
+    return 2 * atan2(sqrt(dot3_d(q + 1, q + 1)), q[0]);
 }

@@ -6,6 +6,8 @@
 #ifndef SPID_BASE_ROTATION_H
 #define SPID_BASE_ROTATION_H
 
+#include <math.h>
+
 /* Eq. rot.  R (3,3) from x (6) = two vectors a1, a2, by Gram-Schmidt
  * (Zhou et al. 2019): rows b1 = n(a1), b2 = n(a2 - (b1.a2) b1), b3 = b1 x b2,
  * n(v) = v / max(|v|, 1e-12).  Parallel or zero vectors give finite numbers,
@@ -61,5 +63,34 @@ void mat3_mul_d(double C[9], const double A[9], const double B[9]);
 void mat3_mul_nt_d(double C[9], const double A[9], const double B[9]);
 /* C = A^T B. */
 void mat3_mul_tn_d(double C[9], const double A[9], const double B[9]);
+
+/* ---- vectors ------------------------------------------------------------- */
+
+static inline double dot3_d(const double a[3], const double b[3])
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+/* o = a x b, neither of which it may be. */
+static inline void cross3_d(double o[3], const double a[3], const double b[3])
+{
+    o[0] = a[1] * b[2] - a[2] * b[1];
+    o[1] = a[2] * b[0] - a[0] * b[2];
+    o[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+/* Between two points. */
+static inline double distance3_d(const double a[3], const double b[3])
+{
+    double x = a[0] - b[0], y = a[1] - b[1], z = a[2] - b[2];
+
+    return sqrt(x * x + y * y + z * z);
+}
+static inline double distance3(const float a[3], const float b[3])
+{
+    double x = a[0] - b[0], y = a[1] - b[1], z = a[2] - b[2];
+
+    return sqrt(x * x + y * y + z * z);
+}
 
 #endif

@@ -7,19 +7,14 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/rotation.h"
+
 #define FAR 20000       /* vertices that a search may pass */
 #define REACH 0.45      /* of an eye's width: skin that a lid takes along */
 
 static const float *facepath_vertex(const struct face_paths *p, int32_t v)
 {
     return p->mesh.verts + 3 * (size_t)v;
-}
-
-static double facepath_distance(const float *a, const float *b)
-{
-    double x = a[0] - b[0], y = a[1] - b[1], z = a[2] - b[2];
-
-    return sqrt(x * x + y * y + z * z);
 }
 
 int face_paths_init(struct face_paths *p, const struct face_mesh *m,
@@ -85,7 +80,7 @@ static bool facepath_search(struct face_paths *p, int32_t start,
         for (int32_t i = p->near.at[v]; i < p->near.at[v + 1]; i++) {
             int32_t w = p->near.link[i];
             double cost = p->cost[v] +
-                          facepath_distance(facepath_vertex(p, v),
+                          distance3(facepath_vertex(p, v),
                                             facepath_vertex(p, w));
 
             if (p->done[w] || (p->cost[w] >= 0 && p->cost[w] <= cost))
@@ -178,7 +173,7 @@ static int32_t facepath_nearest_of(double *far, const struct face_paths *p,
 
     *far = INFINITY;
     for (size_t i = 0; i < n; i++) {
-        double d = facepath_distance(facepath_vertex(p, path[i]), x);
+        double d = distance3(facepath_vertex(p, path[i]), x);
 
         if (d < *far) {
             *far = d;
@@ -255,7 +250,7 @@ int face_paths_eyelid(float *out, struct face_paths *p, int side,
     e.corner = facepath_vertex(p, e.upper[0]);
     const float *other = facepath_vertex(p, e.upper[e.nupper - 1]);
 
-    e.width = facepath_distance(e.corner, other);
+    e.width = distance3(e.corner, other);
     for (int c = 0; c < 3; c++)
         e.axis[c] = other[c] - e.corner[c];
     if (!(e.width > 0) || e.nlower < 2)

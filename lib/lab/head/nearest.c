@@ -5,6 +5,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "lib/base/rotation.h"
+
 enum { LEAF = 4, DEPTH = 64 };
 
 /* Faces order[first .. first + count - 1]; children at `left` and left + 1
@@ -108,11 +110,6 @@ int nearest_init(struct nearest *t, const float *verts, const int32_t *faces,
     return 0;
 }
 
-static double nearest_dot(const double a[3], const double b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
 /* Barycentric coordinates of the point of the segment a b nearest to 0, from
  * a's and b's dot products; *square its distance. */
 static double nearest_on_segment(double *square, double aa, double ab,
@@ -134,7 +131,7 @@ static double nearest_on_triangle(double bary[3], double x[3][3])
 
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++)
-            d[i][j] = nearest_dot(x[i], x[j]);
+            d[i][j] = dot3_d(x[i], x[j]);
     /* minimise |x0 + s e1 + t e2|^2 */
     double a = d[1][1] - 2 * d[0][1] + d[0][0];
     double b = d[1][2] - d[0][1] - d[0][2] + d[0][0];
@@ -179,15 +176,14 @@ static void nearest_try_face(struct nearest_hit *hit, const struct nearest *t,
     if (square >= hit->square)
         return;
     if (normal) {
-        double u[3], v[3];
+        double u[3], v[3], n[3];
 
         for (int d = 0; d < 3; d++) {
             u[d] = x[1][d] - x[0][d];
             v[d] = x[2][d] - x[0][d];
         }
-        double n[3] = {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2],
-                       u[0] * v[1] - u[1] * v[0]};
-        if (nearest_dot(n, normal) < min * sqrt(nearest_dot(n, n)))
+        cross3_d(n, u, v);
+        if (dot3_d(n, normal) < min * sqrt(dot3_d(n, n)))
             return;
     }
     hit->face = face;

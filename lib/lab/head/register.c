@@ -3,6 +3,7 @@
 
 #include <string.h>
 
+#include "lib/base/rotation.h"
 #include "lib/lab/head/nearest.h"
 
 enum { CONTROLS = 160 };
@@ -51,21 +52,20 @@ static void register_normals(double *n, const struct template *s,
     memset(n, 0, 3 * s->nv * sizeof *n);
     for (size_t i = 0; i < s->nf; i++) {
         const int32_t *f = s->f + 3 * i;
-        double u[3], v[3];
+        double u[3], v[3], g[3];
 
         for (int c = 0; c < 3; c++) {
             u[c] = at[3 * f[1] + c] - at[3 * f[0] + c];
             v[c] = at[3 * f[2] + c] - at[3 * f[0] + c];
         }
-        double g[3] = {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2],
-                       u[0] * v[1] - u[1] * v[0]};
+        cross3_d(g, u, v);
         for (int k = 0; k < 3; k++)
             for (int c = 0; c < 3; c++)
                 n[3 * f[k] + c] += g[c];
     }
     for (size_t v = 0; v < s->nv; v++) {
         double *x = n + 3 * v;
-        double l = sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2]) + 1e-30;
+        double l = sqrt(dot3_d(x, x)) + 1e-30;
 
         for (int c = 0; c < 3; c++)
             x[c] /= l;

@@ -6,12 +6,7 @@
 #include <string.h>
 #include <sysexits.h>
 
-static double register_distance(const double a[3], const double b[3])
-{
-    double x = a[0] - b[0], y = a[1] - b[1], z = a[2] - b[2];
-
-    return sqrt(x * x + y * y + z * z);
-}
+#include "lib/base/rotation.h"
 
 /* Solve A X = B, A (n,n), B (n,3), in place, with the largest pivot. */
 static int register_solve(double *A, double *B, size_t n)
@@ -62,7 +57,7 @@ int register_bend(double *at, size_t n, const struct control *c,
         goto out;
     for (size_t i = 0; i < count; i++) {
         for (size_t j = 0; j < count; j++)
-            A[i * m + j] = register_distance(c[i].from, c[j].from);
+            A[i * m + j] = distance3_d(c[i].from, c[j].from);
         A[i * m + i] -= slack;
         for (size_t k = 0; k < 4; k++)
             A[i * m + count + k] = A[(count + k) * m + i] =
@@ -78,7 +73,7 @@ int register_bend(double *at, size_t n, const struct control *c,
 
         memcpy(p, x, sizeof p);
         for (size_t i = 0; i < m; i++) {
-            double k = i < count ? register_distance(p, c[i].from)
+            double k = i < count ? distance3_d(p, c[i].from)
                      : i == count ? 1 : p[i - count - 1];
 
             for (int d = 0; d < 3; d++)

@@ -5,17 +5,11 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/rotation.h"
 #include "lib/lab/head/nearest.h"
 #include "lib/lab/head/scan_lids.h"
 
 enum { LOOP = 80, EYE_LOOP = 42, MOUTH_LOOP = 74, LIP_LOOPS = 16 };
-
-static double rim_distance(const float *a, const float *b)
-{
-    double x = a[0] - b[0], y = a[1] - b[1], z = a[2] - b[2];
-
-    return sqrt(x * x + y * y + z * z);
-}
 
 /* Share of its length at which each vertex of a path lies, 0 to 1. */
 static void rim_path_shares(double *share, const int32_t *path, size_t n,
@@ -23,7 +17,7 @@ static void rim_path_shares(double *share, const int32_t *path, size_t n,
 {
     share[0] = 0;
     for (size_t i = 1; i < n; i++)
-        share[i] = share[i - 1] + rim_distance(verts + 3 * path[i],
+        share[i] = share[i - 1] + distance3(verts + 3 * path[i],
                                                verts + 3 * path[i - 1]);
     for (size_t i = 1; i < n; i++)
         share[i] /= share[n - 1];

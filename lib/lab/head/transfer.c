@@ -5,6 +5,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/rotation.h"
 #include "lib/head/arkit.h"
 #include "lib/lab/head/nearest.h"
 
@@ -30,10 +31,9 @@ static void transfer_place_balls(double *at, const struct registration *r)
         const double *n = axis, flat = sqrt(1 - n[1] * n[1]);
         const double up[3] = { -n[0] * n[1] / flat, flat,
                                -n[2] * n[1] / flat };
-        const double out[3] = { up[1] * n[2] - up[2] * n[1],
-                                up[2] * n[0] - up[0] * n[2],
-                                up[0] * n[1] - up[1] * n[0] };
+        double out[3];
 
+        cross3_d(out, up, n);
         for (int v = first; v <= last; v++) {
             int i = v - first - 1, ring = i < 0 ? -1 : i / BALL_N;
             double a = ring < 0 ? 0 : v == last ? M_PI
