@@ -24,7 +24,6 @@ struct npy_writer {
     enum dtype dtype;
     int ndim;
     size_t dim[4];
-    bool stack;
     size_t rows, bytes;        /* bytes of one row */
 };
 
@@ -34,14 +33,11 @@ static const char *const descr[] = { "|u1", "<i4", "<f2", "<f4", "<f8" };
 static int npy_put_header(struct npy_writer *w, struct error *err)
 {
     char head[HEADER + 1], shape[100] = "";
-    size_t n = 0;
+    size_t n = (size_t)snprintf(shape, sizeof shape, "%zu,", w->rows);
 
-    if (w->stack)
-        n += (size_t)snprintf(shape, sizeof shape, "%zu,", w->rows);
     for (int k = 0; k < w->ndim; k++)
-        n += (size_t)snprintf(shape + n, sizeof shape - n, "%s%zu,",
-                              n ? " " : "", w->dim[k]);
-    if (n && strchr(shape, ' '))
+        n += (size_t)snprintf(shape + n, sizeof shape - n, " %zu,", w->dim[k]);
+    if (w->ndim)
         shape[n - 1] = '\0';   /* (3, 4) but (3,) */
     memset(head, ' ', sizeof head);
     memcpy(head, MAGIC "\1\0", 8);
@@ -67,8 +63,7 @@ void npy_abandon(struct npy_writer *w)
 }
 
 struct npy_writer *npy_create(const char *path, enum dtype dtype, int ndim,
-                              const size_t *dims, bool stack,
-                              struct error *err)
+                              const size_t *dims, struct error *err)
 {
     struct npy_writer *w = calloc(1, sizeof *w);
 
@@ -78,7 +73,6 @@ struct npy_writer *npy_create(const char *path, enum dtype dtype, int ndim,
     }
     w->dtype = dtype;
     w->ndim = ndim;
-    w->stack = stack;
     w->bytes = dtype_size(dtype);
     for (int k = 0; k < ndim; k++) {
         w->dim[k] = dims[k];

@@ -47,12 +47,10 @@ void npy_release(struct npy *a);
 
 /* A file that grows along a new first axis: open, append rows, close. */
 struct npy_writer;
-/* Rows of dims (ndim of them) of dtype; without stack the file holds exactly
- * one array, and no first axis is added.  NULL and *err. */
+/* Rows of dims (ndim of them) of dtype.  NULL and *err. */
 struct npy_writer *npy_create(const char *path, enum dtype dtype, int ndim,
-                              const size_t *dims, bool stack,
-                              struct error *err);
-/* Append one array of dims (without stack: exactly one). */
+                              const size_t *dims, struct error *err);
+/* Append one array of dims. */
 int npy_append(struct npy_writer *w, const void *data, struct error *err);
 /* Complete the header and take the final name; frees w (NULL is allowed). */
 int npy_finish(struct npy_writer *w, struct error *err);

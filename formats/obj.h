@@ -7,11 +7,9 @@
 
 #include "lib/base/error.h"
 
-/* Write verts (V,3) in any unit, normals (V,3) or NULL, uv (V,2, v downwards
- * as in pictures) or NULL, faces (F,3) from 0.  "-" is standard output; a
- * named file takes its name when complete. */
+/* Write verts (V,3) in any unit, normals (V,3), faces (F,3) from 0.  "-" is
+ * standard output; a named file takes its name when complete. */
 int obj_write(const char *path, const float *verts, const float *normals,
-              const float *uv, size_t V, const int32_t *faces, size_t F,
-              struct error *err);
+              size_t V, const int32_t *faces, size_t F, struct error *err);
 
 #endif

@@ -176,7 +176,7 @@ static int recordfile_open_column(struct recordfile *w, struct column *c,
     else
         snprintf(c->file + n, sizeof c->file - n, ".npy");
     snprintf(path, sizeof path, "%s/%s", w->path, c->file);
-    c->w = npy_create(path, a->dtype, a->ndim, a->dim, true, err);
+    c->w = npy_create(path, a->dtype, a->ndim, a->dim, err);
     return c->w ? 0 : -1;
 }
 

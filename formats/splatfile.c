@@ -35,9 +35,8 @@ static uint8_t splatfile_splat_byte(float x)
 }
 
 int splatfile_write(const char *path, size_t n, const float *mean,
-                    const float *scale, const float *quat,
-                    const float *opacity, const float *color, int channels,
-                    struct error *err)
+                    const float *scale, const float *quat, const float *opacity,
+                    const float *color, struct error *err)
 {
     struct outfile out;
     uint64_t *order = splatfile_by_weight(n, scale, opacity);
@@ -51,7 +50,7 @@ int splatfile_write(const char *path, size_t n, const float *mean,
     for (size_t k = 0; k < n; k++) {
         size_t i = (uint32_t)order[k];
         const float *m = mean + 3 * i, *q = quat + 4 * i;
-        const float *c = color + (size_t)channels * i;
+        const float *c = color + 3 * i;
         const float rotated[4] = {-q[3], -q[2], q[1], q[0]};
         float norm = sqrtf(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] +
                            q[3] * q[3]);

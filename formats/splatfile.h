@@ -12,9 +12,8 @@
  * about z); color has `channels` floats a row, the first three sRGB.  Largest
  * and most opaque first, as the viewers' level of detail wants it. */
 int splatfile_write(const char *path, size_t n, const float *mean,
-                    const float *scale, const float *quat,
-                    const float *opacity, const float *color, int channels,
-                    struct error *err);
+                    const float *scale, const float *quat, const float *opacity,
+                    const float *color, struct error *err);
 
 /* Read a file, turned back to y upwards: three channels of display sRGB.  The
  * arrays are one block that the caller frees through *block.  EX_DATAERR when

@@ -151,9 +151,8 @@ int pipeline_splat(struct pipeline *p, struct pipeline_times *t,
     return 0;
 }
 
-int pipeline_draw(struct pipeline *p, struct pipeline_times *t,
-                  const struct motion *m, struct error *err)
+int pipeline_draw(struct pipeline *p, const struct motion *m, struct error *err)
 {
-    return pipeline_splat(p, t, m, err) || pipeline_refine(p, t, err) ||
-           pipeline_finish(p, t, err) ? -1 : 0;
+    return pipeline_splat(p, NULL, m, err) || pipeline_refine(p, NULL, err) ||
+           pipeline_finish(p, NULL, err) ? -1 : 0;
 }

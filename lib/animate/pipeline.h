@@ -75,11 +75,12 @@ void pipeline_release(struct pipeline *p);
 int pipeline_open_refiner(struct refine *r, const struct pipeline_options *opt,
                           struct error *err);
 
-/* A frame of the avatar with motion m.  t is written unless NULL. */
-int pipeline_draw(struct pipeline *p, struct pipeline_times *t,
-                  const struct motion *m, struct error *err);
-/* Its steps: what is drawn (Eq. C); refined (Eq. SR), which pipelines that share a
- * refiner do in the order of the frames, one at a time; and finished. */
+/* A frame of the avatar with motion m. */
+int pipeline_draw(struct pipeline *p, const struct motion *m,
+                  struct error *err);
+/* Its steps, of which t says how long they take, unless NULL: what is drawn (Eq. C);
+ * refined (Eq. SR), which pipelines that share a refiner do in the order of the
+ * frames, one at a time; and finished. */
 int pipeline_splat(struct pipeline *p, struct pipeline_times *t,
                    const struct motion *m, struct error *err);
 int pipeline_refine(struct pipeline *p, struct pipeline_times *t,

@@ -227,7 +227,7 @@ int spid_follow(struct spid *s, const uint8_t *rgb, size_t width,
 
 int spid_draw(struct spid *s, uint8_t *rgba)
 {
-    if (pipeline_draw(&s->pipeline, NULL, &s->motion, &s->err))
+    if (pipeline_draw(&s->pipeline, &s->motion, &s->err))
         return -1;
     const struct pipeline_picture p = pipeline_picture(&s->pipeline);
     const struct framesink_frame f = {

@@ -465,7 +465,7 @@ void dynamic_branch_backward(float *dfeatures, struct branch_set *dout,
     }
     branch_prior_backward(dout, NULL, &b->start, b->prior);
     struct gaussian_out draw = branch_decoder_gradient(dout, NULL);
-    mlp_decoder_backward(b->din, NULL, NULL, &draw, mesh->normal,
+    mlp_decoder_backward(b->din, NULL, &draw, mesh->normal,
                          b->prior ? b->logit : NULL, &b->decoder);
     memset(b->dh, 0, b->count * width * sizeof *b->dh);
     memset(b->dsampled, 0, b->count * Cf * sizeof *b->dsampled);

@@ -91,7 +91,7 @@ int static_branch_plan(struct static_branch *b, struct nn_options opt,
     /* what a network reads is other networks' memory at other times */
     nn_plan_init(&b->rows, opt);
     b->init_in = nn_plan_map(&b->rows, n2 * (Cf + 1));
-    return plane_init_plan(&b->init, 1, b->n, b->n, opt, err) ||
+    return plane_init_plan(&b->init, b->n, b->n, opt, err) ||
            nn_plan_finish(&b->rows, err) ? -1 : 0;
 }
 

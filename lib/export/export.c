@@ -97,9 +97,8 @@ static int export_write_splat(struct export *x, const char *path,
     int rc = export_flat_init(&f, &x->scene, 1, err);
 
     if (!rc)
-        rc = splatfile_write(path, x->scene.g.n, f.mean, f.scale,
-                             x->scene.quat, x->scene.opacity, f.color, 3,
-                             err);
+        rc = splatfile_write(path, x->scene.g.n, f.mean, f.scale, x->scene.quat,
+                             x->scene.opacity, f.color, err);
     arena_release(&f.memory);
     return rc;
 }
@@ -273,7 +272,7 @@ static int export_write_obj(struct export *x, const struct record *rec,
         for (size_t i = 0; i < 3 * x->head.V; i++)
             metres[i] = mesh.verts[i] / x->head.scale;
         head_normals(metres + 3 * x->head.V, &x->head, metres);
-        rc = obj_write(path, metres, metres + 3 * x->head.V, NULL, x->head.V,
+        rc = obj_write(path, metres, metres + 3 * x->head.V, x->head.V,
                        x->head.f, x->head.F, err);
     } else {
         error_set(err, EX_OSERR, "out of memory for a mesh");

@@ -237,7 +237,7 @@ void conv_decoder_graph(struct graph *g, size_t n,
                        GRAPH_INTS(g, 1, HARMONIC_OUT, 1, 1));
     gamma = GRAPH_NODE(g, "Expand", gamma,
                        GRAPH_INTS(g, 1, HARMONIC_OUT, side, side));
-    int x = graph_concat(g, graph_maps(g, features), gamma, 1);
+    int x = graph_concat(g, graph_maps(g, features), gamma);
     for (int i = 0; i < 4; i++)
         x = graph_conv(g, x, &d->impl->conv[i]);
     x = GRAPH_NODE(g, "Reshape", graph_rows(g, x), GRAPH_INTS(g, N, -1));

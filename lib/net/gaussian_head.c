@@ -263,19 +263,19 @@ void gaussian_head_graph(struct graph *g, int raw, int rgb_logit, size_t N,
                          const struct gaussian_head *h)
 {
     const size_t C = h->colors, all = gaussian_head_width(h);
-    int rgb = GRAPH_NODE(g, "Add", graph_slice(g, raw, 1, 0, 3), rgb_logit);
-    int scale = graph_act(g, graph_slice(g, raw, 1, C + 1, C + 4),
+    int rgb = GRAPH_NODE(g, "Add", graph_slice(g, raw, 0, 3), rgb_logit);
+    int scale = graph_act(g, graph_slice(g, raw, C + 1, C + 4),
                           ACT_SIGMOID);
-    int quat = graph_slice(g, raw, 1, C + 4, C + 8);
-    int last = graph_slice(g, raw, 1, C + 8, all);
+    int quat = graph_slice(g, raw, C + 4, C + 8);
+    int last = graph_slice(g, raw, C + 8, all);
 
     if (h->quirk_columns || h->quirk_rotation || C < 4)
         graph_fail(g, EX_CONFIG, "a decoder with the public code's slips has "
                    "no ONNX form here");
     GRAPH_OUTPUT(g, graph_concat(g, graph_act(g, rgb, ACT_SIGMOID),
-                                 graph_slice(g, raw, 1, 3, C), 1),
+                                 graph_slice(g, raw, 3, C)),
                  "color", N, C);
-    GRAPH_OUTPUT(g, graph_act(g, graph_slice(g, raw, 1, C, C + 1),
+    GRAPH_OUTPUT(g, graph_act(g, graph_slice(g, raw, C, C + 1),
                               ACT_SIGMOID), "opacity", N, 1);
     GRAPH_OUTPUT(g, GRAPH_NODE(g, "Mul", scale, graph_real(g, SCALE_MAX)),
                  "scale", N, 3);

@@ -47,6 +47,6 @@ int harmonic_graph(struct graph *g, int dir)
 
     x = GRAPH_NODE(g, "Mul", x, graph_floats(g, frequency, 4));
     x = GRAPH_NODE(g, "Reshape", x, GRAPH_INTS(g, 1, 12));
-    x = graph_concat(g, GRAPH_NODE(g, "Sin", x), GRAPH_NODE(g, "Cos", x), 1);
-    return graph_concat(g, x, dir, 1);
+    x = graph_concat(g, GRAPH_NODE(g, "Sin", x), GRAPH_NODE(g, "Cos", x));
+    return graph_concat(g, x, dir);
 }

@@ -55,7 +55,7 @@ static int lam_declare_encoder(struct lam *l, struct error *err)
     conv_init(&l->fuse, l->ps, "encoder.fusion_head.output_conv",
               LAM_LEVELS * b->embed, l->config.feature, 1, 1, true);
     linear_init(&l->condition, l->ps, "transformer.linear_cond_proj",
-                l->config.feature, l->D, true);
+                l->config.feature, l->D);
     return 0;
 }
 
@@ -71,15 +71,14 @@ static void lam_declare_decoder(struct lam *l)
     for (int i = 0; i < LAM_DECODER; i++) {
         linear_init(&l->mlp[i], l->ps,
                     nn_name(name, "renderer.mlp_net.layers.%d", 2 * i),
-                    i ? hidden : l->D, i + 1 < LAM_DECODER ? hidden : l->D,
-                    true);
+                    i ? hidden : l->D, i + 1 < LAM_DECODER ? hidden : l->D);
         if (i + 1 < LAM_DECODER)
             l->mlp[i].act = ACT_SILU;
     }
     for (int k = 0; k < LAM_HEADS; k++)
         linear_init(&l->head[k], l->ps,
                     nn_name(name, "renderer.gs_net.out_layers.%s", head[k]),
-                    l->D, width[k], true);
+                    l->D, width[k]);
 }
 
 /* Sizes that go together. */
@@ -116,7 +115,7 @@ int lam_init(struct lam *l, struct params *ps, const struct avatar_config *c,
         error_set(err, EX_OSERR, "out of memory");
         goto fail;
     }
-    linear_init(&l->embed, ps, "pcl_embed.mlp", EMBEDDED, l->D, true);
+    linear_init(&l->embed, ps, "pcl_embed.mlp", EMBEDDED, l->D);
     layer_norm_init(&l->embed_norm, ps, "pcl_embed.norm", l->D, EPS_DEFAULT);
     for (size_t i = 0; i < c->transformer_layers; i++) {
         char at[120];

@@ -55,19 +55,17 @@ int mlp_decoder_init(struct mlp_decoder *d, struct params *ps,
     d->hidden = hidden;
     for (int i = 0; i < 4; i++) {
         nn_name(name, "%sfeature_layers.%d", prefix, 2 * i);
-        linear_init(&im->trunk[i], ps, name, i ? width : in, width, true);
+        linear_init(&im->trunk[i], ps, name, i ? width : in, width);
         im->trunk[i].act = i < 3 ? ACT_RELU : ACT_NONE;
         ps->tensor[im->trunk[i].weight].gain = i < 3 ? 1.4142135f : 1;
     }
     for (int i = 0; i < 4; i++) {
         nn_name(name, "%s%s_layers.0", prefix, attribute[i]);
-        linear_init(&im->inner[i], ps, name, width + HARMONIC_OUT, hidden,
-                    true);
+        linear_init(&im->inner[i], ps, name, width + HARMONIC_OUT, hidden);
         im->inner[i].act = ACT_RELU;
         ps->tensor[im->inner[i].weight].gain = 1.4142135f;
         nn_name(name, "%s%s_layers.2", prefix, attribute[i]);
-        linear_init(&im->outer[i], ps, name, hidden, mlp_decoder_width(d, i),
-                    true);
+        linear_init(&im->outer[i], ps, name, hidden, mlp_decoder_width(d, i));
         ps->tensor[im->outer[i].weight].gain = 0.3f;
     }
     return 0;
@@ -238,15 +236,14 @@ void mlp_decoder_forward(struct gaussian_out *out, const float *features,
                           d->points, d->head.colors + 8, d->points);
 }
 
-void mlp_decoder_backward(float *dfeatures, float *ddir, float *drgb_logit,
-                          const struct gaussian_out *dout,
-                          const float *dir, const float *rgb_logit,
-                          struct mlp_decoder *d)
+void mlp_decoder_backward(float *dfeatures, float *ddir,
+                          const struct gaussian_out *dout, const float *dir,
+                          const float *rgb_logit, struct mlp_decoder *d)
 {
     struct mlp_decoder_impl *im = d->impl;
     void *a = im->grad[0], *b = im->grad[1];
 
-    gaussian_head_backward(im->draw, drgb_logit, dout, im->raw, rgb_logit,
+    gaussian_head_backward(im->draw, NULL, dout, im->raw, rgb_logit,
                            &d->head, d->batch, d->points, d->head.colors + 8,
                            d->points);
     memset(im->dgamma, 0, d->batch * HARMONIC_OUT * sizeof *im->dgamma);
@@ -282,7 +279,7 @@ void mlp_decoder_graph(struct graph *g, size_t N,
         x = graph_linear(g, x, &im->trunk[i]);
     gamma = GRAPH_NODE(g, "Expand", gamma,
                        GRAPH_INTS(g, (int64_t)N, HARMONIC_OUT));
-    x = graph_concat(g, x, gamma, 1);
+    x = graph_concat(g, x, gamma);
     for (int i = 0; i < 4; i++)
         part[i] = graph_linear(g, graph_linear(g, x, &im->inner[i]),
                                &im->outer[i]);

@@ -37,11 +37,10 @@ void mlp_decoder_release(struct mlp_decoder *d);
 void mlp_decoder_forward(struct gaussian_out *out, const float *features,
                          const float *dir, const float *rgb_logit,
                          struct mlp_decoder *d);
-/* dfeatures (B,N,in), drgb_logit (B,N,3), ddir (B,3): written, or NULL. */
-void mlp_decoder_backward(float *dfeatures, float *ddir, float *drgb_logit,
-                          const struct gaussian_out *dout,
-                          const float *dir, const float *rgb_logit,
-                          struct mlp_decoder *d);
+/* dfeatures (B,N,in), ddir (B,3): written, or NULL. */
+void mlp_decoder_backward(float *dfeatures, float *ddir,
+                          const struct gaussian_out *dout, const float *dir,
+                          const float *rgb_logit, struct mlp_decoder *d);
 
 /* The same as a graph of N points: "features" (N,in), "direction" (1,3) and
  * "rgb_logit" (N,3) to the attributes (gaussian_head_graph). */

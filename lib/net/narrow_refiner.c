@@ -437,11 +437,11 @@ static int narrow_step_graph(struct graph *g, int x, int e, int turn, size_t h,
     int r = graph_resize(g, graph_conv(g, x, &step->up), C, h, w);
     int st = turn < 0 ? graph_conv(g, e, &step->condition)
                       : graph_conditional_conv(g, e, turn, &step->conditional);
-    int s = GRAPH_NODE(g, "Add", graph_slice(g, st, 1, 0, C),
+    int s = GRAPH_NODE(g, "Add", graph_slice(g, st, 0, C),
                        graph_real(g, 1));
 
     x = GRAPH_NODE(g, "Add", GRAPH_NODE(g, "Mul", r, s),
-                   graph_slice(g, st, 1, C, 2 * C));
+                   graph_slice(g, st, C, 2 * C));
     return graph_conv(g, x, &step->body);
 }
 
@@ -479,9 +479,9 @@ void narrow_refiner_graph(struct graph *g, size_t h, size_t w,
         d = GRAPH_NODE(g, "Clip", d, graph_real(g, -NARROW_REFINER_MAX),
                        graph_real(g, NARROW_REFINER_MAX));
         for (size_t c = 3; c < NARROW_END_COLORS; c *= 2)
-            d = graph_concat(g, d, d, 1);   /* the same for all of a place */
+            d = graph_concat(g, d, d);   /* the same for all of a place */
     }
-    x = GRAPH_NODE(g, "Add", graph_slice(g, features, 1, 0, 3),
+    x = GRAPH_NODE(g, "Add", graph_slice(g, features, 0, 3),
                    graph_to_space(g, d, 4));
     GRAPH_OUTPUT(g, graph_rows(g, x), "rgb", 1, h, w, 3);
 }

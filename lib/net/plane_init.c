@@ -41,16 +41,15 @@ int plane_init_init(struct plane_init *p, struct params *ps,
     return 0;
 }
 
-int plane_init_plan(struct plane_init *p, size_t batch, size_t height,
-                    size_t width, struct nn_options opt, struct error *err)
+int plane_init_plan(struct plane_init *p, size_t height, size_t width,
+                    struct nn_options opt, struct error *err)
 {
     struct plane_init_impl *im = p->impl;
     struct nn_plan *pl = &im->plan;
-    size_t pixels = batch * height * width;
+    size_t pixels = height * width;
 
     nn_plan_release(pl);
     nn_plan_init(pl, opt);
-    p->batch = batch;
     p->height = height;
     p->image_w = width;
     for (int i = 0; i < 3; i++) {
@@ -62,7 +61,7 @@ int plane_init_plan(struct plane_init *p, size_t batch, size_t height,
             im->t = y;
         im->conv[i].half_in = i > 0 && conv_halves(pl);
         im->conv[i].half_out = i < 2 && conv_halves(pl);
-        conv_plan(&im->conv[i], pl, batch, height, width);
+        conv_plan(&im->conv[i], pl, 1, height, width);
     }
     if (nn_plan_backward(pl)) {
         im->dt = nn_plan_floats(pl, pixels * 2);
@@ -84,7 +83,7 @@ void plane_init_release(struct plane_init *p)
 void plane_init_forward(float *delta, const float *in, struct plane_init *p)
 {
     struct plane_init_impl *im = p->impl;
-    size_t n = p->batch * p->height * p->image_w * 2;
+    size_t n = p->height * p->image_w * 2;
 
     im->in = in;
     conv_forward(im->y[0], in, &im->conv[0]);
@@ -99,7 +98,7 @@ void plane_init_backward(float *din, const float *ddelta,
                          struct plane_init *p)
 {
     struct plane_init_impl *im = p->impl;
-    size_t n = p->batch * p->height * p->image_w * 2;
+    size_t n = p->height * p->image_w * 2;
 
     for (size_t i = 0; i < n; i++)
         im->dt[i] = ddelta[i] * PLANE_INIT_MAX;

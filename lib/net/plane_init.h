@@ -15,7 +15,7 @@ struct plane_init_impl;
 struct plane_init {
     size_t in;                    /* features + 1 */
     size_t width;                 /* of the two hidden layers */
-    size_t batch, height, image_w;
+    size_t height, image_w;
     struct plane_init_impl *impl;
 };
 
@@ -25,14 +25,14 @@ int plane_init_init(struct plane_init *p, struct params *ps,
                     const char *prefix, size_t in, size_t width,
                     struct error *err);
 /* Inputs of height x width cells. */
-int plane_init_plan(struct plane_init *p, size_t batch, size_t height,
-                    size_t width, struct nn_options opt, struct error *err);
+int plane_init_plan(struct plane_init *p, size_t height, size_t width,
+                    struct nn_options opt, struct error *err);
 /* Free what _init and _plan allocated; zeroed then. */
 void plane_init_release(struct plane_init *p);
 
-/* delta (B,h,w,2), x then y, in [-0.05, 0.05]; in (B,h,w,in). */
+/* delta (h,w,2), x then y, in [-0.05, 0.05]; in (h,w,in). */
 void plane_init_forward(float *delta, const float *in, struct plane_init *p);
-/* din (B,h,w,in), or NULL, from ddelta (B,h,w,2). */
+/* din (h,w,in), or NULL, from ddelta (h,w,2). */
 void plane_init_backward(float *din, const float *ddelta,
                          struct plane_init *p);
 

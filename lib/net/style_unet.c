@@ -28,8 +28,7 @@ static void style_unet_decoder_init(struct style_unet *s, const char *prefix)
     nn_name(at, "%sstylegan_decoder.", prefix);
     for (size_t i = 0; i < 8; i++) {
         linear_init(&s->mlp[i], ps,
-                    nn_name(name, "%sstyle_mlp.%zu", at, 2 * i + 1), Z, Z,
-                    true);
+                    nn_name(name, "%sstyle_mlp.%zu", at, 2 * i + 1), Z, Z);
         s->mlp[i].act = ACT_LRELU;
         ps->tensor[s->mlp[i].weight].gain = LRELU_GAIN;
     }
@@ -111,7 +110,7 @@ static void style_unet_encoder_init(struct style_unet *s, const char *prefix)
     style_lrelu_conv(&s->final_conv, ps, nn_name(name, "%sfinal_conv", prefix),
                      C, C, 3);
     linear_init(&s->final_linear, ps, nn_name(name, "%sfinal_linear", prefix),
-                16 * C, s->latent, true);
+                16 * C, s->latent);
 }
 
 /* Whether n is one. */

@@ -54,10 +54,10 @@ void conv_init(struct conv *c, struct params *ps, const char *name, size_t in,
     conv_declare(c, ps, name, in, out, kernel, stride, bias, 4);
 }
 
-void linear_init(struct conv *c, struct params *ps, const char *name,
-                 size_t in, size_t out, bool bias)
+void linear_init(struct conv *c, struct params *ps, const char *name, size_t in,
+                 size_t out)
 {
-    conv_declare(c, ps, name, in, out, 1, 1, bias, 2);
+    conv_declare(c, ps, name, in, out, 1, 1, true, 2);
 }
 
 void deconv_init(struct conv *c, struct params *ps, const char *name,

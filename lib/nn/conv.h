@@ -56,10 +56,10 @@ struct conv {
 /* Declare "<name>.weight" (out,in,k,k) and, with bias, "<name>.bias". */
 void conv_init(struct conv *c, struct params *ps, const char *name, size_t in,
                size_t out, size_t kernel, size_t stride, bool bias);
-/* The same as a linear layer: the weight is (out,in), kernel 1; plan it with
- * h = rows, w = 1. */
-void linear_init(struct conv *c, struct params *ps, const char *name,
-                 size_t in, size_t out, bool bias);
+/* The same as a linear layer with a bias: the weight is (out,in), kernel 1; plan
+ * it with h = rows, w = 1. */
+void linear_init(struct conv *c, struct params *ps, const char *name, size_t in,
+                 size_t out);
 /* A transposed convolution whose kernel is its stride f: the weight is
  * (in,out,f,f); the forward gives (B,h,w,f*f*out), which
  * depth_to_space (lib/nn/image.h) lays out as (B,h f,w f,out). */

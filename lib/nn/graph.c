@@ -225,17 +225,17 @@ int graph_rows(struct graph *g, int x)
     return x;
 }
 
-int graph_slice(struct graph *g, int x, int axis, size_t from, size_t to)
+int graph_slice(struct graph *g, int x, size_t from, size_t to)
 {
     return GRAPH_NODE(g, "Slice", x, GRAPH_INTS(g, (int64_t)from),
-                      GRAPH_INTS(g, (int64_t)to), GRAPH_INTS(g, axis));
+                      GRAPH_INTS(g, (int64_t)to), GRAPH_INTS(g, 1));
 }
 
-int graph_concat(struct graph *g, int a, int b, int axis)
+int graph_concat(struct graph *g, int a, int b)
 {
     int x = GRAPH_NODE(g, "Concat", a, b);
 
-    graph_set_int(g, "axis", axis);
+    graph_set_int(g, "axis", 1);
     return x;
 }
 

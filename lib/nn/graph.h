@@ -63,10 +63,10 @@ void graph_set_ints(struct graph *g, const char *name, const int64_t *x,
 /* (B,h,w,C) to (B,C,h,w), and back. */
 int graph_maps(struct graph *g, int x);
 int graph_rows(struct graph *g, int x);
-/* Channels [from,to) of (..,C) or, on axis 1, of maps. */
-int graph_slice(struct graph *g, int x, int axis, size_t from, size_t to);
-/* a and b side by side on this axis. */
-int graph_concat(struct graph *g, int a, int b, int axis);
+/* Channels [from,to) of maps or of (N,C). */
+int graph_slice(struct graph *g, int x, size_t from, size_t to);
+/* a's and b's channels, side by side. */
+int graph_concat(struct graph *g, int a, int b);
 
 /* ---- layers ------------------------------------------------------------ */
 

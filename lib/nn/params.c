@@ -165,55 +165,23 @@ int params_load_from(struct params *ps, const struct safetensors *st,
     return 0;
 }
 
-/* A file's tensors in its own dtype, one after another. */
-struct params_output {
-    const struct params *ps;
-    enum st_dtype dtype;
-    uint16_t *half;             /* room for the largest tensor */
-};
-
-/* The weights of tensor i in 16 bits: a st_fetch. */
-static const void *params_halves(void *context, size_t i, struct error *err)
-{
-    const struct params_output *o = context;
-    const struct param *p = &o->ps->tensor[i];
-    const float *w = param_w(o->ps, i);
-
-    (void)err;
-    for (size_t k = 0; k < p->count; k++)
-        o->half[k] = o->dtype == ST_F16 ? float_to_half(w[k])
-                                        : float_to_bf16(w[k]);
-    return o->half;
-}
-
 int params_save(const struct params *ps, const char *path,
-                enum st_dtype dtype, const char *const *meta,
-                struct error *err)
+                const char *const *meta, struct error *err)
 {
     struct st_tensor *t = calloc(ps->count + 1, sizeof *t);
-    struct params_output o = {ps, dtype, NULL};
-    size_t max = 1;
-    int rc = -1;
+    int rc;
 
-    for (size_t i = 0; i < ps->count; i++)
-        max = ps->tensor[i].count > max ? ps->tensor[i].count : max;
-    if (dtype != ST_F32)
-        o.half = malloc(max * sizeof *o.half);
-    if (!t || (dtype != ST_F32 && !o.half)) {
-        error_set(err, EX_OSERR, "%s: out of memory", path);
-        goto out;
-    }
+    if (!t)
+        return error_set(err, EX_OSERR, "%s: out of memory", path);
     for (size_t i = 0; i < ps->count; i++) {
         const struct param *p = &ps->tensor[i];
 
-        t[i] = (struct st_tensor){.name = p->name, .dtype = dtype,
+        t[i] = (struct st_tensor){.name = p->name, .dtype = ST_F32,
                                   .ndim = p->ndim, .count = p->count,
-                                  .data = o.half ? NULL : param_w(ps, i)};
+                                  .data = param_w(ps, i)};
         memcpy(t[i].dim, p->dim, sizeof p->dim);
     }
-    rc = st_save_from(path, t, ps->count, meta, params_halves, &o, err);
-out:
+    rc = st_save(path, t, ps->count, meta, err);
     free(t);
-    free(o.half);
     return rc;
 }

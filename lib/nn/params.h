@@ -81,9 +81,8 @@ int params_load_from(struct params *ps, const struct safetensors *st,
                      struct error *err);
 /* Allocate what was declared and fill it from the safetensors file at path. */
 int params_open(struct params *ps, const char *path, struct error *err);
-/* Write w as dtype (ST_F32, ST_F16, ST_BF16) with metadata pairs. */
+/* Write w with metadata pairs. */
 int params_save(const struct params *ps, const char *path,
-                enum st_dtype dtype, const char *const *meta,
-                struct error *err);
+                const char *const *meta, struct error *err);
 
 #endif

@@ -33,7 +33,7 @@ static void style_declare(struct conv *c, struct conv *modulation,
     t->ndim = 5;
     memcpy(t->dim, dims, sizeof dims);
     nn_name(buf, "%s.modulated_conv.modulation", name);
-    linear_init(modulation, ps, buf, latent, in, true);
+    linear_init(modulation, ps, buf, latent, in);
     ps->tensor[modulation->bias].init = PARAM_ONE;
     ps->tensor[modulation->weight].gain = 0.1f;
 }

@@ -35,22 +35,21 @@ void transformer_init(struct transformer *t, struct params *ps, const char *at,
                     kind->eps1);
     for (int i = 0; i < 3 && kind->in[i]; i++)
         linear_init(&t->in[i], ps, nn_name(name, "%s%s", at, kind->in[i]), E,
-                    kind->in[1] ? E : 3 * E, true);
+                    kind->in[1] ? E : 3 * E);
     for (int i = 0; i < 2; i++)
         t->unit[i] = transformer_declare(ps, at, kind->unit[i], t->dim,
                                          PARAM_ONE, 1);
     if (!kind->out)
         return;
-    linear_init(&t->out, ps, nn_name(name, "%s%s", at, kind->out), E, E, true);
+    linear_init(&t->out, ps, nn_name(name, "%s%s", at, kind->out), E, E);
     t->scale1 = transformer_declare(ps, at, kind->scale1, E, PARAM_CONSTANT,
                                     0.1f);
     layer_norm_init(&t->norm2, ps, kind->norm2 ? nn_name(name, "%s%s", at,
                                                          kind->norm2) : NULL,
                     E, kind->eps2);
-    linear_init(&t->grow, ps, nn_name(name, "%s%s", at, kind->grow), E, hidden,
-                true);
-    linear_init(&t->shrink, ps, nn_name(name, "%s%s", at, kind->shrink),
-                hidden, E, true);
+    linear_init(&t->grow, ps, nn_name(name, "%s%s", at, kind->grow), E, hidden);
+    linear_init(&t->shrink, ps, nn_name(name, "%s%s", at, kind->shrink), hidden,
+                E);
     t->scale2 = transformer_declare(ps, at, kind->scale2, E, PARAM_CONSTANT,
                                     0.1f);
 }

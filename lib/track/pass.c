@@ -61,7 +61,7 @@ void track_encode(struct track *t, struct track_result *r, struct square crop,
     track_cut(t->input, t, crop);
     t1 = cpu_seconds();
     (follows ? motion_tta_follow : motion_tta_forward)(out, &t->tta, t->input);
-    r->confidence = motion_tta_confidence(&t->tta, 0);
+    r->confidence = motion_tta_confidence(&t->tta);
     t2 = cpu_seconds();
     track_decode(&r->motion, out, crop, t->opt.size);
     r->crop_s += t1 - t0;

@@ -257,11 +257,11 @@ void motion_tta_follow(float *out, struct motion_tta *t, const float *rgb)
         out[k] = fminf(fmaxf(out[k], 0), 1);
 }
 
-float motion_tta_confidence(const struct motion_tta *t, size_t n)
+float motion_tta_confidence(const struct motion_tta *t)
 {
-    float confidence = motion_encoder_confidence(t->net, n);
+    float confidence = motion_encoder_confidence(t->net, 0);
 
-    return t->looked ? 0.5f * (confidence + motion_encoder_confidence(t->net,
-                                                          t->batch + n))
+    return t->looked ? 0.5f * (confidence +
+                               motion_encoder_confidence(t->net, t->batch))
                      : confidence;
 }

@@ -94,8 +94,8 @@ void motion_tta_forward(float *out, struct motion_tta *t, const float *rgb);
  * and these stay: where the face has hardly moved since it was looked at,
  * the correction is that of then. */
 void motion_tta_follow(float *out, struct motion_tta *t, const float *rgb);
-/* How sure E_m was of crop n of them, its mirror image counted in where
- * that was looked at. */
-float motion_tta_confidence(const struct motion_tta *t, size_t n);
+/* How sure E_m was of the first of them, its mirror image counted in where that
+ * was looked at. */
+float motion_tta_confidence(const struct motion_tta *t);
 
 #endif

@@ -176,7 +176,7 @@ static void run_linear(struct golden *g, struct params *ps,
     generators_harmonic(g, dir, B);
     mlp_decoder_forward(&s.out, x, dir, NULL, &d);
     compare_out(g, &s, false);
-    mlp_decoder_backward(dx, ddir, NULL, &s.probe, dir, NULL, &d);
+    mlp_decoder_backward(dx, ddir, &s.probe, dir, NULL, &d);
     golden_compare_l2(g, "grad.input", dx, n * 1024);
     golden_compare_l2(g, "grad.dir", ddir, 3 * B);
     compare_weight(g, ps, "feature_layers.0.weight");

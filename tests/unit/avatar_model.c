@@ -88,7 +88,7 @@ static void write_model(const char *path, const struct head *h,
     avatar_init_weights(&a);
     char *json = avatar_config_print(&c);
     const char *meta[] = {"spid", json, NULL};
-    if (params_save(&ps, path, ST_F32, meta, &err))
+    if (params_save(&ps, path, meta, &err))
         give_up(&err);
     free(json);
     refiner_release(&r);

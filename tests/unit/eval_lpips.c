@@ -44,7 +44,7 @@ static void make_weights(struct params *ps, const char *path)
     }
     REQUIRE(!params_allocate(ps, &err), "%s", err.text);
     params_randomise(ps, 4);
-    REQUIRE(!params_save(ps, path, ST_F32, NULL, &err), "%s", err.text);
+    REQUIRE(!params_save(ps, path, NULL, &err), "%s", err.text);
 }
 
 struct plain_map {

@@ -154,7 +154,7 @@ static void run_plane(void)
     for (size_t t = 0; t < ps.count; t++)
         ps.tensor[t].init = PARAM_HE;
     params_randomise(&ps, 4);
-    REQUIRE(plane_init_plan(&p, 1, CELLS, CELLS, plain, &err) == 0, "%s",
+    REQUIRE(plane_init_plan(&p, CELLS, CELLS, plain, &err) == 0, "%s",
             err.text);
     plane_init_forward(delta, features, &p);
     graph_init(&g, "plane", "");

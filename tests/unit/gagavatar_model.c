@@ -127,7 +127,7 @@ static void write_checkpoint(const char *out, const char *config,
         params_allocate(&ps, &err))
         give_up(&err);
     params_randomise(&ps, 1);
-    if (params_save(&ps, out, ST_F32, NULL, &err))
+    if (params_save(&ps, out, NULL, &err))
         give_up(&err);
     gagavatar_release(&g);
     refiner_release(&r);

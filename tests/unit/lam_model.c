@@ -517,7 +517,7 @@ static void write_checkpoint(const char *out, const char *config)
             !lam_init(&l, &ps, &c, &err) && !params_allocate(&ps, &err),
             "%s", err.text);
     lam_fill(&ps);
-    REQUIRE(!params_save(&ps, out, ST_F32, NULL, &err), "%s", err.text);
+    REQUIRE(!params_save(&ps, out, NULL, &err), "%s", err.text);
     lam_release(&l);
     params_release(&ps);
 }

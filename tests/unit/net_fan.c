@@ -349,7 +349,7 @@ static void check_loss(const struct params *ps, const float *x,
 
     for (size_t i = 0; i < n; i++)
         target.v[i] = (double)y[i];
-    check_error("file", !params_save(ps, path, ST_F32, meta, &err) &&
+    check_error("file", !params_save(ps, path, meta, &err) &&
                             !alignment_open(&a, path, SIDE, &err), &err);
     alignment_target(&a, y, SIDE, SIDE, q);
     check_that("no distance from itself",

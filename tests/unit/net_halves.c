@@ -114,7 +114,7 @@ static void halves_points(struct halves_result *r, struct nn_options opt,
     if (mlp_decoder_plan(&d, 1, PIXELS, opt, &err))
         exit(1);
     mlp_decoder_forward(&out, in, dir, NULL, &d);
-    mlp_decoder_backward(r->din, r->ddir, NULL, &back, dir, NULL, &d);
+    mlp_decoder_backward(r->din, r->ddir, &back, dir, NULL, &d);
     mlp_decoder_release(&d);
 }
 
@@ -129,7 +129,7 @@ static void halves_init(struct halves_result *r, struct nn_options opt,
     if (plane_init_init(&d, &r->ps, "", 33, 16, &err))
         exit(1);
     halves_weights(&r->ps);
-    if (plane_init_plan(&d, 1, SIDE, SIDE, opt, &err))
+    if (plane_init_plan(&d, SIDE, SIDE, opt, &err))
         exit(1);
     plane_init_forward(r->out, in, &d);
     plane_init_backward(r->din, dout, &d);

@@ -206,7 +206,7 @@ static void check_random(void)
     for (size_t t = 0; t < ps.count; t++)
         for (size_t i = 0; i < ps.tensor[t].count; i++)
             param_w(&ps, t)[i] *= 1.5f;
-    check_error("plan", !squeezenet_plan(&s, 1, SIDE, SIDE, opt, &err), &err);
+    check_error("plan", !squeezenet_plan(&s, SIDE, SIDE, opt, &err), &err);
     float *x = noise_make("squeezenet", SIDE * SIDE * 3, 4, 0, 1);
     struct map rgb = map_of(SIDE, SIDE, 3);
     for (size_t i = 0; i < SIDE * SIDE * 3; i++)
@@ -215,7 +215,7 @@ static void check_random(void)
     check_layers(&s, &rgb);
     check_gradient(&s, &rgb);
     check_that("a picture too small is refused",
-               squeezenet_plan(&s, 1, 9, 30, opt, &err) != 0);
+               squeezenet_plan(&s, 9, 30, opt, &err) != 0);
     free(x);
     free(rgb.v);
     squeezenet_release(&s);
@@ -256,7 +256,7 @@ static void check_file(const char *folder)
     squeezenet_init(&s, &ps, "");
     bool ok = st &&
               !params_allocate(&ps, &err) && !params_load(&ps, st, "", &err) &&
-              !squeezenet_plan(&s, 1, 64, 64, opt, &err);
+              !squeezenet_plan(&s, 64, 64, opt, &err);
     check_error("weights", ok, &err);
     st_close(st);
     snprintf(path, sizeof path, "%s/golden.safetensors", folder);

@@ -307,7 +307,7 @@ static int write_model(const char *path)
     bias[2] = 6.98f;
     json = avatar_config_print(&config);
     meta[1] = json;
-    if (!json || params_save(&ps, path, ST_F32, meta, &err)) {
+    if (!json || params_save(&ps, path, meta, &err)) {
         printf("%s\n", err.text);
         return 1;
     }

@@ -60,7 +60,7 @@ int main(void)
     check_that("the same picture's is not", !t.looked);
     check("and what it said stays", tta_apart(out, both), 1e-6);
     check("how sure: of the picture alone",
-          fabs((double)(motion_tta_confidence(&t, 0) -
+          fabs((double)(motion_tta_confidence(&t) -
                         motion_encoder_confidence(t.net, 0))), 0);
     tta_mirror_picture(other, rgb, N);
     for (int i = 0; i < CROP; i++)

@@ -30,7 +30,7 @@ static void write_weights(const char *path)
     if (params_allocate(&ps, &err))
         exit(1);
     params_randomise(&ps, 6);
-    if (params_save(&ps, path, ST_F32, NULL, &err)) {
+    if (params_save(&ps, path, NULL, &err)) {
         printf("%s\n", err.text);
         exit(1);
     }
@@ -65,7 +65,7 @@ static void write_lpips(const char *path)
     if (params_allocate(&ps, &err))
         exit(1);
     params_randomise(&ps, 6);
-    if (params_save(&ps, path, ST_F32, NULL, &err))
+    if (params_save(&ps, path, NULL, &err))
         exit(1);
     params_release(&ps);
 }

@@ -87,7 +87,7 @@ int iresnet_declare(struct iresnet *n,
             side = i == 0 ? side / 2 : side;
         }
     batch_norm_init(&n->bn_last, &n->ps, "bn2", channels, EPS);
-    linear_init(&n->fc, &n->ps, "fc", channels * side * side, code, true);
+    linear_init(&n->fc, &n->ps, "fc", channels * side * side, code);
     batch_norm_init(&n->bn_feature, &n->ps, "features", code, EPS);
     return 0;
 }

@@ -45,8 +45,7 @@ void musiq_declare(struct musiq *m, struct params *ps)
     layer_norm_init(&m->gn3, ps, "block1.gn3", TOKEN, 1e-4f);
     conv_init(&m->proj, ps, "block1.conv_proj", STEM, TOKEN, 1, 1, false);
     layer_norm_init(&m->gn_proj, ps, "block1.gn_proj", TOKEN, 1e-4f);
-    linear_init(&m->embedding, ps, "embedding", MAP * MAP * TOKEN, WIDTH,
-                true);
+    linear_init(&m->embedding, ps, "embedding", MAP * MAP * TOKEN, WIDTH);
     m->position = params_add(ps, nn_name(name, "%sposembed_input.position_emb",
                                          at), 3, position, PARAM_ZERO, 0);
     m->scale = params_add(ps, nn_name(name, "%sscaleembed_input.scale_emb", at),
@@ -58,7 +57,7 @@ void musiq_declare(struct musiq *m, struct params *ps)
         transformer_init(&m->block[i], ps,
                          nn_name(name, "%stransformer.encoderblock_%d.", at, i),
                          &kind, WIDTH, HEADS);
-    linear_init(&m->head, ps, "head", WIDTH, 1, true);
+    linear_init(&m->head, ps, "head", WIDTH, 1);
     for (size_t i = 0; i < ps->count; i++)
         ps->tensor[i].frozen = true;
 }

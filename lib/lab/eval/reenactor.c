@@ -206,8 +206,8 @@ int reenactor_draw(struct reenactor *r, const struct motion *m,
 {
     const bool refined = r->model->config.has_refiner;
 
-    if (pipeline_draw(&r->star, NULL, m, err) ||
-        (refined && pipeline_draw(&r->full, NULL, m, err)))
+    if (pipeline_draw(&r->star, m, err) ||
+        (refined && pipeline_draw(&r->full, m, err)))
         return -1;
     r->coarse = r->star.canvas.image;
     r->rgb = refined ? r->full.refined.rgb : r->coarse;
@@ -219,5 +219,5 @@ int reenactor_draw_branch(const float **rgb, struct reenactor *r,
                           struct error *err)
 {
     *rgb = r->alone[b].canvas.image;
-    return pipeline_draw(&r->alone[b], NULL, m, err);
+    return pipeline_draw(&r->alone[b], m, err);
 }

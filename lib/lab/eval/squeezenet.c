@@ -63,29 +63,29 @@ void squeezenet_init(struct squeezenet *s, struct params *ps,
 
 /* A fire module on maps (h,w), which become the pooled ones. */
 static void squeezenet_fire_plan(struct squeezenet_fire *f, struct nn_plan *p,
-                                 size_t batch, size_t *h, size_t *w)
+                                 size_t *h, size_t *w)
 {
     size_t in = f->squeeze.in, half = f->expand1.out;
 
     if (f->pooled) {
-        max_pool_plan(&f->pool, p, batch, *h, *w, in, true);
+        max_pool_plan(&f->pool, p, 1, *h, *w, in, true);
         *h = f->pool.oh;
         *w = f->pool.ow;
-        f->x = nn_plan_floats(p, batch * *h * *w * in);
+        f->x = nn_plan_floats(p, *h * *w * in);
     }
     f->h = *h;
     f->w = *w;
-    f->s = nn_plan_floats(p, batch * *h * *w * f->squeeze.out);
-    f->e1 = nn_plan_floats(p, batch * *h * *w * half);
-    f->e3 = nn_plan_floats(p, batch * *h * *w * half);
-    f->out = nn_plan_floats(p, batch * *h * *w * 2 * half);
-    conv_plan(&f->squeeze, p, batch, *h, *w);
-    conv_plan(&f->expand1, p, batch, *h, *w);
-    conv_plan(&f->expand3, p, batch, *h, *w);
+    f->s = nn_plan_floats(p, *h * *w * f->squeeze.out);
+    f->e1 = nn_plan_floats(p, *h * *w * half);
+    f->e3 = nn_plan_floats(p, *h * *w * half);
+    f->out = nn_plan_floats(p, *h * *w * 2 * half);
+    conv_plan(&f->squeeze, p, 1, *h, *w);
+    conv_plan(&f->expand1, p, 1, *h, *w);
+    conv_plan(&f->expand3, p, 1, *h, *w);
 }
 
-int squeezenet_plan(struct squeezenet *s, size_t batch, size_t height,
-                    size_t width, struct nn_options opt, struct error *err)
+int squeezenet_plan(struct squeezenet *s, size_t height, size_t width,
+                    struct nn_options opt, struct error *err)
 {
     struct nn_plan *p = &s->plan;
 
@@ -95,17 +95,16 @@ int squeezenet_plan(struct squeezenet *s, size_t batch, size_t height,
                          SQUEEZENET_MIN);
     nn_plan_release(p);
     nn_plan_init(p, opt);
-    s->batch = batch;
     s->height = height;
     s->width = width;
-    conv_plan(&s->first, p, batch, height, width);
-    size_t h = s->first.oh, w = s->first.ow, max = batch * h * w * FIRST;
+    conv_plan(&s->first, p, 1, height, width);
+    size_t h = s->first.oh, w = s->first.ow, max = h * w * FIRST;
     s->relu1 = nn_plan_floats(p, max);
     for (size_t i = 0; i < SQUEEZENET_FIRES; i++) {
         struct squeezenet_fire *f = &s->fire[i];
 
-        squeezenet_fire_plan(f, p, batch, &h, &w);
-        size_t n = batch * h * w * 2 * f->expand1.out;
+        squeezenet_fire_plan(f, p, &h, &w);
+        size_t n = h * w * 2 * f->expand1.out;
         max = n > max ? n : max;
     }
     for (size_t i = 0; i < 4 && nn_plan_backward(p); i++)
@@ -124,7 +123,7 @@ const float *squeezenet_layer(size_t shape[4], const struct squeezenet *s,
 {
     const struct squeezenet_fire *f = &s->fire[layer ? layer - 1 : 0];
 
-    shape[0] = s->batch;
+    shape[0] = 1;
     shape[1] = layer ? f->h : s->first.oh;
     shape[2] = layer ? f->w : s->first.ow;
     shape[3] = layer ? 2 * f->expand1.out : FIRST;
@@ -153,8 +152,8 @@ void squeezenet_forward(const float *rgb, struct squeezenet *s)
         conv_forward(f->s, squeezenet_input(s, i), &f->squeeze);
         conv_forward(f->e1, f->s, &f->expand1);
         conv_forward(f->e3, f->s, &f->expand3);
-        concat_forward(f->out, f->e1, f->e3, s->batch * f->h * f->w, half,
-                       half, 2 * half, 1);
+        concat_forward(f->out, f->e1, f->e3, f->h * f->w, half, half, 2 * half,
+                       1);
     }
 }
 
@@ -164,7 +163,7 @@ static void squeezenet_fire_backward(float *g[4], size_t i,
                                      struct squeezenet *s)
 {
     struct squeezenet_fire *f = &s->fire[i];
-    size_t rows = s->batch * f->h * f->w, half = f->expand1.out;
+    size_t rows = f->h * f->w, half = f->expand1.out;
 
     concat_take(g[1], g[0], rows, 0, half, 2 * half);
     concat_take(g[2], g[0], rows, half, half, 2 * half);
@@ -200,5 +199,5 @@ void squeezenet_backward(float *drgb,
     if (begun)
         conv_backward(drgb, g[0], s->relu1, s->rgb, &s->first);
     else
-        memset(drgb, 0, s->batch * s->height * s->width * 3 * sizeof *drgb);
+        memset(drgb, 0, s->height * s->width * 3 * sizeof *drgb);
 }

@@ -26,9 +26,9 @@ struct squeezenet_fire {
     bool pooled;                  /* x is the pool of the layer before */
     struct max_pool pool;
     size_t h, w;                  /* of x and out */
-    float *x;                     /* (B,h,w,in) where pooled */
-    float *s, *e1, *e3;           /* (B,h,w,few), and out's two halves */
-    float *out;                   /* (B,h,w,2 * expand1.out) */
+    float *x;                     /* (h,w,in) where pooled */
+    float *s, *e1, *e3;           /* (h,w,few), and out's two halves */
+    float *out;                   /* (h,w,2 * expand1.out) */
 };
 
 struct squeezenet {
@@ -36,28 +36,28 @@ struct squeezenet {
     struct nn_plan plan;
     struct conv first;            /* 7x7 stride 2 without padding, 3 -> 96 */
     struct squeezenet_fire fire[SQUEEZENET_FIRES];
-    size_t batch, height, width;
+    size_t height, width;
     const float *rgb;
-    float *relu1;                 /* (B,h,w,96) */
+    float *relu1;                 /* (h,w,96) */
     float *g[4];                  /* gradients on their way */
 };
 
 /* Declare the tensors, "<prefix>features.0.weight" and on, all frozen. */
 void squeezenet_init(struct squeezenet *s, struct params *ps,
                      const char *prefix);
-/* Pictures of SQUEEZENET_MIN pixels a side or more. */
-int squeezenet_plan(struct squeezenet *s, size_t batch, size_t height,
-                    size_t width, struct nn_options opt, struct error *err);
+/* A picture of SQUEEZENET_MIN pixels a side or more. */
+int squeezenet_plan(struct squeezenet *s, size_t height, size_t width,
+                    struct nn_options opt, struct error *err);
 /* Free what _init and _plan allocated; zeroed then. */
 void squeezenet_release(struct squeezenet *s);
 
-/* All layers of rgb (B,H,W,3), 0..1 sRGB, which must stay until the
+/* All layers of rgb (H,W,3), 0..1 sRGB, which must stay until the
  * backward. */
 void squeezenet_forward(const float *rgb, struct squeezenet *s);
-/* A layer of the last forward, (B,h,w,C) as in shape; NN_FROZEN plans. */
+/* A layer of the last forward, (1,h,w,C) as in shape; NN_FROZEN plans. */
 const float *squeezenet_layer(size_t shape[4], const struct squeezenet *s,
                               enum squeezenet_layer layer);
-/* drgb (B,H,W,3) is written, from each layer's gradient, as squeezenet_layer
+/* drgb (H,W,3) is written, from each layer's gradient, as squeezenet_layer
  * (NULL: zero). */
 void squeezenet_backward(float *drgb,
                          const float *const dlayer[SQUEEZENET_LAYERS],

@@ -80,7 +80,7 @@ void topiq_declare(struct topiq *t, struct params *ps)
     for (int i = 0; i < 3; i++) {
         linear_init(&t->score[i], ps,
                     nn_name(name, "score_linear.%d", i == 2 ? 6 : 3 * i + 1),
-                    WIDTH, i == 2 ? 1 : WIDTH, true);
+                    WIDTH, i == 2 ? 1 : WIDTH);
         t->score[i].act = i == 2 ? ACT_NONE : ACT_GELU;
     }
     t->row = params_add(ps, "h_emb", 4, row, PARAM_ZERO, 0);

@@ -235,7 +235,7 @@ int reenact_draw(struct reenact *r, struct motion *m, struct error *err)
     struct pipeline_picture p;
 
     reenact_motion(m, r);
-    if (pipeline_draw(&r->pipeline, NULL, m, err))
+    if (pipeline_draw(&r->pipeline, m, err))
         return -1;
     p = pipeline_picture(&r->pipeline);
     const struct framesink_frame f = {

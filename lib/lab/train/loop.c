@@ -166,7 +166,7 @@ static int loop_save(struct run *r, struct error *err)
         return -1;
     loop_path(path, sizeof path, l, "model.safetensors");
     loop_swap_average(r);
-    rc = params_save(&l->task->ps, path, ST_F32, meta, err);
+    rc = params_save(&l->task->ps, path, meta, err);
     loop_swap_average(r);
     return rc;
 }

@@ -123,10 +123,10 @@ static void loss_pyramid_halve(float *small, float *big, size_t H, size_t W,
     }
 }
 
-/* big += sign * the small picture doubled (bilinear); or, back set,
- * small += sign * the transpose of that. */
+/* big -= the small picture doubled (bilinear); or, back set, small -= the
+ * transpose of that. */
 static void loss_pyramid_double(float *big, float *small, size_t H, size_t W,
-                                float factor, bool back)
+                                bool back)
 {
     size_t h = (H + 1) / 2, w = (W + 1) / 2;
 
@@ -145,9 +145,9 @@ static void loss_pyramid_double(float *big, float *small, size_t H, size_t W,
             for (int k = 0; k < 4; k++)
                 for (int c = 0; c < 3; c++) {
                     if (back)
-                        s[k][c] += factor * t[k] * b[c];
+                        s[k][c] -= t[k] * b[c];
                     else
-                        b[c] += factor * t[k] * s[k][c];
+                        b[c] -= t[k] * s[k][c];
                 }
         }
     }
@@ -174,7 +174,7 @@ static void loss_pyramid_bands(float *band, float *low, const struct levels *l)
         memcpy(band + l->at[i], low + l->at[i],
                3 * l->h[i] * l->w[i] * sizeof *band);
         loss_pyramid_double(band + l->at[i], low + l->at[i + 1], l->h[i],
-                            l->w[i], -1, false);
+                            l->w[i], false);
     }
     memcpy(band + l->at[l->n], low + l->at[l->n],
            3 * l->h[l->n] * l->w[l->n] * sizeof *band);
@@ -185,7 +185,7 @@ static void loss_pyramid_bands_backward(float *band, const struct levels *l)
 {
     for (int i = l->n - 1; i >= 0; i--) {
         loss_pyramid_double(band + l->at[i], band + l->at[i + 1], l->h[i],
-                            l->w[i], -1, true);
+                            l->w[i], true);
         loss_pyramid_halve(band + l->at[i + 1], band + l->at[i], l->h[i],
                            l->w[i], true);
     }

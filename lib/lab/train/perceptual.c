@@ -64,7 +64,7 @@ int perceptual_open(struct perceptual *p, const char *path, size_t side,
     squeezenet_init(&p->net, &p->ps, "");
     if (!st || params_allocate(&p->ps, err) ||
         params_load(&p->ps, st, "", err) ||
-        squeezenet_plan(&p->net, 1, side, side, opt, err))
+        squeezenet_plan(&p->net, side, side, opt, err))
         goto out;
     p->crop = nn_plan_floats(&p->plan, side * side * 3);
     p->dcrop = nn_plan_floats(&p->plan, side * side * 3);
