@@ -171,8 +171,10 @@ int main(int argc, char **argv)
     first = cli_parse(&usage, argc, argv);
     animate_check_usage(argv + first, argc - first);
     models.once = !list_path;
-    if (!list_path)
+    if (!list_path) {
         models.soon[0] = argv[first];
+        models.then = argv[first + 1];
+    }
     option_animation_load(&models, &opt);
     if (list_path) {
         rc = animate_run_list();

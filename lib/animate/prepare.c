@@ -2,6 +2,7 @@
 #include "lib/animate/prepare.h"
 
 #include <pthread.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
@@ -14,52 +15,55 @@
 #include "lib/base/parallel.h"
 #include "lib/track/source.h"
 
-/* What prepare_run_head loads, and what became of it. */
-struct prepare_head {
-    struct prepare *p;
-    const char *path;
-    struct error *err;
-    bool detector;              /* there is time for it: this is a thread */
-    int rc;
-};
-
 /* The head and its edges; in time that is left to a thread the detector, too. */
-static void *prepare_run_head(void *arg)
+static void *prepare_run_head(void *prepare)
 {
-    struct prepare_head *l = arg;
-    struct prepare *p = l->p;
+    struct prepare *p = prepare;
+    struct prepare_loading *l = &p->loading;
 
-    l->rc = head_load(&p->head, l->path, l->err) ||
-            densify_init(&p->dense, p->head.f, p->head.F, p->head.V, l->err)
+    l->rc = head_load(&p->head, l->path, &l->err) ||
+            densify_init(&p->dense, p->head.f, p->head.F, p->head.V, &l->err)
                 ? -1 : 0;
     struct error none;          /* told where a face is looked for */
-    if (l->detector)
+    if (l->running)
         p->detector = facedetect_open(&none);
     return NULL;
+}
+
+/* Until the head is there; whoever asks. */
+static int prepare_await_head(struct prepare *p, struct error *err)
+{
+    struct prepare_loading *l = &p->loading;
+
+    pthread_mutex_lock(&l->lock);
+    if (l->running)
+        pthread_join(l->thread, NULL);
+    l->running = false;
+    pthread_mutex_unlock(&l->lock);
+    if (l->rc)
+        *err = l->err;
+    return l->rc;
 }
 
 int prepare_open(struct prepare *p, const char *model, const char *head,
                  struct error *err)
 {
-    struct prepare_head l = {p, head, err, parallel_width() > 1, 0};
-    struct error other;
-    pthread_t thread;
+    struct prepare_loading *l = &p->loading;
 
     if (model_open(&p->model, model, err))
         return -1;
-    const bool two = l.detector &&
-                     !pthread_create(&thread, NULL, prepare_run_head, &l);
+    *l = (struct prepare_loading){.lock = PTHREAD_MUTEX_INITIALIZER};
+    snprintf(l->path, sizeof l->path, "%s", head);
+    l->running = parallel_width() > 1;
+    if (l->running && pthread_create(&l->thread, NULL, prepare_run_head, p))
+        l->running = false;
     module_preload(p->soon, sizeof p->soon / sizeof *p->soon);
-    if (!two) {
-        l.detector = false;
-        prepare_run_head(&l);
-    }
-    int rc = encoders_open(&p->nets, &p->model, true, p->precision, &other);
-    if (two)
-        pthread_join(thread, NULL);
-    if (rc && !l.rc)
-        *err = other;
-    return rc || l.rc ? -1 : 0;
+    if (!l->running)
+        prepare_run_head(p);
+    const int rc = encoders_open(&p->nets, &p->model, true, p->precision, err);
+    if (p->once && l->running)
+        return rc;
+    return prepare_await_head(p, err) ? -1 : rc;
 }
 
 /* The networks of Phase A go. */
@@ -72,6 +76,9 @@ static void prepare_close_baker(struct prepare *p)
 
 void prepare_release(struct prepare *p)
 {
+    struct error none;
+
+    prepare_await_head(p, &none);
     prepare_close_baker(p);
     facedetect_close(p->detector);
     encoders_release(&p->nets);
@@ -145,7 +152,8 @@ static int prepare_read_picture(struct prepared *s, struct prepare *p,
 
     opt.size = (double)p->model.config.size;
     if (image_read(&s->picture, path, err) ||
-        (given && image_read(given, mask_path, err)))
+        (given && image_read(given, mask_path, err)) ||
+        prepare_await_head(p, err))
         goto out;
     if (source_find(&src, &s->picture, given, &p->head, &p->nets, &opt,
                     err) ||
@@ -173,18 +181,23 @@ static int prepare_open_baker(struct prepare *p, struct error *err)
         .type = p->precision, .colors = p->star ? 3 : 0
     };
 
-    if (!p->has_baker && baker_open(&p->baker, &p->model, &p->head, &opt, err))
+    if (!p->has_baker &&
+        (prepare_await_head(p, err) ||
+         baker_open(&p->baker, &p->model, &p->head, &opt, err)))
         return -1;
     p->has_baker = true;
     return 0;
 }
 
-/* The same, as a thread; what is wrong is said when they are needed. */
-static void *prepare_run_open_baker(void *arg)
+/* The same, as a thread, and the driver's module; what is wrong is said when
+ * they are needed. */
+static void *prepare_run_open_baker(void *prepare)
 {
+    struct prepare *p = prepare;
     struct error err;
 
-    prepare_open_baker(arg, &err);
+    prepare_open_baker(p, &err);
+    module_preload(&p->then, 1);
     return NULL;
 }
 
@@ -280,6 +293,8 @@ int prepare_source(struct prepared *s, struct prepare *p, const char *path,
     if (!file)
         return -1;
     const bool stream = stream_probe(file);
+    if (stream && prepare_await_head(p, err))
+        return kept_close(&kept, -1, err);
     const bool two = stream && prepare_start_beside(&thread, beside);
     int rc = prepare_all(s, p, stream, file, mask, beside, err);
     if (two)

@@ -2,6 +2,7 @@
 #ifndef SPID_ANIMATE_PREPARE_H
 #define SPID_ANIMATE_PREPARE_H
 
+#include <pthread.h>
 #include <stdbool.h>
 
 #include "formats/image.h"
@@ -16,9 +17,20 @@
 #include "lib/track/encoders.h"
 #include "lib/photo/texture.h"
 
+/* The head, loaded beside the encoders and, of one source, its picture. */
+struct prepare_loading {
+    pthread_t thread;
+    pthread_mutex_t lock;
+    bool running;               /* the thread is, and is not yet joined */
+    char path[4096];
+    struct error err;
+    int rc;
+};
+
 /* What every clip shares: model files, loaded once. */
 struct prepare {
     struct model model;
+    struct prepare_loading loading;     /* of: */
     struct head head;
     struct densify dense;
     struct encoders nets;       /* E_m and E_beta */
@@ -34,8 +46,9 @@ struct prepare {
                                  * drivers' */
     const char *soon[2];        /* files that are opened first, or NULL: their
                                  * modules are loaded beside the head.  No
-                                 * thread starts meanwhile: what is opened
-                                 * beside the matte is loaded there */
+                                 * thread starts meanwhile: */
+    const char *then;           /* another, whose module is loaded when what
+                                 * bakes a picture has been */
 };
 
 /* One source. */
@@ -52,7 +65,8 @@ struct prepared {
     bool damaged;               /* the picture is, see struct image */
 };
 
-/* Open the files of a model and its head.  The flags of p are set by the
+/* Open the files of a model and its head; of one source the head is only there
+ * once prepare_source has been.  The flags of p are set by the
  * caller before. */
 int prepare_open(struct prepare *p, const char *model, const char *head,
                  struct error *err);
