@@ -211,6 +211,18 @@ struct material_share material_person(float *odds,
     return material_find(beside, held, odds, a);
 }
 
+/* A point's chances (MATERIALS, N apart) by their squares: what is half skin and half
+ * hair has a colour that neither has, and is less often right than the likelier. */
+static void material_decide(float *chance, size_t N)
+{
+    float sum = 1e-9f;
+
+    for (size_t m = 0; m < MATERIALS; m++)
+        sum += chance[m * N] * chance[m * N];
+    for (size_t m = 0; m < MATERIALS; m++)
+        chance[m * N] *= chance[m * N] / sum;
+}
+
 void material_layers(struct material_look *look, float *trust, float *chance, float *odds,
                      const float *beside,
                      const struct white_point_colors *seen, const float *held,
@@ -229,5 +241,6 @@ void material_layers(struct material_look *look, float *trust, float *chance, fl
         material_posterior(part, chance, odds + MATERIALS * k, k, N);
         for (size_t m = 0; m < MATERIALS; m++)
             trust[m * N + k] = seen->trust[k] * part[m];
+        material_decide(chance + k, N);
     }
 }
