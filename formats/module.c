@@ -98,9 +98,9 @@ const struct video_module *module_video(struct error *err)
     return module_load(&module_videos, err);
 }
 
-const struct filter_module *module_filter(struct error *err)
+const struct filter_module *module_filter(void)
 {
-    return module_load(&module_filters, err);
+    return module_load(&module_filters, NULL);
 }
 
 const struct http_module *module_http(struct error *err)

@@ -94,8 +94,8 @@ struct http_module {
 const struct media_module *module_media(struct error *err);
 /* The same of videos. */
 const struct video_module *module_video(struct error *err);
-/* The same of filters. */
-const struct filter_module *module_filter(struct error *err);
+/* The same of filters; NULL where there is none. */
+const struct filter_module *module_filter(void);
 /* The same of HTTP. */
 const struct http_module *module_http(struct error *err);
 

@@ -140,7 +140,7 @@ static int train_join_models(const struct train_config *c, char **parts,
         die(EX_USAGE, "--join: no model files (expected at least one)");
     spid = train_describe_model(c);
     if (checkpoint_join(opt.join, (const char *const *)parts, (size_t)count,
-                        ST_F16, spid, &err))
+                        spid, &err))
         die_error(&err);
     free(spid);
     return EX_OK;

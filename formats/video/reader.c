@@ -196,7 +196,7 @@ static void reader_close(struct video_reader *v)
     struct reader *r = reader_of(v);
 
     if (r->weave)
-        module_filter(NULL)->close(r->weave);
+        module_filter()->close(r->weave);
     door_release(&r->door);
     free(r->upright.rgb);
     video_colours_release(&r->colours);
@@ -252,7 +252,7 @@ static int reader_decode(struct reader *r)
  * whole ones as they are. */
 static void reader_start_weaving(struct reader *r)
 {
-    const struct filter_module *m = module_filter(NULL);
+    const struct filter_module *m = module_filter();
     const AVRational step = r->stream->time_base;
 
     r->woven = true;            /* tried */
@@ -278,7 +278,7 @@ static int reader_weave(struct reader *r, const struct filter_module *m, int rc)
 /* The next frame out of the filter, as reader_next. */
 static int reader_woven(struct reader *r)
 {
-    const struct filter_module *m = module_filter(NULL);
+    const struct filter_module *m = module_filter();
 
     for (;;) {
         const int got = m->receive(r->weave, r->frame);
@@ -317,7 +317,7 @@ static int reader_next(struct reader *r)
         reader_start_weaving(r);
     if (!r->weave)
         return rc;
-    if (reader_weave(r, module_filter(NULL), rc) < 0)
+    if (reader_weave(r, module_filter(), rc) < 0)
         return 0;
     av_frame_unref(r->frame);
     return reader_woven(r);

@@ -105,7 +105,7 @@ static int writer_fault(const struct video_writer *v, int code, int number,
 void writer_abandon(struct video_writer *v)
 {
     if (v->palette)
-        module_filter(NULL)->close(v->palette);
+        module_filter()->close(v->palette);
     sound_close(v->sound);
     if (v->file && v->file->pb)
         avio_closep(&v->file->pb);
@@ -268,7 +268,7 @@ static int writer_open_colours(struct video_writer *v)
                              1 << 16);
     if (!palette)
         return 0;
-    const struct filter_module *m = module_filter(NULL);
+    const struct filter_module *m = module_filter();
 
     v->plain = av_frame_alloc();
     v->palette = m ? m->open(PALETTE, v->frame, 1, 100) : NULL;
@@ -352,7 +352,7 @@ static int writer_encode(struct video_writer *v, AVFrame *frame, int64_t hold)
 /* The same by way of the filter that makes palettes. */
 static int writer_encode_palette(struct video_writer *v, bool end, int64_t hold)
 {
-    const struct filter_module *m = module_filter(NULL);
+    const struct filter_module *m = module_filter();
     AVFrame *copy = end ? NULL : av_frame_clone(v->frame);
     int rc = copy || end ? m->send(v->palette, copy) : AVERROR(ENOMEM);
 

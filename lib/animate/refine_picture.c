@@ -56,7 +56,7 @@ static int refine_picture_enlarge(struct refine_picture *p,
                          in->alpha ? "" : " without alpha", p->size);
     if (z->from != in->width) {
         zoom_release(z);
-        if (zoom_init(z, in->width, p->size, true, err))
+        if (zoom_init(z, in->width, p->size, err))
             return -1;
     }
     texture_clamp_to_alpha(p->rgb, 3, in->alpha, in->height * in->width);

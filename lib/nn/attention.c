@@ -17,10 +17,10 @@ struct attention_work {
     size_t ld;
 };
 
-/* n rounded up to a multiple of `to`. */
-static size_t attention_round_up(size_t n, size_t to)
+/* n rounded up to a multiple of 32. */
+static size_t attention_round_up(size_t n)
 {
-    return (n + to - 1) / to * to;
+    return (n + 31) / 32 * 32;
 }
 
 void attention_plan(struct attention *a, struct nn_plan *p, size_t batch,
@@ -28,7 +28,7 @@ void attention_plan(struct attention *a, struct nn_plan *p, size_t batch,
 {
     *a = (struct attention){ .batch = batch, .tokens = tokens,
                              .heads = heads, .dim = dim, .plan = p };
-    size_t T = attention_round_up(tokens, 32), d = attention_round_up(dim, 32);
+    size_t T = attention_round_up(tokens), d = attention_round_up(dim);
 
     a->part = heads * dim;
     a->row = 3 * a->part;
@@ -42,8 +42,8 @@ void attention_plan(struct attention *a, struct nn_plan *p, size_t batch,
 /* Where the calling thread's share of the plan's scratch lies. */
 static struct attention_work attention_work(const struct attention *a)
 {
-    size_t T = attention_round_up(a->tokens, 32);
-    size_t d = attention_round_up(a->dim, 32);
+    size_t T = attention_round_up(a->tokens);
+    size_t d = attention_round_up(a->dim);
     float *at = (float *)(void *)a->plan->scratch +
                 parallel_slot() * a->work;
     struct attention_work w = { .ld = T };

@@ -7,8 +7,7 @@
 
 #include "lib/photo/place.h"
 
-int zoom_init(struct zoom *z, size_t from, size_t to, bool place,
-              struct error *err)
+int zoom_init(struct zoom *z, size_t from, size_t to, struct error *err)
 {
     const size_t n = to * to;
 
@@ -23,10 +22,8 @@ int zoom_init(struct zoom *z, size_t from, size_t to, bool place,
                  SPLAT_PLACE_CHANNELS);
     z->color = malloc(3 * n * sizeof *z->color);
     z->alpha = malloc(n * sizeof *z->alpha);
-    if (place)
-        z->place = malloc(SPLAT_PLACE_CHANNELS * n * sizeof *z->place);
-    if (z->color && z->alpha && (z->place || !place) &&
-        !nn_plan_finish(&z->plan, NULL))
+    z->place = malloc(SPLAT_PLACE_CHANNELS * n * sizeof *z->place);
+    if (z->color && z->alpha && z->place && !nn_plan_finish(&z->plan, NULL))
         return 0;
     zoom_release(z);
     return error_set(err, EX_OSERR, "no memory for a picture of %zu x %zu "

@@ -23,9 +23,8 @@ struct zoom {
     float *place;               /* (to,to,4) */
 };
 
-/* place: room for the photograph's places, too. */
-int zoom_init(struct zoom *z, size_t from, size_t to, bool place,
-              struct error *err);
+/* -1: EX_OSERR. */
+int zoom_init(struct zoom *z, size_t from, size_t to, struct error *err);
 /* Free what it holds; zeroed then. */
 void zoom_release(struct zoom *z);
 

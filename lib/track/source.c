@@ -335,12 +335,12 @@ int source_cut_out(struct source *s, const struct image *im,
     return -1;
 }
 
-int source_make(struct source *s, struct image *im, struct image *mask,
-                const struct head *head, struct encoders *nets,
-                const struct track_options *opt, struct error *err)
+int source_make(struct source *s, struct image *im, const struct head *head,
+                struct encoders *nets, const struct track_options *opt,
+                struct error *err)
 {
-    return source_find(s, im, mask, head, nets, opt, err) ||
-           source_cut_out(s, im, mask, head, nets, err) ? -1 : 0;
+    return source_find(s, im, NULL, head, nets, opt, err) ||
+           source_cut_out(s, im, NULL, head, nets, err) ? -1 : 0;
 }
 
 void source_release(struct source *s)

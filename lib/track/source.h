@@ -37,15 +37,15 @@ struct source {
  * head that comes closer, PERSON_LARGEST at most. */
 size_t source_finest(size_t drawn);
 
-/* From a picture (and mask, NULL or of the same size; its red channel counts)
- * with the head it is for; `opt` may fix crop and window.  A picture that is
- * found to lie on its side or upside down is turned upright, with its mask,
- * when the model says how sure it is of a face.  EX_DATAERR with what was
- * tried when there is no face. */
-int source_make(struct source *s, struct image *im, struct image *mask,
-                const struct head *head, struct encoders *nets,
-                const struct track_options *opt, struct error *err);
-/* Its first half: face, motion, shape and window. */
+/* From a picture with the head it is for; `opt` may fix crop and window.  A picture
+ * that is found to lie on its side or upside down is turned upright, with its mask,
+ * when the model says how sure it is of a face.  EX_DATAERR with what was tried when
+ * there is no face. */
+int source_make(struct source *s, struct image *im, const struct head *head,
+                struct encoders *nets, const struct track_options *opt,
+                struct error *err);
+/* Its first half: face, motion, shape and window.  mask: NULL or of the same size;
+ * its red channel counts. */
 int source_find(struct source *s, struct image *im, struct image *mask,
                 const struct head *head, struct encoders *nets,
                 const struct track_options *opt, struct error *err);

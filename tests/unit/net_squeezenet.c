@@ -199,7 +199,7 @@ static void check_random(void)
     struct error err = { 0 };
 
     params_init(&ps);
-    squeezenet_init(&s, &ps, "");
+    squeezenet_init(&s, &ps);
     if (params_allocate(&ps, &err))
         exit(1);
     params_randomise(&ps, 6);   /* no unit within rounding of its kink */
@@ -253,7 +253,7 @@ static void check_file(const char *folder)
     params_init(&ps);
     snprintf(path, sizeof path, "%s/squeezenet10.safetensors", folder);
     struct safetensors *st = st_open(path, &err);
-    squeezenet_init(&s, &ps, "");
+    squeezenet_init(&s, &ps);
     bool ok = st &&
               !params_allocate(&ps, &err) && !params_load(&ps, st, "", &err) &&
               !squeezenet_plan(&s, 64, 64, opt, &err);

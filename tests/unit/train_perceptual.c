@@ -26,7 +26,7 @@ static void write_weights(const char *path)
     struct error err = { 0 };
 
     params_init(&ps);
-    squeezenet_init(&s, &ps, "");
+    squeezenet_init(&s, &ps);
     if (params_allocate(&ps, &err))
         exit(1);
     params_randomise(&ps, 6);

@@ -287,8 +287,8 @@ static int bench_scalar_draw(void *context, struct error *err)
 {
     struct scalar *p = context;
 
-    return scalar_forward(p->image, p->alpha, &p->st->scene.g,
-                          &p->st->cam, SIZE, SIZE, 3, NULL, err);
+    return scalar_forward(p->image, p->alpha, &p->st->scene.g, &p->st->cam,
+                          SIZE, SIZE, err);
 }
 
 /* The scalar renderer's row, and how much faster the kernels are. */

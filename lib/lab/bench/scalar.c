@@ -67,7 +67,7 @@ static int scalar_project(struct scalar_gaussian *s, const struct gaussians *g,
 /* Blend one Gaussian over the pixels of its box. */
 static void scalar_blend(float *image, float *T,
                          const struct scalar_gaussian *s, const float *color,
-                         int width, int height, int channels)
+                         int width, int height)
 {
     int x0 = (int)fmaxf(s->x - s->rx, 0), y0 = (int)fmaxf(s->y - s->ry, 0);
     int x1 = (int)fminf(s->x + s->rx + 1, (float)width);
@@ -92,21 +92,20 @@ static void scalar_blend(float *image, float *T,
                 T[at] = -T[at];
                 continue;
             }
-            for (int c = 0; c < channels; c++)
-                image[at * (size_t)channels + (size_t)c] += w * color[c];
+            for (size_t c = 0; c < 3; c++)
+                image[3 * at + c] += w * color[c];
             T[at] = next;
         }
 }
 
 int scalar_forward(float *image, float *alpha, const struct gaussians *g,
-                   const struct splat_camera *cam, int width,
-                   int height, int channels, const float *background,
+                   const struct splat_camera *cam, int width, int height,
                    struct error *err)
 {
     struct scalar_gaussian *spot = malloc((g->n + 1) * sizeof *spot);
     uint64_t *order = malloc((g->n + 1) * sizeof *order);
     size_t pixels = (size_t)width * (size_t)height, n = 0;
-    float color[SPLAT_MAX_CHANNELS];
+    float color[3];
 
     if (!spot || !order) {
         free(spot);
@@ -117,24 +116,19 @@ int scalar_forward(float *image, float *alpha, const struct gaussians *g,
         if (scalar_project(&spot[i], g, i, cam, width, height))
             order[n++] = sort_key(spot[i].z, (uint32_t)i);
     sort_keys(order, n);
-    memset(image, 0, pixels * (size_t)channels * sizeof *image);
+    memset(image, 0, 3 * pixels * sizeof *image);
     for (size_t p = 0; p < pixels; p++)
         alpha[p] = 1;
     for (size_t k = 0; k < n; k++) {
         size_t i = (uint32_t)order[k], at = i * (size_t)g->channels;
 
-        for (int c = 0; c < channels; c++)
+        for (int c = 0; c < 3; c++)
             color[c] = g->color ? g->color[at + (size_t)c]
                                 : half_to_float(g->color_half[at + (size_t)c]);
-        scalar_blend(image, alpha, &spot[i], color, width, height, channels);
+        scalar_blend(image, alpha, &spot[i], color, width, height);
     }
-    for (size_t p = 0; p < pixels; p++) {
-        float T = fabsf(alpha[p]);
-
-        for (int c = 0; background && c < channels; c++)
-            image[p * (size_t)channels + (size_t)c] += T * background[c];
-        alpha[p] = 1 - T;
-    }
+    for (size_t p = 0; p < pixels; p++)
+        alpha[p] = 1 - fabsf(alpha[p]);
     free(spot);
     free(order);
     return 0;

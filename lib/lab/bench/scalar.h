@@ -5,10 +5,9 @@
 #include "lib/splat/types.h"
 
 /* Draw in plain float, Gaussian by Gaussian over its bounding box.  GSPLAT
- * rules.  image (H,W,C) and alpha (H,W) out; background (C) or NULL: zeros.
- * EX_OSERR. */
+ * rules.  image (H,W,3) and alpha (H,W) out.  EX_OSERR. */
 int scalar_forward(float *image, float *alpha, const struct gaussians *g,
                    const struct splat_camera *cam, int width, int height,
-                   int channels, const float *background, struct error *err);
+                   struct error *err);
 
 #endif

@@ -349,7 +349,7 @@ int convert_squeezenet(struct convert *c, struct error *err)
 
     convert_prefix(prefix, c, 0, "features.0.weight");
     params_init(&ps);
-    squeezenet_init(&net, &ps, "");
+    squeezenet_init(&net, &ps);
     rc = network_squeeze_first(c, prefix, err);
     for (int i = 1; !rc && i <= 12; i++) {      /* the first one is there */
         snprintf(name, sizeof name, "features.%d.", i);

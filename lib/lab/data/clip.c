@@ -91,7 +91,7 @@ static int clip_add_frame(struct clip_state *s, struct clip_report *r,
     }
     if (frame_copy(&im, f, err))
         return -1;
-    int rc = source_make(&src, &im, NULL, c->head, c->nets, &opt, &why);
+    int rc = source_make(&src, &im, c->head, c->nets, &opt, &why);
     image_release(&im);
     if (rc) {
         if (why.code != EX_OSERR)

@@ -32,10 +32,10 @@ void contact_sheet_difference(struct contact_sheet *s, size_t row, size_t col,
                               const float *a, const float *b);
 enum contact_sheet_colour { CONTACT_SHEET_TRUE, CONTACT_SHEET_FOUND };
 
-/* Points given in the pixels of the picture that square q was cut from: true
+/* The 68 landmarks in the pixels of the picture that square q was cut from: true
  * ones green, found ones red. */
 void contact_sheet_points(struct contact_sheet *s, size_t row, size_t col,
-                          const float (*xy)[2], size_t n, struct square q,
+                          const float (*xy)[2], struct square q,
                           enum contact_sheet_colour colour);
 /* Write the sheet as PNG and release it. */
 int contact_sheet_save(struct contact_sheet *s, const char *path,

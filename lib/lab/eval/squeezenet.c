@@ -29,16 +29,14 @@ static void squeezenet_conv(struct conv *c, struct params *ps,
     ps->tensor[c->weight].frozen = ps->tensor[c->bias].frozen = true;
 }
 
-void squeezenet_init(struct squeezenet *s, struct params *ps,
-                     const char *prefix)
+void squeezenet_init(struct squeezenet *s, struct params *ps)
 {
     char name[120];
     size_t in = FIRST;
 
     memset(s, 0, sizeof *s);
     s->ps = ps;
-    squeezenet_conv(&s->first, ps, nn_name(name, "%sfeatures.0", prefix), 3,
-                    FIRST, 7);
+    squeezenet_conv(&s->first, ps, "features.0", 3, FIRST, 7);
     s->first.stride = 2;
     s->first.pad = CONV_NONE;
     for (size_t i = 0; i < SQUEEZENET_FIRES; i++) {
@@ -49,13 +47,13 @@ void squeezenet_init(struct squeezenet *s, struct params *ps,
 
         f->pooled = squeezenet_fires[i].pooled;
         squeezenet_conv(&f->squeeze, ps,
-                        nn_name(name, "%sfeatures.%zu.squeeze", prefix, at),
+                        nn_name(name, "features.%zu.squeeze", at),
                         in, few, 1);
         squeezenet_conv(&f->expand1, ps,
-                        nn_name(name, "%sfeatures.%zu.expand1x1", prefix, at),
+                        nn_name(name, "features.%zu.expand1x1", at),
                         few, out, 1);
         squeezenet_conv(&f->expand3, ps,
-                        nn_name(name, "%sfeatures.%zu.expand3x3", prefix, at),
+                        nn_name(name, "features.%zu.expand3x3", at),
                         few, out, 3);
         in = 2 * out;
     }

@@ -42,9 +42,8 @@ struct squeezenet {
     float *g[4];                  /* gradients on their way */
 };
 
-/* Declare the tensors, "<prefix>features.0.weight" and on, all frozen. */
-void squeezenet_init(struct squeezenet *s, struct params *ps,
-                     const char *prefix);
+/* Declare the tensors, "features.0.weight" and on, all frozen. */
+void squeezenet_init(struct squeezenet *s, struct params *ps);
 /* A picture of SQUEEZENET_MIN pixels a side or more. */
 int squeezenet_plan(struct squeezenet *s, size_t height, size_t width,
                     struct nn_options opt, struct error *err);

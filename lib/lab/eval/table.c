@@ -102,10 +102,10 @@ static size_t table_row_max(const struct table *t, size_t row, bool failed)
 }
 
 /* A number as LaTeX shows it. */
-static void table_number(FILE *f, double x, const char *missing)
+static void table_number(FILE *f, double x)
 {
     if (isnan(x))
-        fputs(missing, f);
+        fputs("--", f);
     else
         fprintf(f, fabs(x) >= 10 ? "%.2f" : fabs(x) >= 0.1 ? "%.3f" : "%.4f",
                 x);
@@ -206,7 +206,7 @@ static void table_write_latex(FILE *f, const struct table *t)
         for (size_t c = 0; c < t->columns; c++) {
             bool best = table_is_best(t, r, c);
             fputs(best ? " & \\textbf{" : " & ", f);
-            table_number(f, table_mean(t, r, c), "--");
+            table_number(f, table_mean(t, r, c));
             fputs(best ? "}" : "", f);
         }
         fputs(" \\\\\n", f);

@@ -105,8 +105,7 @@ static void register_step_pose(struct registration *r,
 /* Identity and expression under the pose. */
 static int register_step_terms(struct registration *r,
                                const struct register_map *m,
-                               const struct scan_face *f, const float *point,
-                               bool calm)
+                               const struct scan_face *f, const float *point)
 {
     enum { N = REGISTER_TERMS };
     double *a = calloc(N * N + N, sizeof *a);
@@ -142,7 +141,7 @@ static int register_step_terms(struct registration *r,
         }
     }
     for (size_t u = 0; u < N; u++)
-        a[u * N + u] += u < SCAN_IDENTITIES ? 1 : calm ? 30 : 4;
+        a[u * N + u] += u < SCAN_IDENTITIES ? 1 : 30;
     cholesky_solve(b, a, N);
     for (size_t u = 0; u < N; u++)
         r->term[u] = clampf((float)b[u], u < SCAN_IDENTITIES ? -4 : -0.3f,
@@ -153,7 +152,7 @@ static int register_step_terms(struct registration *r,
 }
 
 int register_fit(struct registration *r, const struct register_map *m,
-                 const struct scan_face *f, const float *point, bool calm)
+                 const struct scan_face *f, const float *point)
 {
     float p[3 * LANDMARK_FACE];
     float x = 0, y = 0, sx = 0;
@@ -172,7 +171,7 @@ int register_fit(struct registration *r, const struct register_map *m,
         register_place(p, r, m, f);
         for (int k = 0; k < (round ? 3 : 10); k++)
             register_step_pose(r, m, p, point);
-        if (register_step_terms(r, m, f, point, calm))
+        if (register_step_terms(r, m, f, point))
             return -1;
     }
     return 0;

@@ -31,10 +31,10 @@ int register_map_load(struct register_map *m, const struct scan_face *f,
                       const char *dir, struct arena *memory,
                       struct error *err);
 
-/* Fit to points (LANDMARK_FACE,3: x, y, unused) of a picture; calm: the
- * expression hardly differs from rest.  0, or -1 when memory is short. */
+/* Fit to points (LANDMARK_FACE,3: x, y, unused) of a picture of a face that
+ * hardly differs from rest.  0, or -1 when memory is short. */
 int register_fit(struct registration *r, const struct register_map *m,
-                 const struct scan_face *f, const float *point, bool calm);
+                 const struct scan_face *f, const float *point);
 
 /* Pixel of a vertex position, and the depth towards the camera. */
 void register_project(float o[3], const struct registration *r,

@@ -262,7 +262,7 @@ int skin_sample_take(struct skin_sample *o, const struct skin_model *s,
         goto out;
     if (im.damaged) {
         error_set(err, EX_DATAERR, "%s: cut (expected a whole JPEG)", path);
-    } else if (register_fit(&r, m, f, point, true)) {
+    } else if (register_fit(&r, m, f, point)) {
         error_set(err, EX_OSERR, "out of memory for skin");
     } else {
         float *normal = shape + one;

@@ -18,18 +18,15 @@ static const char script[] =
 #include "report_page.js.inc"
     ;
 
-void html_begin(FILE *f, const char *title)
+void html_begin(FILE *f)
 {
     fputs("<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">"
           "<meta name=\"viewport\" content=\"width=device-width, "
           "initial-scale=1\">"
           "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src "
           "'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
-          "img-src data:; media-src data: blob:\"><title>", f);
-    html_text(f, title);
-    fprintf(f, "</title><style>%s</style></head><body>\n<h1>", style);
-    html_text(f, title);
-    fputs("</h1>\n", f);
+          "img-src data:; media-src data: blob:\"><title>SpiD run</title>", f);
+    fprintf(f, "<style>%s</style></head><body>\n<h1>SpiD run</h1>\n", style);
 }
 
 void html_end(FILE *f)

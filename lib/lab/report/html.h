@@ -9,8 +9,8 @@
 
 #include "lib/base/error.h"
 
-/* Head of a page with this title, its style and script inside. */
-void html_begin(FILE *f, const char *title);
+/* Head of a run's page, its style and script inside. */
+void html_begin(FILE *f);
 /* What html_begin left open. */
 void html_end(FILE *f);
 

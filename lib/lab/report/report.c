@@ -352,7 +352,7 @@ int report_write(FILE *f, const char *dir, const char *card,
         return error_set(err, EX_NOINPUT, "%s: %s", dir, strerror(errno));
     if (!S_ISDIR(sb.st_mode))
         return error_set(err, EX_NOINPUT, "%s: not a folder", dir);
-    html_begin(f, "SpiD run");
+    html_begin(f);
     if (report_motions_read(&m, dir, err) ||
         report_write_wipe(f, dir, &m, err) || report_write_limits(f, card, err))
         goto out;

@@ -62,14 +62,14 @@ double adam_norm(const struct params *ps)
     return sqrt(sum);
 }
 
-size_t adam_first_bad(const struct params *ps, int values)
+size_t adam_first_bad(const struct params *ps)
 {
     for (size_t t = 0; t < ps->count; t++) {
-        const float *x = values ? param_w(ps, t) : param_g(ps, t);
-        if (ps->tensor[t].frozen && !values)
-            continue;
-        for (size_t i = 0; i < ps->tensor[t].count; i++)
-            if (!isfinite(x[i]))
+        const float *g = param_g(ps, t);
+
+        for (size_t i = 0; !ps->tensor[t].frozen && i < ps->tensor[t].count;
+             i++)
+            if (!isfinite(g[i]))
                 return t;
     }
     return (size_t)-1;

@@ -28,9 +28,9 @@ void adam_release(struct adam *a);
 /* Euclidean norm of the gradients of the tensors that learn. */
 double adam_norm(const struct params *ps);
 
-/* Index of the first tensor whose gradient (or, values set, whose weights)
- * holds a NaN or infinity; (size_t)-1 when all are finite. */
-size_t adam_first_bad(const struct params *ps, int values);
+/* Index of the first tensor whose gradient holds a NaN or infinity; (size_t)-1 when
+ * all are finite. */
+size_t adam_first_bad(const struct params *ps);
 
 /* One update of every tensor that is not frozen from ps->g, whose norm is
  * `norm`; then the average moves: by 1 - min(decay, (1+t)/(10+t)).  Frozen

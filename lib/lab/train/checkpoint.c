@@ -221,39 +221,28 @@ struct joined {
     size_t count, room;
 };
 
-/* The tensor as dtype, in memory of its own. */
+/* The tensor in 16 bits, in memory of its own. */
 static int checkpoint_convert(struct st_tensor *to,
                               const struct safetensors *st,
-                              const struct st_tensor *from,
-                              enum st_dtype dtype, struct error *err)
+                              const struct st_tensor *from, struct error *err)
 {
     float *f = malloc((from->count + 1) * sizeof *f);
-    uint16_t *h;
+    uint16_t *h = malloc((from->count + 1) * sizeof *h);
+    int rc = f && h ? st_to_f32(st, from, f, err)
+                    : error_set(err, EX_OSERR, "out of memory");
 
-    *to = *from;
-    to->dtype = dtype;
-    to->data = f;
-    if (!f)
-        return error_set(err, EX_OSERR, "out of memory");
-    if (st_to_f32(st, from, f, err))
-        return -1;
-    if (dtype == ST_F32)
-        return 0;
-    h = malloc((from->count + 1) * sizeof *h);
-    if (!h)
-        return error_set(err, EX_OSERR, "out of memory");
-    for (size_t i = 0; i < from->count; i++)
-        h[i] = dtype == ST_F16 ? float_to_half(f[i]) : float_to_bf16(f[i]);
+    for (size_t i = 0; rc == 0 && i < from->count; i++)
+        h[i] = float_to_half(f[i]);
     free(f);
+    *to = *from;
+    to->dtype = ST_F16;
     to->data = h;
-    return 0;
+    return rc;
 }
 
 /* Append a tensor, or replace the one of its name. */
-static int checkpoint_add_tensor(struct joined *j,
-                                 const struct safetensors *st,
-                                 const struct st_tensor *t,
-                                 enum st_dtype dtype, struct error *err)
+static int checkpoint_add_tensor(struct joined *j, const struct safetensors *st,
+                                 const struct st_tensor *t, struct error *err)
 {
     size_t i = 0;
 
@@ -271,11 +260,11 @@ static int checkpoint_add_tensor(struct joined *j,
         memset(&j->t[i], 0, sizeof j->t[i]);
         j->count++;
     }
-    return checkpoint_convert(&j->t[i], st, t, dtype, err);
+    return checkpoint_convert(&j->t[i], st, t, err);
 }
 
 int checkpoint_join(const char *path, const char *const *parts, size_t count,
-                    enum st_dtype dtype, const char *spid, struct error *err)
+                    const char *spid, struct error *err)
 {
     const char *meta[] = {"spid", spid, NULL};
     struct safetensors **open = calloc(count + 1, sizeof *open);
@@ -289,8 +278,7 @@ int checkpoint_join(const char *path, const char *const *parts, size_t count,
         if (!open[k])
             goto out;
         for (size_t i = 0; i < st_count(open[k]); i++)
-            if (checkpoint_add_tensor(&j, open[k], st_at(open[k], i), dtype,
-                                      err))
+            if (checkpoint_add_tensor(&j, open[k], st_at(open[k], i), err))
                 goto out;
     }
     rc = st_save(path, j.t, j.count, spid ? meta : NULL, err);

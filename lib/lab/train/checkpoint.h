@@ -57,11 +57,10 @@ int checkpoint_source_parse(struct checkpoint_source *s, const char *text,
 int checkpoint_import(struct params *ps, const struct checkpoint_source *s,
                       struct error *err);
 
-/* Several model files' tensors in one file of dtype; the metadata key "spid"
+/* Several model files' tensors in one file of ST_F16; the metadata key "spid"
  * (may be NULL) is written.  A later file's tensor replaces an earlier one of
  * the same name. */
 int checkpoint_join(const char *path, const char *const *parts, size_t count,
-                    enum st_dtype dtype, const char *spid,
-                    struct error *err);
+                    const char *spid, struct error *err);
 
 #endif

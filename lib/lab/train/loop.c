@@ -328,7 +328,7 @@ static int loop_skip(struct run *r, const char *what, const char *name,
 /* The name of the first tensor whose gradient is not finite. */
 static const char *loop_bad_name(const struct params *ps)
 {
-    const size_t bad = adam_first_bad(ps, 0);
+    const size_t bad = adam_first_bad(ps);
 
     return bad < ps->count ? ps->tensor[bad].name : "all";
 }

@@ -61,7 +61,7 @@ int perceptual_open(struct perceptual *p, const char *path, size_t side,
         rc = perceptual_open_lpips(p, path, err);
         goto out;
     }
-    squeezenet_init(&p->net, &p->ps, "");
+    squeezenet_init(&p->net, &p->ps);
     if (!st || params_allocate(&p->ps, err) ||
         params_load(&p->ps, st, "", err) ||
         squeezenet_plan(&p->net, side, side, opt, err))

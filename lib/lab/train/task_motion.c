@@ -252,9 +252,9 @@ static int motion_task_sheet_cell(struct contact_sheet *sh, struct task *t,
     head_landmarks(x, t->head, st.verts);
     camera_project(&uv[0][0], NULL, st.cam, (float)f->size, x, 68);
     contact_sheet_picture(sh, row, col, m->e.rgb, NULL);
-    contact_sheet_points(sh, row, col, (const float(*)[2])f->lmk, 68, f->crop,
+    contact_sheet_points(sh, row, col, (const float(*)[2])f->lmk, f->crop,
                          CONTACT_SHEET_TRUE);
-    contact_sheet_points(sh, row, col, (const float(*)[2])uv, 68, f->crop,
+    contact_sheet_points(sh, row, col, (const float(*)[2])uv, f->crop,
                          CONTACT_SHEET_FOUND);
     return 0;
 }
