@@ -38,6 +38,21 @@ static inline float texture_cover(const struct splat_place_view *v)
                                        v->toward[1] * v->toward[1]), 1e-3f);
 }
 
+/* Where the photograph shows nobody, a head that has turned is there all the same if
+ * its Gaussians cover the pixel: the mesh may be wider than the person, which in the
+ * photograph is beside its outline, but after a turn a hole in a neck.  So confidence
+ * is times 1 - (1 - matte) texture_turned TEXTURE_SOLID: from 20 degrees on, and not
+ * where what is about an outline covers a pixel in part.  tests/bench/README.md, "Holes,
+ * shreds and outlines". */
+#define TEXTURE_TURNED 0.35f    /* sine of the turn */
+#define TEXTURE_OPAQUE 0.9f     /* coverage up to which a pixel is covered in part */
+#define TEXTURE_SOLID(alpha) (((alpha) - TEXTURE_OPAQUE) / (1 - TEXTURE_OPAQUE))
+static inline float texture_turned(const struct splat_place_view *v)
+{
+    return fminf(sqrtf(v->toward[0] * v->toward[0] +
+                       v->toward[1] * v->toward[1]) / TEXTURE_TURNED, 1);
+}
+
 /* Which level of t a picture of size by size pixels is looked up in. */
 size_t texture_level(const struct texture *t, const struct splat_place_view *v,
                      size_t size);

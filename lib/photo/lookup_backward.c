@@ -98,9 +98,8 @@ static void lookup_place_backward(float *dp, const float duv[2],
 /* ---- confidence -------------------------------------------------------- */
 
 /* dp (4) and dalpha += the confidence's gradient d at the place p (4) under
- * coverage alpha, of which it is `times` as much at most; whether there is any
- * confidence. */
-static bool lookup_confidence_backward(float *dp, float *dalpha,
+ * coverage alpha, of which it is `times` as much at most. */
+static void lookup_confidence_backward(float *dp, float *dalpha,
                                        const float *p, float alpha,
                                        float times, float d)
 {
@@ -108,8 +107,6 @@ static bool lookup_confidence_backward(float *dp, float *dalpha,
     const float own = TEXTURE_SHARE(p[2] / cover);
     const float slope = TEXTURE_SHARE(1) - TEXTURE_SHARE(0);
 
-    if (!(own > 0))
-        return false;
     if (times * alpha < 1) {
         *dalpha += d * times * fminf(own, 1);
         d *= times * alpha;
@@ -119,7 +116,30 @@ static bool lookup_confidence_backward(float *dp, float *dalpha,
         if (alpha > TEXTURE_MIN)
             *dalpha -= d * slope * p[2] / (cover * cover);
     }
-    return true;
+}
+
+/* The confidence itself. */
+static float lookup_confidence(const float *p, float alpha, float times)
+{
+    const float own = TEXTURE_SHARE(p[2] / fmaxf(alpha, TEXTURE_MIN));
+
+    return fminf(fmaxf(own, 0), 1) * fminf(times * alpha, 1);
+}
+
+/* Back through lookup_cover, of a confidence and matte before: d (5) of what came
+ * out becomes that of what went in, dalpha is added to. */
+static void lookup_cover_backward(float d[TEXTURE_PHOTO], float *dalpha,
+                                  float confidence, float matte, float turned,
+                                  float alpha)
+{
+    const float solid = fminf(TEXTURE_SOLID(alpha), 1), by = turned * solid;
+    const float slope = solid < 1 ? TEXTURE_SOLID(1) - TEXTURE_SOLID(0) : 0;
+
+    if (!(solid > 0))
+        return;
+    *dalpha -= d[4] * confidence * (1 - matte) * turned * slope;
+    d[3] += d[4] * confidence * by;
+    d[4] *= 1 - (1 - matte) * by;
 }
 
 /* ---- the whole lookup --------------------------------------------------- */
@@ -132,27 +152,30 @@ void texture_lookup_backward(float *dplace, float *dalpha,
 {
     const size_t level = texture_level(t, v, size), S = t->side[level];
     const float step = 2.0f / (float)size, half = 0.5f * (float)S;
-    const float times = texture_cover(v);
+    const float times = texture_cover(v), turned = texture_turned(v);
     const struct splat_place_side side = splat_place_side(v);
 
     for (size_t i = 0; i < size * size; i++) {
         const float *p = place + SPLAT_PLACE_CHANNELS * i;
-        const float *d = dphoto + TEXTURE_PHOTO * i;
-        float *dp = dplace + SPLAT_PLACE_CHANNELS * i;
+        float d[TEXTURE_PHOTO], *dp = dplace + SPLAT_PLACE_CHANNELS * i;
         float nx = ((float)(i % size) + 0.5f) * step - 1;
         float ny = ((float)(i / size) + 0.5f) * step - 1, duv[2];
         double M[2], at[2];
 
-        if (!(p[2] > TEXTURE_MIN) ||
-            !lookup_confidence_backward(dp, dalpha + i, p, alpha[i], times,
-                                        d[4]))
+        const float confidence = lookup_confidence(p, alpha[i], times);
+
+        if (!(p[2] > TEXTURE_MIN) || !(confidence > 0))
             continue;
+        memcpy(d, dphoto + TEXTURE_PHOTO * i, sizeof d);
         splat_place_at(M, v, nx, ny);
         memcpy(at, M, sizeof at);
         splat_place_blended(at, &side, p);
         const struct lookup_sample s =
             lookup_sample_at(t->level[level], S, half * ((float)at[0] + 1),
                              half * ((float)at[1] + 1));
+        lookup_cover_backward(d, dalpha + i, confidence,
+                              fminf(fmaxf(s.sum[3], 0), 1), turned, alpha[i]);
+        lookup_confidence_backward(dp, dalpha + i, p, alpha[i], times, d[4]);
         lookup_position_backward(duv, d, &s);
         lookup_place_backward(dp, duv, p, M, &side, half);
     }

@@ -202,14 +202,23 @@ static void backward_position(double uv[2], size_t j)
         uv[k] = 0.5 * S * (uv[k] + (p[k] - along * side.e[k]) / p[2] + 1);
 }
 
+/* Confidence where somebody covers pixel i whom the photograph does not show; the view
+ * is turned by more than 20 degrees. */
+static double backward_covered(double confidence, size_t i, double shown)
+{
+    return confidence * (1 - (1 - shown) * fmax((cover[i] - 0.9) / 0.1, 0));
+}
+
 /* What pixel i adds to the loss. */
 static double lookup_loss(const struct texture *t, size_t i)
 {
     const double confidence = backward_confidence(i);
     const float *by = probe + TEXTURE_PHOTO * i;
-    double uv[2], loss = by[4] * confidence;
+    double uv[2], loss;
 
     backward_position(uv, i);
+    loss = by[4] * backward_covered(confidence, i,
+                                    lookup_number(t->level[0], uv[0], uv[1], 3));
     for (int c = 0; c < 4 && confidence > 0; c++)
         loss += (double)by[c] * lookup_number(t->level[0], uv[0], uv[1], c);
     return loss;
@@ -263,8 +272,11 @@ static void backward_lookup(void)
     REQUIRE(texture_init(&t, rgb8, matte, back, S, &err) == 0, "%s", err.text);
     texture_lookup(photo, &t, &view, place_f, cover_f, S);
     for (size_t i = 0; i < PIXELS; i++) {
-        double confidence = backward_confidence(i);
+        double confidence = backward_confidence(i), uv[2];
 
+        backward_position(uv, i);
+        confidence = backward_covered(
+            confidence, i, lookup_number(t.level[0], uv[0], uv[1], 3));
         off = fmax(off, fabs(confidence - (double)photo[TEXTURE_PHOTO * i + 4]));
         doubted += confidence > 0 && confidence < 1;
     }

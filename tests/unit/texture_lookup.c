@@ -322,6 +322,31 @@ static void test_shares(const struct texture *t)
     }
 }
 
+/* Nobody in the photograph is nobody in its own view; in one that has turned it is
+ * somebody whom Gaussians cover wholly. */
+static void test_covered(void)
+{
+    static const struct { float turn, alpha, confidence; } at[] = {
+        {0, 1, 1}, {0.35f, 1, 0}, {0.7f, 1, 0}, {0.175f, 1, 0.5f},
+        {0.35f, 0.95f, 0.5f}, {0.35f, 0.9f, 1}};
+    struct texture t;
+
+    memset(matte, 0, sizeof matte);
+    texture_of_photograph(&t);
+    for (size_t k = 0; k < sizeof at / sizeof *at; k++) {
+        struct splat_place_view v = straight;
+        char what[64];
+
+        v.toward[0] = at[k].turn;
+        lookup_set_places(0, 0, at[k].alpha, at[k].alpha);
+        texture_lookup(photo, &t, &v, place, alpha, S);
+        snprintf(what, sizeof what, "nobody at a turn of %g under %g",
+                 at[k].turn, at[k].alpha);
+        expect(what, lookup_confidence(40, 40), at[k].confidence, 1e-5);
+    }
+    texture_release(&t);
+}
+
 /* Where only the grain has a place it multiplies colours, linear between its
  * pixels. */
 static void test_grain(struct texture *t)
@@ -478,6 +503,7 @@ static int at_level(void)
     test_nothing(&t);
     test_shares(&t);
     test_grain(&t);
+    test_covered();
     test_mixture();
     in_one(&t);
     field_in_one(&t);
