@@ -18,13 +18,11 @@
 #define DARKEST 0.02f   /* added to brightness before its logarithm: noise of a
                          * photograph's blacks is no grain */
 #define SQUARE 0.5f     /* cosine from which the photograph shows grain as it is */
-#define SURE 0.7f       /* trust from which skin is seen */
-#define LIKELY 0.6f     /* chance of a pixel's material, by mesh and colour */
+#define LIKELY 0.5f     /* trust from which skin is seen, and chance of a pixel's
+                         * material, by mesh and colour */
 #define WHOLE 0.97f     /* matte of the person alone */
 
 #define NONE 0          /* labels of pixels; m + 1 is material m */
-#define MIXED 0.5f      /* chance up to which none is a material's own, */
-#define OWN 0.9f        /* and from which all is */
 #define BESIDE 0.5f     /* chance of hair, and of cloth, beside the mesh */
 
 int grain_init(struct grain *g, const struct head *h, size_t N, size_t size,
@@ -168,7 +166,7 @@ static uint8_t grain_is(const struct grain_work *w, const float rgba[4],
     }
     /* eyes, lips and nostrils are no skin */
     return odds[best] < LIKELY * sum ||
-                   (best == MATERIAL_SKIN && w->sure[i] < SURE)
+                   (best == MATERIAL_SKIN && w->sure[i] < LIKELY)
                ? NONE : (uint8_t)(best + 1);
 }
 
@@ -197,7 +195,7 @@ static void grain_fine(struct grain *g)
         w->from[i] -= w->known[i] > 0 ? smooth[i] / weight[i] : 0;
 }
 
-/* Pixel i of the picture around: what is to be there, and how far it is that. */
+/* Pixel i of the picture around: what is to be there. */
 PARALLEL(grain_want, i, struct grain_work *, w)
 {
     const float hair = w->hair[i], cloth = w->cloth[i];
@@ -206,7 +204,6 @@ PARALLEL(grain_want, i, struct grain_work *, w)
                           : hair == most ? MATERIAL_HAIR : MATERIAL_CLOTH;
 
     w->want[i] = isfinite(w->depth[i]) ? (uint8_t)(m + 1) : NONE;
-    w->known[i] = clampf((most - MIXED) / (OWN - MIXED), 0, 1);
     w->out[i] = 0;
 }
 
@@ -215,11 +212,10 @@ PARALLEL(grain_cover, m, const struct quilt *, q, float *, scratch)
     quilt_cover(q, (uint8_t)(m + 1), scratch + m * QUILT_SCRATCH(q->n));
 }
 
-PARALLEL(grain_write, i, uint8_t *, picture, const struct grain_work *, w)
+PARALLEL(grain_write, i, uint8_t *, picture, const float *, out)
 {
-    const float of = w->known[i] * w->out[i];
-
-    picture[i] = of == 0 ? 128 : (uint8_t)fminf(128 * expf(of) + 0.5f, 255);
+    picture[i] = out[i] == 0 ? 128
+                             : (uint8_t)fminf(128 * expf(out[i]) + 0.5f, 255);
 }
 
 /* ---- all of it ----------------------------------------------------------- */
@@ -257,5 +253,5 @@ void grain_find(struct grain *g, size_t n, size_t N,
     const struct quilt q = {g->size, w->from, w->is, w->want, w->out};
 
     parallel_each(grain_cover, MATERIALS, 1, &q, w->scratch);
-    parallel_each(grain_write, P, 1, g->picture, w);
+    parallel_each(grain_write, P, 1, g->picture, w->out);
 }

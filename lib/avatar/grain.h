@@ -23,8 +23,7 @@
 struct grain_work {
     float *depth, *sure, *hair, *cloth;         /* as the mesh has it */
     float *from, *out, *tmp;
-    float *known;               /* whether a pixel's material is known; later how
-                                 * far it is one */
+    float *known;               /* 1 where a pixel's material is known, or 0 */
     float *scratch;             /* (MATERIALS) of quilts */
     uint8_t *is, *want;         /* 0 or a material plus 1 */
     float *vertex;              /* (V,3) unrolled, as a camera at 0 sees it */

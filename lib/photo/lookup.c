@@ -44,12 +44,15 @@ void texture_shader_init(struct texture_shader *s, const struct texture *t,
 
 /* Less confidence where the photograph (n,5) shows nobody and alpha (n) says that
  * somebody is there. */
-static void lookup_cover(float *photo, float turned, const float *alpha,
+static void lookup_cover(float *photo, const struct lookup_run *r,
+                         const struct splat_place_view *v, const float *alpha,
                          size_t n)
 {
     for (size_t i = 0; i < n; i++, photo += TEXTURE_PHOTO)
         if (photo[4] > 0 && photo[3] < 1 && alpha[i] > TEXTURE_OPAQUE)
-            photo[4] *= 1 - (1 - photo[3]) * turned *
+            photo[4] *= 1 - (1 - photo[3]) *
+                            texture_turned(v, r->nx + (float)i * r->step,
+                                           r->ny) *
                             fminf(TEXTURE_SOLID(alpha[i]), 1);
 }
 
@@ -104,7 +107,7 @@ static bool lookup_run(float *photo, const struct texture_shader *s,
     memset(photo, 0, TEXTURE_PHOTO * n * sizeof *photo);
     kernels->bicubic(photo, r.u, r.v, r.confidence, n, s->t->level[s->level],
                      S);
-    lookup_cover(photo, texture_turned(&s->view), alpha, n);
+    lookup_cover(photo, &r, &s->view, alpha, n);
     if (s->t->grain)
         for (size_t i = 0; i < n; i++)
             if (r.grain[i] > 0 && !(r.confidence[i] > 0))

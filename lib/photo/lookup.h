@@ -41,16 +41,22 @@ static inline float texture_cover(const struct splat_place_view *v)
 /* Where the photograph shows nobody, a head that has turned is there all the same if
  * its Gaussians cover the pixel: the mesh may be wider than the person, which in the
  * photograph is beside its outline, but after a turn a hole in a neck.  So confidence
- * is times 1 - (1 - matte) texture_turned TEXTURE_SOLID: from 20 degrees on, and not
- * where what is about an outline covers a pixel in part.  tests/bench/README.md, "Holes,
- * shreds and outlines". */
+ * is times 1 - (1 - matte) texture_turned TEXTURE_SOLID: from 20 degrees on, not of
+ * shoulders, which do not turn, below where the neck ends, nor where what is about
+ * an outline covers a pixel in part.  tests/bench/README.md, "Holes, shreds and
+ * outlines". */
 #define TEXTURE_TURNED 0.35f    /* sine of the turn */
 #define TEXTURE_OPAQUE 0.9f     /* coverage up to which a pixel is covered in part */
 #define TEXTURE_SOLID(alpha) (((alpha) - TEXTURE_OPAQUE) / (1 - TEXTURE_OPAQUE))
-static inline float texture_turned(const struct splat_place_view *v)
+static inline float texture_turned(const struct splat_place_view *v, float x,
+                                   float y)
 {
-    return fminf(sqrtf(v->toward[0] * v->toward[0] +
-                       v->toward[1] * v->toward[1]) / TEXTURE_TURNED, 1);
+    const float *n = v->neck, *d = v->toward;
+    const float shoulders = fminf(fmaxf(n[0] * x + n[1] * y + n[2] - 1, 0),
+                                  1);
+
+    return (1 - shoulders) *
+           fminf(sqrtf(d[0] * d[0] + d[1] * d[1]) / TEXTURE_TURNED, 1);
 }
 
 /* Which level of t a picture of size by size pixels is looked up in. */

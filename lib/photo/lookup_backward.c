@@ -152,7 +152,7 @@ void texture_lookup_backward(float *dplace, float *dalpha,
 {
     const size_t level = texture_level(t, v, size), S = t->side[level];
     const float step = 2.0f / (float)size, half = 0.5f * (float)S;
-    const float times = texture_cover(v), turned = texture_turned(v);
+    const float times = texture_cover(v);
     const struct splat_place_side side = splat_place_side(v);
 
     for (size_t i = 0; i < size * size; i++) {
@@ -174,7 +174,8 @@ void texture_lookup_backward(float *dplace, float *dalpha,
             lookup_sample_at(t->level[level], S, half * ((float)at[0] + 1),
                              half * ((float)at[1] + 1));
         lookup_cover_backward(d, dalpha + i, confidence,
-                              fminf(fmaxf(s.sum[3], 0), 1), turned, alpha[i]);
+                              fminf(fmaxf(s.sum[3], 0), 1),
+                              texture_turned(v, nx, ny), alpha[i]);
         lookup_confidence_backward(dp, dalpha + i, p, alpha[i], times, d[4]);
         lookup_position_backward(duv, d, &s);
         lookup_place_backward(dp, duv, p, M, &side, half);

@@ -206,7 +206,13 @@ static void backward_position(double uv[2], size_t j)
  * is turned by more than 20 degrees. */
 static double backward_covered(double confidence, size_t i, double shown)
 {
-    return confidence * (1 - (1 - shown) * fmax((cover[i] - 0.9) / 0.1, 0));
+    const double x = (2.0 * (double)(i % S) + 1) / S - 1;
+    const double y = (2.0 * (double)(i / S) + 1) / S - 1;
+    const double turned = 1 - fmin(fmax(view.neck[0] * x + view.neck[1] * y +
+                                        view.neck[2] - 1, 0), 1);
+
+    return confidence *
+           (1 - (1 - shown) * turned * fmax((cover[i] - 0.9) / 0.1, 0));
 }
 
 /* What pixel i adds to the loss. */

@@ -158,8 +158,9 @@ out vec4 color;
 const float LEAST = 0.004;         /* as in lib/photo/lookup.h, */
 const float GRAIN = 1.0 / 4096.0;  /* SPLAT_PLACE_GRAIN of lib/splat/types.h */
 /* texture_turned times TEXTURE_SOLID: this, too, */
-float solid(float alpha) {
-  return min(length(toward) / 0.35, 1.0) * clamp(10.0 * alpha - 9.0, 0.0, 1.0);
+float solid(vec2 n, float alpha) {
+  return (1.0 - clamp(dot(neck, vec3(n, 1.0)) - 1.0, 0.0, 1.0)) *
+         min(length(toward) / 0.35, 1.0) * clamp(10.0 * alpha - 9.0, 0.0, 1.0);
 }
 /* TEXTURE_GRAIN, as much as TEXTURE_GRAIN_NO_MORE allows: this, too, */
 float grained(float share) {
@@ -218,7 +219,7 @@ void main() {
       float shorter = texelFetch(gains, at, 0).z;
       vec2 uv = view + (p.xy - shorter * dot(e, view) * e) / p.z + 1.0;
       vec4 seen = bicubic(person, 0.5 * uv * vec2(textureSize(person, 0)));
-      sure *= 1.0 - (1.0 - seen.a) * solid(own.a);
+      sure *= 1.0 - (1.0 - seen.a) * solid(n, own.a);
       own = mix(own, seen, sure);
       vec2 around = 0.5 * uv;
       if (sure == 0.0 && clamp(around, 0.0, 1.0) == around)
