@@ -1,6 +1,7 @@
 /* spid-refine: splatted features in, finished pictures out.  Eq. SR. */
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "cmd/options.h"
@@ -57,7 +58,10 @@ struct program {
     struct ahead *ahead;
     struct framesink *out;
     struct refine_picture picture;
-    struct texture texture;     /* the photograph of SRCI */
+    struct texture texture;     /* the photograph of SRCI, and */
+    uint8_t *grain;             /* (grain_size,grain_size) the last FEAT's that
+                                 * had one */
+    size_t grain_size;
     bool compared;
 };
 
@@ -141,9 +145,26 @@ _Static_assert(FEAT_PHOTO == TEXTURE_PHOTO &&
                FEAT_TURN == RELATIVE_POSE_SIZE,
                "FEAT holds what the texture and the refiner take");
 
+/* The grain of FEAT in place of the last one. */
+static int refine_take_grain(struct program *p, const struct feat *f,
+                             struct error *err)
+{
+    const size_t bytes = f->grain_size * f->grain_size;
+    uint8_t *grain = malloc(bytes + 1);
+
+    if (!grain)
+        return error_set(err, EX_OSERR, "no memory for a grain of %zu pixels",
+                         f->grain_size);
+    memcpy(grain, f->grain, bytes);
+    free(p->grain);
+    p->grain = grain;
+    p->grain_size = f->grain_size;
+    return 0;
+}
+
 /* A FEAT record as the refiner takes it; *in points into rec. */
-static int refine_read_record(struct refine_input *in, const struct record *rec,
-                              struct error *err)
+static int refine_read_record(struct refine_input *in, struct program *p,
+                              const struct record *rec, struct error *err)
 {
     struct feat f;
 
@@ -160,7 +181,7 @@ static int refine_read_record(struct refine_input *in, const struct record *rec,
     };
     if (f.place)
         memcpy(&in->view, f.map, FEAT_MAP * sizeof *f.map);
-    return 0;
+    return f.grain ? refine_take_grain(p, &f, err) : 0;
 }
 
 /* The lines that are this program: I' = SR(F). */
@@ -171,8 +192,10 @@ static int refine_write_picture(struct program *p, const struct record *rec,
     struct refine_input in;
     double begun;
 
-    if (refine_read_record(&in, rec, err))
+    if (refine_read_record(&in, p, rec, err))
         return -1;
+    p->texture.grain = p->grain;
+    p->texture.grain_size = p->grain_size;
     made->texture = p->texture.levels ? &p->texture : NULL;
     begun = stats_begin();
     if (refine_picture_refine(made, &p->refine, &in, err))
@@ -236,6 +259,7 @@ static void refine_close_all(struct program *p)
     background_release(&background);
     refine_picture_release(&p->picture);
     texture_release(&p->texture);
+    free(p->grain);
 }
 
 int main(int argc, char **argv)

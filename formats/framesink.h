@@ -87,6 +87,9 @@ struct framesink_frame {
     const float *place;     /* [height, width, 3] or NULL, FEAT only: blended
                              * places, and their view: A and b */
     float map[FEAT_MAP];
+    const uint8_t *grain;   /* [grain_size, grain_size] FEAT only: GAUS's, or
+                             * NULL */
+    size_t grain_size;
     const float *gain;      /* FEAT only: how the light changed, or NULL, */
     float tint[3];          /* and by its colour, if it has one */
     bool tinted;

@@ -135,6 +135,8 @@ static struct framesink_frame render_frame(const struct render *r,
     if (f.photo && r->opt.places) {
         f.place = c->place;
         memcpy(f.map, &c->view, sizeof f.map);
+        f.grain = r->grain_due ? r->scene.grain : NULL;
+        f.grain_size = r->scene.grain_size;
     }
     f.gain = f.photo && c->lit ? c->gain : NULL;
     f.tinted = f.gain && relight_tinted(c->tint);
@@ -215,6 +217,7 @@ static int render_draw(struct render *r, uint64_t frame, double time,
         return rc;
     const struct framesink_frame f = render_frame(r, frame, time);
 
+    r->grain_due = false;
     return render_write(r, &f, err);
 }
 
@@ -249,6 +252,7 @@ int render_record(struct render *r, const struct record *rec, struct error *err)
     if (change < 0 || scene_to_splat(&r->splat, &r->scene,
                                      (enum scene_change)change, err))
         return -1;
+    r->grain_due = r->grain_due || change == SCENE_LOADED;
     if (change == SCENE_LOADED && !record_find(rec, "cam")) {
         r->pending = true;
         r->frame = rec->frame;

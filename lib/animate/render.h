@@ -51,6 +51,7 @@ struct render {
     struct async_write writing;
     double *wide;               /* (N,N,C + 2) in double for exact */
     struct texture texture;     /* the photograph of SRCI; no levels: none */
+    bool grain_due;             /* the next FEAT with places has the grain */
     bool pending;               /* a GAUS without camera waits: drawn with
                                  * opt.camera or from where the source was
                                  * seen unless GMOV records follow */

@@ -188,13 +188,13 @@ static const struct schema_field feat_fields[] = {
     {"feat", offsetof(struct feat, f32), DTYPE_F32},
     {"feat", offsetof(struct feat, f16), DTYPE_F16}, F32(feat, alpha),
     F32(feat, depth), F32(feat, photo), F32(feat, place), F32(feat, map),
-    F32(feat, gain), F32(feat, tint), F32(feat, turn)
+    U8(feat, grain), F32(feat, gain), F32(feat, tint), F32(feat, turn)
 };
 
 /* What goes with what: names of arrays, the second of which the first needs. */
 static const char *const needs[][2] = {
     {"photo", "alpha"}, {"tint", "gain"}, {"place", "map"}, {"map", "place"},
-    {"place", "alpha"}
+    {"place", "alpha"}, {"grain", "place"}
 };
 
 /* Packed features are taken as the whole picture they stand for, which must
@@ -249,6 +249,7 @@ int feat_read(struct feat *f, const struct record *rec, struct error *err)
     f->width = f->packed ? alpha->dim[1] : a->dim[1];
     f->channels = a->dim[a->ndim - 1];
     f->pixels = f->packed ? a->dim[0] : 0;
+    f->grain_size = schema_rows(rec, "grain");
     f->gain_height = schema_rows(rec, "gain");
     f->gain_width = f->gain ? record_find(rec, "gain")->dim[1] : 0;
     return feat_check_gain(f, err);
@@ -259,7 +260,7 @@ int feat_write(struct stream_writer *w, uint64_t frame, double time,
                struct error *err)
 {
     const size_t size[] = {['H'] = f->height, ['W'] = f->width,
-                           ['C'] = f->channels,
+                           ['C'] = f->channels, ['Q'] = f->grain_size,
                            ['G'] = f->gain_height, ['K'] = f->gain_width,
                            ['P'] = f->packed ? f->pixels : SCHEMA_NOT};
     struct array a[COUNT(feat_fields)];

@@ -136,6 +136,9 @@ struct feat {
                              * photograph shows (lib/photo) */
     const float *place;     /* (height,width,4) blended places, */
     const float *map;       /* (17) and their view (lib/splat/types.h) */
+    const uint8_t *grain;   /* (grain_size,grain_size) GAUS's, which places from
+                             * now on may be places of, or NULL: as before */
+    size_t grain_size;
     const float *gain;      /* (gain_height,gain_width) gains of the
                              * colours, a quarter of the picture's size
                              * (lib/splat/relight.h) */

@@ -107,6 +107,7 @@ static const struct schema table[] = {
       "the photograph's share" },
     { RECORD_FEAT, "place", "f32", "H,W,4", false, "blended places" },
     { RECORD_FEAT, "map", "f32", "17", false, "their view" },
+    { RECORD_FEAT, "grain", "u8", "Q,Q", false, "GAUS's, with the first place" },
     { RECORD_FEAT, "gain", "f32", "G,K", false, "how the light changed" },
     { RECORD_FEAT, "tint", "f32", "3", false, "and by its colour" },
     { RECORD_FEAT, "turn", "f32", "6", false, "of the head since the source" },
