@@ -414,6 +414,8 @@ static int pipeline_make_texture(struct bench_person *s, struct error *err)
                   : error_set(err, EX_OSERR, "no memory for a picture");
 
     free(back);
+    s->texture.grain = s->baked.grain;
+    s->texture.grain_size = s->baked.grain_size;
     return rc;
 }
 
