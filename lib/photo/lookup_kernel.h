@@ -18,7 +18,8 @@ struct lookup_run {
                                  * centre, and to the next one's */
     float half;                 /* half the texture's side */
     _Alignas(64) float confidence[LOOKUP_RUN];    /* confidence, 0 without a place */
-    _Alignas(64) float grain[LOOKUP_RUN];   /* how much of the grain, 0..1 */
+    _Alignas(64) float grain[LOOKUP_RUN];   /* how much of the grain, 0..1, */
+    bool grained;               /* and whether any has some */
     float u[LOOKUP_RUN], v[LOOKUP_RUN];     /* places, the texture's pixels */
 };
 
