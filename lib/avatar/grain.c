@@ -18,8 +18,8 @@
 #define DARKEST 0.02f   /* added to brightness before its logarithm: noise of a
                          * photograph's blacks is no grain */
 #define SQUARE 0.5f     /* cosine from which the photograph shows grain as it is */
-#define LIKELY 0.5f     /* trust from which skin is seen, and chance over which a
-                         * pixel is a material's, by mesh and colour */
+#define LIKELY 0.5f     /* trust from which skin is seen, and chance of a pixel's
+                         * material, by mesh and colour */
 #define WHOLE 0.97f     /* matte of the person alone */
 
 #define NONE 0          /* labels of pixels; m + 1 is material m */
@@ -165,7 +165,7 @@ static uint8_t grain_is(const struct grain_work *w, const float rgba[4],
         best = odds[m] > odds[best] ? m : best;
     }
     /* eyes, lips and nostrils are no skin */
-    return odds[best] <= LIKELY * sum ||
+    return odds[best] < LIKELY * sum ||
                    (best == MATERIAL_SKIN && w->sure[i] < LIKELY)
                ? NONE : (uint8_t)(best + 1);
 }

@@ -108,7 +108,7 @@ static bool lookup_run(float *photo, const struct texture_shader *s,
     kernels->bicubic(photo, r.u, r.v, r.confidence, n, s->t->level[s->level],
                      S);
     lookup_cover(photo, &r, &s->view, alpha, n);
-    if (s->t->grain && r.grained)
+    if (s->t->grain)
         for (size_t i = 0; i < n; i++)
             if (r.grain[i] > 0 && !(r.confidence[i] > 0))
                 lookup_grain(photo + TEXTURE_PHOTO * i, s->t,

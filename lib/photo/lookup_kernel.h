@@ -18,8 +18,7 @@ struct lookup_run {
                                  * centre, and to the next one's */
     float half;                 /* half the texture's side */
     _Alignas(64) float confidence[LOOKUP_RUN];    /* confidence, 0 without a place */
-    _Alignas(64) float grain[LOOKUP_RUN];   /* how much of the grain, 0..1, */
-    bool grained;               /* and whether any has some */
+    _Alignas(64) float grain[LOOKUP_RUN];   /* how much of the grain, 0..1 */
     float u[LOOKUP_RUN], v[LOOKUP_RUN];     /* places, the texture's pixels */
 };
 

@@ -18,7 +18,7 @@ static bool ISA(lookup_places)(struct lookup_run *r,
     const float *A = v->A, *b = v->b, *S = v->shoulders, *neck = v->neck;
     const vf zero = vf_set(0), one = vf_set(1), cover = vf_set(texture_cover(v));
     const vf e[2] = {vf_set(side->e[0]), vf_set(side->e[1])};
-    vf max = zero, most = zero;
+    vf max = zero;
 
     for (size_t i = 0; i < n; i += VEC, place += SPLAT_PLACE_CHANNELS * VEC) {
         const float *row[VEC];
@@ -52,8 +52,7 @@ static bool ISA(lookup_places)(struct lookup_run *r,
         grain = vf_keep(has, vf_clamp(grain, zero, one));
         vf_store(r->confidence + i, confidence);
         vf_store(r->grain + i, grain);
-        max = vf_max(max, confidence);
-        most = vf_max(most, grain);
+        max = vf_max(max, vf_max(confidence, grain));
         vf share = vf_clamp(neck[0] * nx + (neck[1] * r->ny + neck[2]), zero,
                             one);
         x += share * (S[0] * nx + (S[1] * r->ny + S[4]));
@@ -65,8 +64,7 @@ static bool ISA(lookup_places)(struct lookup_run *r,
         vf_store(r->u + i, r->half * (x + 1));
         vf_store(r->v + i, r->half * (y + 1));
     }
-    r->grained = vm_any(vf_gt(most, zero));
-    return r->grained || vm_any(vf_gt(max, zero));
+    return vm_any(vf_gt(max, zero));
 }
 
 /* ---- bicubic ------------------------------------------------------------- */

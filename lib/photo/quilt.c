@@ -6,11 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "lib/base/random.h"
-
-/* By eye, but where tests/bench/README.md, "Grain", has figures.  Of a material's
- * blocks those are taken that are neither the quietest nor the liveliest: an edge,
- * a mole or a brow is not what it looks like all over. */
+/* Of a material's blocks those are taken that are neither the quietest nor the
+ * liveliest third: an edge, a mole or a brow is not what it looks like all over. */
 #define TYPICAL_FROM 0.1f
 #define TYPICAL_TO 0.5f
 #define ENOUGH 40       /* blocks to choose from, or they are smaller */
@@ -31,7 +28,7 @@ struct quilt_block {
 struct quilt_work {
     const struct quilt *q;
     uint8_t material;
-    struct random dice;
+    uint32_t noise;
     size_t side;                /* of blocks: 0 while there are none */
     size_t count;
     float *known, *square;      /* (n+1,n+1) sums up to a pixel: of the material's
@@ -40,6 +37,13 @@ struct quilt_work {
     struct quilt_block *block;  /* (count) */
     size_t room;
 };
+
+/* A number in 0..n-1, the next of a fixed sequence. */
+static size_t quilt_random(struct quilt_work *w, size_t n)
+{
+    w->noise = w->noise * 1664525u + 1013904223u;
+    return (size_t)((uint64_t)w->noise * n >> 32);
+}
 
 /* ---- what there is ------------------------------------------------------- */
 
@@ -183,9 +187,8 @@ static const struct quilt_block *quilt_choose(struct quilt_work *w, size_t x,
     float least = INFINITY;
 
     for (int t = 0; t < TRIES; t++) {
-        const struct quilt_block *b = w->block +
-                                      random_below(&w->dice, (uint32_t)w->count);
-        const float worse = 1 + CHANCE * (float)random_uniform(&w->dice);
+        const struct quilt_block *b = w->block + quilt_random(w, w->count);
+        const float worse = 1 + CHANCE * (float)quilt_random(w, 1000) / 1000;
         const float off = worse * quilt_compare_at(w, b, x, y).off;
 
         if (off < least) {
@@ -200,13 +203,12 @@ void quilt_cover(const struct quilt *q, uint8_t material, float *scratch)
 {
     const size_t n = q->n, part = (n + 1) * (n + 1);
     struct quilt_work w = {
-        .q = q, .material = material, .known = scratch,
+        .q = q, .material = material, .noise = material, .known = scratch,
         .square = scratch + part, .room = part * sizeof(float) /
                                           sizeof(struct quilt_block)
     };
 
     w.block = (struct quilt_block *)(void *)(scratch + 2 * part);
-    random_init(&w.dice, material, "quilt");
     quilt_sum(&w);
     for (size_t k = 0; k < sizeof sides / sizeof *sides && !w.side; k++)
         quilt_list(&w, sides[k]);

@@ -205,9 +205,6 @@ VEC_INLINE void project_grain(vf row[SPLAT_PLACE_CHANNELS],
                               const vf at[2])
 {
     vm has = vf_gt(vf_load(s->cloud.around[0] + i), vf_set(SPLAT_PLACE_NOWHERE));
-
-    if (!vm_any(has))
-        return;
     vf weight = vf_keep(has, vf_set(SPLAT_PLACE_GRAIN) *
                                  vf_max(vf_set(1) - row[2] / SPLAT_PLACE_SLIGHT,
                                         vf_set(0)));
