@@ -33,38 +33,56 @@ static bool coverage_triangle(struct corner c[3], const float *verts,
     return true;
 }
 
-/* Where the triangle meets the horizontal line y: x from lo to hi; false when
- * it does not. */
-static bool coverage_span(float *lo, float *hi, const struct corner c[3],
-                          float y)
+/* First index i >= 0 whose centre (i + 0.5) is at or beyond x, at most n. */
+static int32_t coverage_first_centre(float x, float n)
 {
-    *lo = INFINITY;
-    *hi = -INFINITY;
-    for (int k = 0; k < 3; k++) {
-        const struct corner *a = &c[k], *b = &c[(k + 1) % 3];
+    const float least = x > 0.5f ? x - 0.5f : 0, at = least < n ? least : n;
+    const int32_t below = (int32_t)at;
 
-        if ((a->y <= y) == (b->y <= y))
-            continue;
-        float x = a->x + (y - a->y) / (b->y - a->y) * (b->x - a->x);
-        *lo = x < *lo ? x : *lo;
-        *hi = x > *hi ? x : *hi;
-    }
-    return *lo < *hi;
+    return below + ((float)below < at);
 }
 
-/* First index i >= 0 whose centre (i + 0.5) is at or beyond x, at most n. */
-static size_t coverage_first_centre(float x, size_t n)
+/* Which of n centres of each of SUB rows, from row on, lie in the triangle: those
+ * from `from` to before `to`, if that is more. */
+static void coverage_spans(int32_t from[SUB], int32_t to[SUB],
+                           const struct corner c[3], size_t row, size_t n)
 {
-    float i = ceilf(x - 0.5f);
+    float lo[SUB], hi[SUB];
 
-    return i <= 0 ? 0 : i >= (float)n ? n : (size_t)i;
+    for (int l = 0; l < SUB; l++) {
+        lo[l] = INFINITY;
+        hi[l] = -INFINITY;
+    }
+    for (int k = 0; k < 3; k++) {
+        const struct corner a = c[k], b = c[(k + 1) % 3];
+        const float top = fminf(a.y, b.y), bottom = fmaxf(a.y, b.y);
+
+#pragma omp simd
+        for (int l = 0; l < SUB; l++) {
+            const float y = (float)row + (float)l + 0.5f;
+            const float x = a.x + (y - a.y) / (b.y - a.y) * (b.x - a.x);
+            const int meets = (y >= top) & (y < bottom);
+
+            lo[l] = (meets & (x < lo[l])) ? x : lo[l];
+            hi[l] = (meets & (x > hi[l])) ? x : hi[l];
+        }
+    }
+#pragma omp simd
+    for (int l = 0; l < SUB; l++) {
+        from[l] = coverage_first_centre(lo[l], (float)n);
+        to[l] = coverage_first_centre(hi[l], (float)n);
+    }
 }
 
 /* Rows whose centres the triangle may hold: from rows[0] to before rows[1]. */
 static void coverage_rows(size_t rows[2], const struct corner c[3], size_t n)
 {
-    rows[0] = coverage_first_centre(fminf(fminf(c[0].y, c[1].y), c[2].y), n);
-    rows[1] = coverage_first_centre(fmaxf(fmaxf(c[0].y, c[1].y), c[2].y), n);
+    const float end = (float)n;
+
+    rows[0] = (size_t)coverage_first_centre(
+        fminf(fminf(c[0].y, c[1].y), c[2].y), end);
+    rows[1] = (size_t)coverage_first_centre(
+        fmaxf(fmaxf(c[0].y, c[1].y), c[2].y), end);
 }
 
 /* Set bits a..b-1 of a row of bytes. */
@@ -131,7 +149,7 @@ PARALLEL(coverage_set_points, share, uint8_t *, bits, const float *, verts,
     for (size_t f = 0; f < F; f++) {
         struct corner c[3];
         size_t rows[2];
-        float lo, hi;
+        int32_t from[SUB], to[SUB];
 
         if (!coverage_triangle(c, verts, faces + 3 * f, cam, n))
             continue;
@@ -142,13 +160,12 @@ PARALLEL(coverage_set_points, share, uint8_t *, bits, const float *, verts,
         coverage_rows(rows, c, m);
         const size_t first = rows[0] / SUB;
         size_t own = first + (share + shares - first % shares) % shares;
-        for (; own * SUB < rows[1]; own += shares)
-            for (size_t y = own > first ? own * SUB : rows[0];
-                 y < rows[1] && y < (own + 1) * SUB; y++)
-                if (coverage_span(&lo, &hi, c, (float)y + 0.5f))
-                    coverage_set_bits(bits + y * n,
-                                      coverage_first_centre(lo, m),
-                                      coverage_first_centre(hi, m));
+        for (; own * SUB < rows[1]; own += shares) {
+            coverage_spans(from, to, c, own * SUB, m);
+            for (size_t l = 0; l < SUB; l++)
+                coverage_set_bits(bits + (own * SUB + l) * n, (size_t)from[l],
+                                  (size_t)to[l]);
+        }
     }
 }
 
@@ -165,26 +182,35 @@ void coverage_fraction(float *C, const float *verts, const int32_t *faces,
     parallel_each(coverage_count, n, 1, C, bits, n);
 }
 
-PARALLEL(coverage_blur_pass_part, i, const float *, w, const float *, x,
-         float *, out, size_t, n, int, r)
+/* w times count numbers of x, added to out. */
+static void coverage_add(float *out, const float *x, size_t count, float w)
 {
-    for (size_t j = 0; j < n; j++) {
-        float sum = 0;
+#pragma omp simd
+    for (size_t j = 0; j < count; j++)
+        out[j] += w * x[j];
+}
 
-        for (int k = -r; k <= r; k++) {
-            long at = (long)j + k;
-            if (at >= 0 && at < (long)n)
-                sum += w[k + r] * x[i * n + (size_t)at];
-        }
-        out[j * n + i] = sum;
+/* Row i of x along itself, and below, rows of x about it down, into out's. */
+PARALLEL(coverage_blur_along, i, float *, out, const float *, x, size_t, n,
+         const float *, w, size_t, r)
+{
+    memset(out + i * n, 0, n * sizeof *out);
+    for (size_t k = 0; k <= 2 * r; k++) {
+        const size_t to = k < r ? r - k : 0, from = k > r ? k - r : 0;
+
+        if (to + from < n)
+            coverage_add(out + i * n + to, x + i * n + from, n - to - from,
+                         w[k]);
     }
 }
 
-/* One pass of the separable filter: rows of x into columns of out. */
-static void coverage_blur_pass(float *out, const float *x, size_t n,
-                               const float *w, int r)
+PARALLEL(coverage_blur_down, i, float *, out, const float *, x, size_t, n,
+         const float *, w, size_t, r)
 {
-    parallel_each(coverage_blur_pass_part, n, 1, w, x, out, n, r);
+    memset(out + i * n, 0, n * sizeof *out);
+    for (size_t k = 0; k <= 2 * r; k++)
+        if (i + k >= r && i + k < n + r)
+            coverage_add(out + i * n, x + (i + k - r) * n, n, w[k]);
 }
 
 /* Two passes of a separable filter of 3 sigma to either side. */
@@ -200,8 +226,8 @@ void coverage_blur(float *out, const float *x, size_t n, float sigma,
         sum += w[k + r] = expf(-0.5f * (float)(k * k) / (sigma * sigma));
     for (int k = 0; k <= 2 * r; k++)
         w[k] /= sum;
-    coverage_blur_pass(tmp, x, n, w, r);
-    coverage_blur_pass(out, tmp, n, w, r);
+    parallel_each(coverage_blur_along, n, 1, tmp, x, n, w, (size_t)r);
+    parallel_each(coverage_blur_down, n, 1, out, tmp, n, w, (size_t)r);
 }
 
 void coverage_map(float *C, const float *verts, const int32_t *faces, size_t F,
@@ -247,80 +273,87 @@ static struct linear coverage_linear(const float v[3],
                            (x1 * v[2] - x2 * v[1]) / det};
 }
 
-/* One triangle into own rows of z and, unless NULL, value; attribute at its
- * corners. */
-static void coverage_depth_face(float *z, float *value,
+/* One triangle into own rows of z and value; attributes at its corners. */
+static void coverage_depth_face(float *z, float *value, size_t channels,
                                 const struct corner c[3],
-                                const float attribute[3], size_t n,
+                                const float *const attribute[3], size_t n,
                                 size_t share, size_t shares)
 {
     float det = (c[1].x - c[0].x) * (c[2].y - c[0].y) -
                 (c[2].x - c[0].x) * (c[1].y - c[0].y);
-    float a = 1 / c[0].z, lo, hi;
+    float a = 1 / c[0].z;
     size_t rows[2];
+    int32_t from[SUB], to[SUB];
+    struct linear v[COVERAGE_CHANNELS];
 
     if (det == 0)
         return;
     /* 1/z is linear on the screen */
     struct linear g = coverage_linear((float[3]){a, 1 / c[1].z - a,
                                                  1 / c[2].z - a}, c, det);
-    struct linear v = coverage_linear((float[3]){attribute[0],
-                                                 attribute[1] - attribute[0],
-                                                 attribute[2] - attribute[0]},
-                                      c, det);
+    for (size_t k = 0; k < channels; k++) {
+        const float at = attribute[0][k];
+
+        v[k] = coverage_linear((float[3]){at, attribute[1][k] - at,
+                                          attribute[2][k] - at}, c, det);
+    }
     coverage_rows(rows, c, n);
     for (size_t i = rows[0]; i < rows[1]; i++) {
+        const size_t l = (i - rows[0]) % SUB;
         float y = (float)i + 0.5f - c[0].y;
 
-        if (i % shares != share ||
-            !coverage_span(&lo, &hi, c, (float)i + 0.5f))
+        if (l == 0)
+            coverage_spans(from, to, c, i, n);
+        if (i % shares != share)
             continue;
-        size_t end = coverage_first_centre(hi, n);
-        for (size_t j = coverage_first_centre(lo, n); j < end; j++) {
+        for (int32_t j = from[l]; j < to[l]; j++) {
             float x = (float)j + 0.5f - c[0].x;
             float d = 1 / (g.at + g.x * x + g.y * y);
+            size_t at = i * n + (size_t)j;
 
-            if (!(d < z[i * n + j]))
+            if (!(d < z[at]))
                 continue;
-            z[i * n + j] = d;
-            if (value)
-                value[i * n + j] = v.at + v.x * x + v.y * y;
+            z[at] = d;
+            for (size_t k = 0; k < channels; k++)
+                value[channels * at + k] = v[k].at + v[k].x * x + v[k].y * y;
         }
     }
 }
 
 /* All triangles into one share's rows. */
 PARALLEL(coverage_depth_share, share, float *, z, float *, value,
-         const float *, verts, const float *, attribute,
+         size_t, channels, const float *, verts, const float *, attribute,
          const int32_t *, faces, size_t, F, const float *, cam, size_t, n,
          size_t, shares)
 {
     for (size_t f = 0; f < F; f++) {
         const int32_t *at = faces + 3 * f;
+        const float *const corner[3] = {
+            attribute + channels * (size_t)at[0],
+            attribute + channels * (size_t)at[1],
+            attribute + channels * (size_t)at[2]
+        };
         struct corner c[3];
-        float v[3] = {0};
 
-        if (!coverage_triangle(c, verts, at, cam, n))
-            continue;
-        for (int k = 0; value && k < 3; k++)
-            v[k] = attribute[at[k]];
-        coverage_depth_face(z, value, c, v, n, share, shares);
+        if (coverage_triangle(c, verts, at, cam, n))
+            coverage_depth_face(z, value, channels, c, corner, n, share,
+                                shares);
     }
 }
 
 /* A z-buffer at the cells' centres. */
-void coverage_depth(float *z, float *value, const float *verts,
-                    const float *attribute, const int32_t *faces, size_t F,
-                    const float cam[12], size_t n)
+void coverage_depth(float *z, float *value, size_t channels,
+                    const float *verts, const float *attribute,
+                    const int32_t *faces, size_t F, const float cam[12],
+                    size_t n)
 {
     const size_t shares = (size_t)parallel_width();
 
     for (size_t i = 0; i < n * n; i++)
         z[i] = INFINITY;
-    if (value)
-        memset(value, 0, n * n * sizeof *value);
-    parallel_each(coverage_depth_share, shares, 1, z, value, verts, attribute,
-                  faces, F, cam, n, shares);
+    memset(value, 0, channels * n * n * sizeof *value);
+    parallel_each(coverage_depth_share, shares, 1, z, value, channels, verts,
+                  attribute, faces, F, cam, n, shares);
 }
 
 /* Row i of out: the least of the rows of x up to r before and after it. */

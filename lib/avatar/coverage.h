@@ -29,12 +29,15 @@ void coverage_blur(float *out, const float *x, size_t n, float sigma,
  * where that has none.  coverage (n,n): fraction that the mesh covers. */
 void coverage_distance(float *out, const float *coverage, size_t n);
 
+enum { COVERAGE_CHANNELS = 3 };     /* at most */
+
 /* z (n,n): camera depth of the nearest surface at each cell's centre,
- * +infinity where there is none; value (n,n): attribute (V) there, 0 where
- * there is none (both NULL: not wanted). */
-void coverage_depth(float *z, float *value, const float *verts,
-                    const float *attribute, const int32_t *faces, size_t F,
-                    const float cam[12], size_t n);
+ * +infinity where there is none; value (n,n,channels): attribute (V,channels)
+ * there, 0 where there is none. */
+void coverage_depth(float *z, float *value, size_t channels,
+                    const float *verts, const float *attribute,
+                    const int32_t *faces, size_t F, const float cam[12],
+                    size_t n);
 
 /* near (n,n): the least of z (n,n) up to r cells to each side; tmp holds n*n
  * floats. */

@@ -32,12 +32,13 @@ int grain_init(struct grain *g, const struct head *h, size_t N, size_t size,
     struct grain_work *w = &g->work;
     const struct slice slices[] = {
         {&g->picture, labels, false}, {&g->around, 2 * N, false},
-        {&w->depth, P, false}, {&w->sure, P, false}, {&w->hair, P, false},
-        {&w->cloth, P, false}, {&w->from, P, false}, {&w->out, P, false},
-        {&w->known, P, false}, {&w->tmp, P, false},
+        {&w->depth, P, false}, {&w->shown, GRAIN_SHOWN * P, false},
+        {&w->from, P, false}, {&w->out, P, false}, {&w->known, P, false},
+        {&w->tmp, P, false},
         {&w->scratch, MATERIALS * QUILT_SCRATCH(size), false},
         {&w->is, labels, false}, {&w->want, labels, false},
-        {&w->vertex, 3 * h->V, false}, {&w->value, h->V, false},
+        {&w->vertex, 3 * h->V, false},
+        {&w->value, GRAIN_SHOWN * h->V, false},
         {&w->face, 3 * h->F, false}
     };
 
@@ -122,23 +123,17 @@ static size_t grain_faces(int32_t *to, const float *around,
 
 /* ---- materials ----------------------------------------------------------- */
 
-/* map (S,S) of what the head's first vertices have. */
-static void grain_draw(float *map, struct grain *g, const float *of,
-                       const float *vertex, size_t F, const int32_t *face,
-                       const float cam[12])
+/* What each vertex shows. */
+static void grain_show(float *value, const struct dynamic_branch *b)
 {
-    coverage_depth(g->work.depth, map, vertex, of, face, F, cam, g->size);
-}
+    for (size_t v = 0; v < b->dense->V; v++, value += GRAIN_SHOWN) {
+        float sure = 0;
 
-/* How far each vertex shows its material's grain. */
-static void grain_sure(float *sure, const struct dynamic_branch *b)
-{
-    for (size_t v = 0; v < b->dense->V; v++) {
-        sure[v] = 0;
         for (size_t m = 0; m < MATERIALS; m++)
-            sure[v] += b->as[m * b->count + v];
-        if (b->facing[v] < SQUARE)
-            sure[v] = 0;
+            sure += b->as[m * b->count + v];
+        value[GRAIN_SURE] = b->facing[v] < SQUARE ? 0 : sure;
+        value[GRAIN_HAIR] = b->chance[MATERIAL_HAIR * b->count + v];
+        value[GRAIN_CLOTH] = b->chance[MATERIAL_CLOTH * b->count + v];
     }
 }
 
@@ -146,9 +141,10 @@ static void grain_sure(float *sure, const struct dynamic_branch *b)
 static uint8_t grain_is(const struct grain_work *w, const float rgba[4],
                         const struct material_look *look, size_t i)
 {
+    const float *shown = w->shown + GRAIN_SHOWN * i;
     const bool beside = !isfinite(w->depth[i]);
-    const float hair = beside ? BESIDE : w->hair[i];
-    const float cloth = beside ? BESIDE : w->cloth[i];
+    const float hair = beside ? BESIDE : shown[GRAIN_HAIR];
+    const float cloth = beside ? BESIDE : shown[GRAIN_CLOTH];
     const float chance[MATERIALS] = {
         [MATERIAL_SKIN] = 1 - hair - cloth, [MATERIAL_HAIR] = hair,
         [MATERIAL_CLOTH] = cloth
@@ -166,7 +162,7 @@ static uint8_t grain_is(const struct grain_work *w, const float rgba[4],
     }
     /* eyes, lips and nostrils are no skin */
     return odds[best] < LIKELY * sum ||
-                   (best == MATERIAL_SKIN && w->sure[i] < LIKELY)
+                   (best == MATERIAL_SKIN && shown[GRAIN_SURE] < LIKELY)
                ? NONE : (uint8_t)(best + 1);
 }
 
@@ -198,7 +194,8 @@ static void grain_fine(struct grain *g)
 /* Pixel i of the picture around: what is to be there. */
 PARALLEL(grain_want, i, struct grain_work *, w)
 {
-    const float hair = w->hair[i], cloth = w->cloth[i];
+    const float *shown = w->shown + GRAIN_SHOWN * i;
+    const float hair = shown[GRAIN_HAIR], cloth = shown[GRAIN_CLOTH];
     const float skin = 1 - hair - cloth, most = fmaxf(skin, fmaxf(hair, cloth));
     const enum material m = skin == most ? MATERIAL_SKIN
                           : hair == most ? MATERIAL_HAIR : MATERIAL_CLOTH;
@@ -228,14 +225,11 @@ void grain_find(struct grain *g, size_t n, size_t N,
     static const float unit[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
     const struct head *h = mesh->head;
     struct grain_work *w = &g->work;
-    const float *hair = b->chance + MATERIAL_HAIR * b->count;
-    const float *cloth = b->chance + MATERIAL_CLOTH * b->count;
     const size_t P = g->size * g->size;
 
-    grain_sure(w->value, b);
-    grain_draw(w->sure, g, w->value, mesh->verts, h->F, h->f, mesh->cam);
-    grain_draw(w->hair, g, hair, mesh->verts, h->F, h->f, mesh->cam);
-    grain_draw(w->cloth, g, cloth, mesh->verts, h->F, h->f, mesh->cam);
+    grain_show(w->value, b);
+    coverage_depth(w->depth, w->shown, GRAIN_SHOWN, mesh->verts, w->value, h->f,
+                   h->F, mesh->cam, g->size);
     parallel_each(grain_look, P, 1, w, b->look, picture->rgba);
     grain_fine(g);
 
@@ -243,8 +237,8 @@ void grain_find(struct grain *g, size_t n, size_t N,
     parallel_each(grain_unroll, n, 1, g->around, w->vertex, b->verts,
                   mesh->cam, radius, h->V);
     const size_t F = grain_faces(w->face, g->around, h);
-    grain_draw(w->hair, g, hair, w->vertex, F, w->face, unit);
-    grain_draw(w->cloth, g, cloth, w->vertex, F, w->face, unit);
+    coverage_depth(w->depth, w->shown, GRAIN_SHOWN, w->vertex, w->value,
+                   w->face, F, unit, g->size);
     parallel_each(grain_want, P, 1, w);
     for (size_t k = 0; k < N; k++)
         if (k >= n || mesh->weights->lining[k] > 0 || b->lid[k] > 0)

@@ -18,16 +18,20 @@
 #include "lib/avatar/source_picture.h"
 #include "lib/base/error.h"
 
+/* How far a place of the mesh shows its material's grain, and the chances of hair and
+ * cloth there. */
+enum { GRAIN_SURE, GRAIN_HAIR, GRAIN_CLOTH, GRAIN_SHOWN };
+
 /* Maps (S,S) of the photograph, then of the picture around, and what is drawn
  * into them. */
 struct grain_work {
-    float *depth, *sure, *hair, *cloth;         /* as the mesh has it */
+    float *depth, *shown;       /* as the mesh has it: (S,S,GRAIN_SHOWN) */
     float *from, *out, *tmp;
     float *known;               /* 1 where a pixel's material is known, or 0 */
     float *scratch;             /* (MATERIALS) of quilts */
     uint8_t *is, *want;         /* 0 or a material plus 1 */
     float *vertex;              /* (V,3) unrolled, as a camera at 0 sees it */
-    float *value;               /* (V) */
+    float *value;               /* (V,GRAIN_SHOWN) */
     int32_t *face;              /* (F,3) those that the map does not cut */
 };
 

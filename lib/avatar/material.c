@@ -113,7 +113,7 @@ static float material_log(const float f[MATERIAL_FEATURES],
     for (int k = 0; k < MATERIAL_FEATURES; k++) {
         const float off = f[k] - look->mean[k];
 
-        sum -= off * off / look->variance[k] + logf(look->variance[k]);
+        sum -= off * off / look->variance[k] + look->spread[k];
     }
     return sum / 2;
 }
@@ -124,13 +124,13 @@ void material_odds(float odds[MATERIALS], const float rgb[3],
     float f[MATERIAL_FEATURES];
 
     material_features(f, rgb);
+    const float skin = material_log(f, look + MATERIAL_SKIN);
     for (int m = 0; m < MATERIALS; m++) {
-        const bool known = look[m].total > ALIKE &&
+        const bool known = m != MATERIAL_SKIN && look[m].total > ALIKE &&
                            look[MATERIAL_SKIN].total > ALIKE;
-        const float better = known ? material_log(f, look + m) -
-                                     material_log(f, look + MATERIAL_SKIN) : 0;
 
-        odds[m] = expf(clampf(better, -SURE, SURE));
+        odds[m] = known ? expf(clampf(material_log(f, look + m) - skin, -SURE,
+                                      SURE)) : 1;
     }
 }
 
@@ -179,6 +179,7 @@ static void material_step(struct material_look *to,
             *mean /= to[m].total + 1e-6f;
             *variance = fmaxf(*variance / (to[m].total + 1e-6f) -
                               *mean * *mean, 0) + least[k] * least[k];
+            to[m].spread[k] = logf(*variance);
         }
 }
 

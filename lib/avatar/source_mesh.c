@@ -114,7 +114,7 @@ void source_mesh_set(struct source_mesh *m, const float *posed,
     head_lip_centroid(m->verts + 3 * h->V, h, m->verts);
     const size_t F = h->F + h->nlip_inner;
     coverage_map(m->coverage, m->verts, m->faces, F, cam, m->n, m->raster);
-    coverage_depth(m->depth, m->moving, m->verts, m->moving_verts, m->faces,
+    coverage_depth(m->depth, m->moving, 1, m->verts, m->moving_verts, m->faces,
                    F, cam, m->n);
     coverage_near(m->near, m->depth, m->n,
                   (size_t)lroundf(SOURCE_MESH_OFF /

@@ -18,11 +18,19 @@
                          * of fine stripes is among them */
 
 /* Sides of blocks, pixels. */
-static const size_t sides[] = {24, 20, 16, 12, 8};
+enum { LARGEST = 24 };
+static const size_t sides[] = {LARGEST, 20, 16, 12, 8};
 
 struct quilt_block {
     float energy;
     uint16_t x, y;
+};
+
+/* A pixel of a block's place that is covered already: its number from the block's
+ * corner on, in rows of n, and what it is covered with. */
+struct quilt_laid {
+    size_t at;
+    float out;
 };
 
 struct quilt_work {
@@ -36,6 +44,9 @@ struct quilt_work {
     bool *done;                 /* (n,n) what is covered */
     struct quilt_block *block;  /* (count) */
     size_t room;
+    struct quilt_laid laid[LARGEST * LARGEST];  /* (laid_count) where a block is
+                                                 * to go */
+    size_t laid_count;
 };
 
 /* A number in 0..n-1, the next of a fixed sequence. */
@@ -114,32 +125,43 @@ static bool quilt_wants(const struct quilt_work *w, size_t x, size_t y)
     return x < n && y < n && w->q->want[y * n + x] == w->material;
 }
 
-/* Of block b and what is covered already at (x,y): the mean square of what they
- * differ by, and how far they are alike, 0..1. */
+/* What lies at (x,y) already. */
+static void quilt_look(struct quilt_work *w, size_t x, size_t y)
+{
+    const size_t n = w->q->n;
+
+    w->laid_count = 0;
+    for (size_t j = 0; j < w->side && y + j < n; j++)
+        for (size_t i = 0; i < w->side && x + i < n; i++) {
+            const size_t at = (y + j) * n + x + i;
+
+            if (w->done[at])
+                w->laid[w->laid_count++] = (struct quilt_laid){
+                    j * n + i, w->q->out[at]};
+        }
+}
+
+/* Of block b and that: the mean square of what they differ by, and how far they are
+ * alike, 0..1. */
 struct quilt_fit {
     float off, alike;
 };
 
-static struct quilt_fit quilt_compare_at(const struct quilt_work *w,
-                                         const struct quilt_block *b, size_t x,
-                                         size_t y)
+static struct quilt_fit quilt_compare(const struct quilt_work *w,
+                                      const struct quilt_block *b)
 {
-    const size_t n = w->q->n;
-    float own = 1e-6f, other = 1e-6f, both = 0, count = 1;
+    const float *from = w->q->from + b->y * w->q->n + b->x;
+    float own = 1e-6f, other = 1e-6f, both = 0;
 
-    for (size_t j = 0; j < w->side && y + j < n; j++)
-        for (size_t i = 0; i < w->side && x + i < n; i++) {
-            const size_t at = (y + j) * n + x + i;
-            const float p = w->q->from[(b->y + j) * n + b->x + i];
+    for (size_t k = 0; k < w->laid_count; k++) {
+        const float p = from[w->laid[k].at], out = w->laid[k].out;
 
-            if (!w->done[at])
-                continue;
-            own += p * p;
-            other += w->q->out[at] * w->q->out[at];
-            both += p * w->q->out[at];
-            count++;
-        }
-    return (struct quilt_fit){(own + other - 2 * both) / count,
+        own += p * p;
+        other += out * out;
+        both += p * out;
+    }
+    return (struct quilt_fit){(own + other - 2 * both) /
+                                  (1 + (float)w->laid_count),
                               fmaxf(both / sqrtf(own * other), 0)};
 }
 
@@ -149,7 +171,7 @@ static void quilt_lay(struct quilt_work *w, const struct quilt_block *b,
                       size_t x, size_t y, size_t over)
 {
     const size_t n = w->q->n;
-    const float alike = quilt_compare_at(w, b, x, y).alike;
+    const float alike = quilt_compare(w, b).alike;
 
     for (size_t j = 0; j < w->side && y + j < n; j++)
         for (size_t i = 0; i < w->side && x + i < n; i++) {
@@ -179,9 +201,8 @@ static bool quilt_lacks(const struct quilt_work *w, size_t x, size_t y)
     return false;
 }
 
-/* The block for (x,y). */
-static const struct quilt_block *quilt_choose(struct quilt_work *w, size_t x,
-                                              size_t y)
+/* The block that fits what lies there. */
+static const struct quilt_block *quilt_choose(struct quilt_work *w)
 {
     const struct quilt_block *best = w->block;
     float least = INFINITY;
@@ -189,7 +210,7 @@ static const struct quilt_block *quilt_choose(struct quilt_work *w, size_t x,
     for (int t = 0; t < TRIES; t++) {
         const struct quilt_block *b = w->block + quilt_random(w, w->count);
         const float worse = 1 + CHANCE * (float)quilt_random(w, 1000) / 1000;
-        const float off = worse * quilt_compare_at(w, b, x, y).off;
+        const float off = worse * quilt_compare(w, b).off;
 
         if (off < least) {
             least = off;
@@ -224,6 +245,8 @@ void quilt_cover(const struct quilt *q, uint8_t material, float *scratch)
     const size_t over = w.side / 4;
     for (size_t y = 0; y < n; y += w.side - over)
         for (size_t x = 0; x < n; x += w.side - over)
-            if (quilt_lacks(&w, x, y))
-                quilt_lay(&w, quilt_choose(&w, x, y), x, y, over);
+            if (quilt_lacks(&w, x, y)) {
+                quilt_look(&w, x, y);
+                quilt_lay(&w, quilt_choose(&w), x, y, over);
+            }
 }

@@ -123,7 +123,7 @@ static void equation_coverage(void)
     coverage_map(C, verts, faces, 2, cam, 5, scratch);
     expect("after the Gaussian: the edge stays about half", C[12], 0.5, 0.02);
     expect("after the Gaussian: some of it spills left", C[11] > 0.05, 1, 0);
-    coverage_depth(z, value, verts, attribute, faces, 2, cam, 5);
+    coverage_depth(z, value, 1, verts, attribute, faces, 2, cam, 5);
     expect("attribute two fifths of the way across", value[13], 0.4, 1e-5);
     expect("no attribute beside it", value[10], 0, 0);
     expect("depth where the square is", z[13], 12, 1e-5);
