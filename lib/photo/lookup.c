@@ -42,20 +42,6 @@ void texture_shader_init(struct texture_shader *s, const struct texture *t,
                                  splat_place_side(v), photo, channels};
 }
 
-/* Less confidence where the photograph (n,5) shows nobody and alpha (n) says that
- * somebody is there. */
-static void lookup_cover(float *photo, const struct lookup_run *r,
-                         const struct splat_place_view *v, const float *alpha,
-                         size_t n)
-{
-    for (size_t i = 0; i < n; i++, photo += TEXTURE_PHOTO)
-        if (photo[4] > 0 && photo[3] < 1 && alpha[i] > TEXTURE_OPAQUE)
-            photo[4] *= 1 - (1 - photo[3]) *
-                            texture_turned(v, r->nx + (float)i * r->step,
-                                           r->ny) *
-                            fminf(TEXTURE_SOLID(alpha[i]), 1);
-}
-
 /* The pixel p (5) where only the grain has a place, (u,v), 0..1 across: black that is
  * mixed in by what is missing to 1, more or less, by as much. */
 static void lookup_grain(float *p, const struct texture *t, float u, float v,
@@ -105,10 +91,8 @@ static bool lookup_run(float *photo, const struct texture_shader *s,
                          (n + 15) / 16 * 16))
         return false;
     memset(photo, 0, TEXTURE_PHOTO * n * sizeof *photo);
-    kernels->bicubic(photo, r.u, r.v, r.confidence, n, s->t->level[s->level],
-                     S);
-    lookup_cover(photo, &r, &s->view, alpha, n);
-    if (s->t->grain)
+    kernels->bicubic(photo, &r, n, s->t->level[s->level], S);
+    if (s->t->grain && r.grained)
         for (size_t i = 0; i < n; i++)
             if (r.grain[i] > 0 && !(r.confidence[i] > 0))
                 lookup_grain(photo + TEXTURE_PHOTO * i, s->t,

@@ -48,15 +48,11 @@ static inline float texture_cover(const struct splat_place_view *v)
 #define TEXTURE_TURNED 0.35f    /* sine of the turn */
 #define TEXTURE_OPAQUE 0.9f     /* coverage up to which a pixel is covered in part */
 #define TEXTURE_SOLID(alpha) (((alpha) - TEXTURE_OPAQUE) / (1 - TEXTURE_OPAQUE))
-static inline float texture_turned(const struct splat_place_view *v, float x,
-                                   float y)
+static inline float texture_turned(const struct splat_place_view *v)
 {
-    const float *n = v->neck, *d = v->toward;
-    const float shoulders = fminf(fmaxf(n[0] * x + n[1] * y + n[2] - 1, 0),
-                                  1);
+    const float *d = v->toward;
 
-    return (1 - shoulders) *
-           fminf(sqrtf(d[0] * d[0] + d[1] * d[1]) / TEXTURE_TURNED, 1);
+    return fminf(sqrtf(d[0] * d[0] + d[1] * d[1]) / TEXTURE_TURNED, 1);
 }
 
 /* Which level of t a picture of size by size pixels is looked up in. */

@@ -126,8 +126,17 @@ static float lookup_confidence(const float *p, float alpha, float times)
     return fminf(fmaxf(own, 0), 1) * fminf(times * alpha, 1);
 }
 
-/* Back through lookup_cover, of a confidence and matte before: d (5) of what came
- * out becomes that of what went in, dalpha is added to. */
+/* texture_turned, of the head alone. */
+static float lookup_turned(const struct splat_place_view *v, float x, float y)
+{
+    const float *n = v->neck, below = n[0] * x + n[1] * y + n[2] - 1;
+
+    return (1 - fminf(fmaxf(below, 0), 1)) * texture_turned(v);
+}
+
+/* Back through what the confidence loses where the photograph shows nobody: d (5) of
+ * what came out becomes that of the confidence and matte before, dalpha is added
+ * to. */
 static void lookup_cover_backward(float d[TEXTURE_PHOTO], float *dalpha,
                                   float confidence, float matte, float turned,
                                   float alpha)
@@ -175,7 +184,7 @@ void texture_lookup_backward(float *dplace, float *dalpha,
                              half * ((float)at[1] + 1));
         lookup_cover_backward(d, dalpha + i, confidence,
                               fminf(fmaxf(s.sum[3], 0), 1),
-                              texture_turned(v, nx, ny), alpha[i]);
+                              lookup_turned(v, nx, ny), alpha[i]);
         lookup_confidence_backward(dp, dalpha + i, p, alpha[i], times, d[4]);
         lookup_position_backward(duv, d, &s);
         lookup_place_backward(dp, duv, p, M, &side, half);

@@ -18,7 +18,8 @@ static bool ISA(lookup_places)(struct lookup_run *r,
     const float *A = v->A, *b = v->b, *S = v->shoulders, *neck = v->neck;
     const vf zero = vf_set(0), one = vf_set(1), cover = vf_set(texture_cover(v));
     const vf e[2] = {vf_set(side->e[0]), vf_set(side->e[1])};
-    vf max = zero;
+    const vf turned = vf_set(texture_turned(v));
+    vf max = zero, most = zero;
 
     for (size_t i = 0; i < n; i += VEC, place += SPLAT_PLACE_CHANNELS * VEC) {
         const float *row[VEC];
@@ -38,10 +39,11 @@ static bool ISA(lookup_places)(struct lookup_run *r,
             continue;
         }
         vf over = one / vf_sel(has, weight, one);
-        vf part = weight / vf_max(vf_load(alpha + i), vf_set(TEXTURE_MIN));
+        vf opaque = vf_load(alpha + i);
+        vf part = weight / vf_max(opaque, vf_set(TEXTURE_MIN));
         vf own = TEXTURE_SHARE(part);
         vf grain = vf_min(TEXTURE_GRAIN(part), TEXTURE_GRAIN_NO_MORE(part));
-        vf covered = vf_min(cover * vf_load(alpha + i), one);
+        vf covered = vf_min(cover * opaque, one);
         vf confidence = vf_keep(vf_gt(weight, vf_set(TEXTURE_MIN)),
                                 vf_clamp(own, zero, one) * covered);
         vf nx = __builtin_convertvector(vi_iota() + (int)i, vf) * r->step +
@@ -52,9 +54,14 @@ static bool ISA(lookup_places)(struct lookup_run *r,
         grain = vf_keep(has, vf_clamp(grain, zero, one));
         vf_store(r->confidence + i, confidence);
         vf_store(r->grain + i, grain);
-        max = vf_max(max, vf_max(confidence, grain));
-        vf share = vf_clamp(neck[0] * nx + (neck[1] * r->ny + neck[2]), zero,
-                            one);
+        max = vf_max(max, confidence);
+        most = vf_max(most, grain);
+        vf below = neck[0] * nx + (neck[1] * r->ny + neck[2]);
+        vf share = vf_clamp(below, zero, one);
+        vf head = one - vf_clamp(below - one, zero, one);
+
+        vf_store(r->solid + i, head * turned *
+                                   vf_clamp(TEXTURE_SOLID(opaque), zero, one));
         x += share * (S[0] * nx + (S[1] * r->ny + S[4]));
         y += share * (S[2] * nx + (S[3] * r->ny + S[5]));
         /* splat_place_blended */
@@ -64,7 +71,8 @@ static bool ISA(lookup_places)(struct lookup_run *r,
         vf_store(r->u + i, r->half * (x + 1));
         vf_store(r->v + i, r->half * (y + 1));
     }
-    return vm_any(vf_gt(max, zero));
+    r->grained = vm_any(vf_gt(most, zero));
+    return r->grained || vm_any(vf_gt(max, zero));
 }
 
 /* ---- bicubic ------------------------------------------------------------- */
@@ -204,9 +212,8 @@ VEC_INLINE vq lookup_saturate(vq c)
 #endif
 }
 
-static void ISA(texture_bicubic)(float *photo, const float *u, const float *v,
-                                 const float *weight, size_t n,
-                                 const uint8_t *texture, size_t S)
+static void ISA(texture_bicubic)(float *photo, const struct lookup_run *r,
+                                 size_t n, const uint8_t *texture, size_t S)
 {
     struct lookup_taps t;
 
@@ -214,18 +221,19 @@ static void ISA(texture_bicubic)(float *photo, const float *u, const float *v,
         const size_t k = i % VEC;
 
         if (k == 0) {
-            lookup_taps_make(&t, u + i, v + i, S);
+            lookup_taps_make(&t, r->u + i, r->v + i, S);
             if (t.at[0] >= 0)           /* what the next row will need */
                 __builtin_prefetch(texture + 4 * ((size_t)t.at[0] + 4 * S));
         }
-        if (!(weight[i] > 0))
+        if (!(r->confidence[i] > 0))
             continue;
         vq c = t.at[k] < 0 ? lookup_border(texture, S, &t, k)
                            : lookup_cubic(texture + 4 * (size_t)t.at[k], 4 * S,
                                           t.across[k], t.down[k]);
 
-        vq_store(photo, lookup_saturate(c));
-        photo[4] = weight[i];
+        c = lookup_saturate(c);
+        vq_store(photo, c);
+        photo[4] = r->confidence[i] * (1 - (1 - c[3]) * r->solid[i]);
     }
 }
 

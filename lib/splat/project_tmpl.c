@@ -204,10 +204,14 @@ VEC_INLINE void project_grain(vf row[SPLAT_PLACE_CHANNELS],
                               const struct splat_place_side *side,
                               const vf at[2])
 {
-    vm has = vf_gt(vf_load(s->cloud.around[0] + i), vf_set(SPLAT_PLACE_NOWHERE));
+    vm has = vf_gt(vf_load(s->cloud.around[0] + i),
+                   vf_set(SPLAT_PLACE_NOWHERE)) &
+             vf_gt(vf_set(SPLAT_PLACE_SLIGHT), row[2]);
+
+    if (!vm_any(has))
+        return;
     vf weight = vf_keep(has, vf_set(SPLAT_PLACE_GRAIN) *
-                                 vf_max(vf_set(1) - row[2] / SPLAT_PLACE_SLIGHT,
-                                        vf_set(0)));
+                                 (vf_set(1) - row[2] / SPLAT_PLACE_SLIGHT));
     vf shorter = project_unrolled(s, i, side->facing);
     vf along = shorter * (vf_set(side->e[0]) * at[0] +
                           vf_set(side->e[1]) * at[1]);

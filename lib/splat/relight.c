@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "lib/base/parallel.h"
+#include "lib/base/quad.h"
 #include "lib/splat/state.h"
 
 #define CLOSE 0.1f      /* head units behind the foremost of a place and its
@@ -44,9 +45,10 @@ typedef void relight_five_fn(float *to, const float *x, size_t step, size_t n);
 /* [1 4 6 4 1]/16 */
 static void relight_blur(float *to, const float *x, size_t step, size_t n)
 {
-    for (size_t i = 0; i < n; i++, x++)
-        to[i] = (x[0] + x[4 * step] + 4 * (x[step] + x[3 * step]) +
-                 6 * x[2 * step]) / 16;
+#pragma omp simd
+    for (size_t i = 0; i < n; i++)
+        to[i] = (x[i] + x[i + 4 * step] + 4 * (x[i + step] + x[i + 3 * step]) +
+                 6 * x[i + 2 * step]) / 16;
 }
 
 static inline float relight_less(float a, float b)
@@ -56,11 +58,12 @@ static inline float relight_less(float a, float b)
 
 static void relight_min(float *to, const float *x, size_t step, size_t n)
 {
-    for (size_t i = 0; i < n; i++, x++)
-        to[i] = relight_less(relight_less(relight_less(x[0], x[step]),
-                                          relight_less(x[2 * step],
-                                                       x[3 * step])),
-                             x[4 * step]);
+#pragma omp simd
+    for (size_t i = 0; i < n; i++)
+        to[i] = relight_less(relight_less(relight_less(x[i], x[i + step]),
+                                          relight_less(x[i + 2 * step],
+                                                       x[i + 3 * step])),
+                             x[i + 4 * step]);
 }
 
 /* x (h,w) along its lines, then across them; beyond its edges lies `beyond`.
@@ -114,8 +117,9 @@ void splat_relight(float *gain, float tint[3], struct splat *s,
 
 /* n pixels times tint and gain, which rises by `rise` from each to the next, at most
  * alpha (NULL: anything): fminf is a call. */
-static void relight_run(float *color, size_t channels, const float *alpha,
-                        const float tint[3], float gain, float rise, size_t n)
+static void relight_pixels(float *color, size_t channels, const float *alpha,
+                           const float tint[3], float gain, float rise,
+                           size_t n)
 {
     for (size_t x = 0; x < n; x++, color += channels, gain += rise) {
         const float max = alpha ? alpha[x] : INFINITY;
@@ -123,6 +127,46 @@ static void relight_run(float *color, size_t channels, const float *alpha,
         for (int c = 0; max > 0 && c < 3; c++)
             color[c] = relight_less(color[c] * gain * tint[c], max);
     }
+}
+
+/* A number of each of four pixels, for each of their three channels in order. */
+#define RELIGHT_SPREAD(x) {__builtin_shufflevector(x, x, 0, 0, 0, 1), \
+                           __builtin_shufflevector(x, x, 1, 1, 2, 2), \
+                           __builtin_shufflevector(x, x, 2, 3, 3, 3)}
+
+/* Four pixels of three channels, all of which have coverage. */
+static void relight_four(float *color, quad alpha, const float t[3], quad g)
+{
+    typedef int32_t mask __attribute__((vector_size(16)));
+    const quad gain[3] = RELIGHT_SPREAD(g), max[3] = RELIGHT_SPREAD(alpha);
+    const quad tint[3] = {{t[0], t[1], t[2], t[0]}, {t[1], t[2], t[0], t[1]},
+                          {t[2], t[0], t[1], t[2]}};
+
+#pragma GCC unroll 3
+    for (int k = 0; k < 3; k++) {
+        const quad c = *(quad *)(color + 4 * k) * gain[k] * tint[k];
+        const mask less = c < max[k];
+
+        *(quad *)(color + 4 * k) = (quad)((less & (mask)c) |
+                                          (~less & (mask)max[k]));
+    }
+}
+
+/* A run, four pixels at once where that can be. */
+static void relight_run(float *color, size_t channels, const float *alpha,
+                        const float tint[3], float gain, float rise, size_t n)
+{
+    for (; channels == 3 && alpha && n >= 4 && alpha[0] > 0 && alpha[1] > 0 &&
+               alpha[2] > 0 && alpha[3] > 0;
+         n -= 4, color += 12, alpha += 4) {
+        const float second = gain + rise, third = second + rise;
+        const float fourth = third + rise;
+
+        relight_four(color, *(const quad *)alpha, tint,
+                     (quad){gain, second, third, fourth});
+        gain = fourth + rise;
+    }
+    relight_pixels(color, channels, alpha, tint, gain, rise, n);
 }
 
 /* A row, from the middle of one number to that of the next at a time. */
@@ -136,20 +180,31 @@ PARALLEL(relight_apply_part, y, float *, color, size_t, channels,
                            (float)(RELIGHT_STEP * height) - 0.5f, 0);
     const size_t low = (size_t)fminf(at, (float)(n - 1));
     const float *up = gain + low * n, *down = up + (low + 1 < n ? n : 0);
-    const float v = at - (float)low;
+    const float v = at - (float)low, last = (float)width;
+    const float *cover = alpha ? alpha + y * width : NULL;
+    size_t left = 0, right = width;
 
-    for (size_t k = 0, x = 0; k <= n; k++) {
+    while (cover && left < right && !(cover[left] > 0))
+        left++;
+    while (cover && left < right && !(cover[right - 1] > 0))
+        right--;
+    for (size_t k = 0, x = 0, next; x < right; k++, x = next) {
+        const float end = ((float)(int32_t)k + 0.5f) * step - 0.5f;
+        const int32_t before = (int32_t)end;
+
+        next = k < n && end < last
+                   ? (size_t)(before + ((float)before < end)) : width;
+        if (next <= left)
+            continue;
         const size_t a = k ? k - 1 : 0, b = k < n ? k : n - 1;
         const float p = up[a] + v * (down[a] - up[a]);
         const float q = up[b] + v * (down[b] - up[b]);
-        const float end = ceilf(((float)k + 0.5f) * step - 0.5f);
-        const size_t next = k < n && end < (float)width ? (size_t)end : width;
-        const float first = ((float)x + 0.5f) / step + 0.5f - (float)k;
-        const size_t i = y * width + x;
+        const float first = ((float)(int32_t)x + 0.5f) / step + 0.5f -
+                            (float)(int32_t)k;
 
-        relight_run(color + channels * i, channels, alpha ? alpha + i : NULL,
-                    tint, p + first * (q - p), (q - p) / step, next - x);
-        x = next;
+        relight_run(color + channels * (y * width + x), channels,
+                    cover ? cover + x : NULL, tint, p + first * (q - p),
+                    (q - p) / step, next - x);
     }
 }
 
