@@ -270,6 +270,9 @@ void avatar_relief(float *offset, struct avatar *a,
         dynamic_branch_relief(relief, k > 0, &a->picture, &a->source,
                               &a->dynamic);
     }
+    if (src->nmore)
+        avatar_look(a, src);
+    dynamic_branch_meet(relief, &a->picture, &a->source, &a->dynamic);
     relief_drape(offset, a->dynamic.tmp, relief, &a->source, &a->dense);
 }
 

@@ -298,7 +298,8 @@ void dynamic_branch_relief(float *relief, bool more,
                            struct dynamic_branch *b)
 {
     const struct white_point_colors seen = {b->pixel, b->trust, b->tmp};
-    const struct relief_work work = {b->beside, b->as, b->tmp + b->count};
+    const struct relief_work work = {b->look, b->beside, b->as,
+                                     b->tmp + b->count};
     float *front = b->tmp;
 
     dynamic_branch_geometry(mesh, b);
@@ -308,6 +309,21 @@ void dynamic_branch_relief(float *relief, bool more,
     for (size_t v = 0; v < b->dense->V; v++)
         front[v] = dynamic_branch_front(b, v);
     relief_limit(relief, front, picture, mesh);
+}
+
+void dynamic_branch_meet(float *relief, const struct source_picture *picture,
+                         const struct source_mesh *mesh,
+                         struct dynamic_branch *b)
+{
+    float eye[3], *rim = b->tmp;
+
+    dynamic_branch_geometry(mesh, b);
+    camera_origin(eye, mesh->cam);
+    for (size_t v = 0; v < b->dense->V; v++)
+        rim[v] = 1 - branch_ramp(fabsf(dynamic_branch_facing(b, v, eye)),
+                                 SIDEWAYS, SQUARE);
+    relief_meet(relief, rim, b->as + MATERIAL_HAIR * b->count, b->look, picture,
+                mesh, b->dense, rim + b->dense->V);
 }
 
 /* color (D,stride: red, green, blue and others) of a head that light `from` falls

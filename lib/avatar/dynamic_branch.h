@@ -96,6 +96,11 @@ void dynamic_branch_relief(float *relief, bool more,
                            const struct source_mesh *mesh,
                            struct dynamic_branch *b);
 
+/* Then, of the first picture: as far as it shows hair on the outline. */
+void dynamic_branch_meet(float *relief, const struct source_picture *picture,
+                         const struct source_mesh *mesh,
+                         struct dynamic_branch *b);
+
 /* Further pictures of the person, before a forward: begin with the first
  * picture and its mesh, then add each other with its own.  What they show of a
  * point adds up, each by how far it shows it, in the first picture's light:

@@ -15,6 +15,12 @@
 #define SWEEPS 20       /* of Jacobi's: over about four vertices, 3 cm */
 #define STEP 0.7f       /* of the way each goes: less than whole, or Jacobi's may
                          * swing */
+#define TALL 0.2f       /* head units: hair beside the head is followed so far */
+#define FIRM 10         /* weight of a height on the outline, for one of a step */
+#define LOOSE 0.1f      /* of the styles': 1 / sqrt(LOOSE) vertices, 2 cm, away from
+                         * the outline a third is left of what it asks for */
+#define SPREAD 40       /* Jacobi's sweeps, after which (1 + LOOSE)^-SPREAD, a
+                         * fiftieth, is left to do */
 
 /* Where vertex v, raised by `height`, is in the picture (2); returns its depth. */
 static float relief_place(float place[2], const struct source_mesh *mesh,
@@ -29,6 +35,16 @@ static float relief_place(float place[2], const struct source_mesh *mesh,
     return row[0] * x[0] + row[1] * x[1] + row[2] * x[2] + row[3];
 }
 
+/* Whether the picture shows what vertex v, raised as far as some hair is, has beside
+ * the bare mesh: there, place (2). */
+static bool relief_is_beside(float place[2], const struct source_picture *picture,
+                             const struct source_mesh *mesh, size_t v)
+{
+    relief_place(place, mesh, v, RISE);
+    return source_picture_shows(picture, place) &&
+           !isfinite(mesh->depth[source_mesh_cell(place, mesh->n)]);
+}
+
 void relief_beside(float *beside, const struct material_look *look,
                    const struct source_picture *picture,
                    const struct source_mesh *mesh)
@@ -39,9 +55,7 @@ void relief_beside(float *beside, const struct material_look *look,
     for (size_t v = 0; v < a->V; v++) {
         float place[2], rgba[4], odds[MATERIALS];
 
-        relief_place(place, mesh, v, RISE);
-        if (!source_picture_shows(picture, place) ||
-            isfinite(mesh->depth[source_mesh_cell(place, mesh->n)]))
+        if (!relief_is_beside(place, picture, mesh, v))
             continue;
         source_picture_sample(rgba, picture, place, 1);
         material_odds(odds, rgba, look);
@@ -74,13 +88,13 @@ void relief_find(float *relief, const struct relief_work *work,
                  const struct source_mesh *mesh, const struct densify *d)
 {
     const struct head_avatar *a = mesh->weights;
-    struct material_look look[MATERIALS];
 
-    material_looks(look, work->chance, seen, held, a, d);
-    relief_beside(work->beside, look, picture, mesh);
+    material_looks(work->look, work->chance, seen, held, a, d);
+    relief_beside(work->beside, work->look, picture, mesh);
     const struct material_share share =
-        material_person(work->odds, look, work->beside, seen, held, a, d);
+        material_person(work->odds, work->look, work->beside, seen, held, a, d);
     relief_expect(relief, &share, a);
+    material_expect(work->chance, &share, a, d);
 }
 
 /* Whether the picture would not have shown vertex v raised by `height`. */
@@ -116,6 +130,58 @@ void relief_limit(float *relief, const float *front,
 {
     parallel_each(relief_limit_part, mesh->head->V, 1, relief, front, picture,
                   mesh);
+}
+
+/* How far from vertex v along its normal the picture shows hair. */
+static float relief_follow(const struct source_picture *picture,
+                           const struct source_mesh *mesh,
+                           const struct material_look *look, size_t v)
+{
+    int part = 0;
+
+    for (; part < PARTS; part++) {
+        float place[2], rgba[4], odds[MATERIALS];
+
+        relief_place(place, mesh, v, TALL * (float)(part + 1) / PARTS);
+        if (!source_picture_shows(picture, place))
+            break;
+        source_picture_sample(rgba, picture, place, 1);
+        material_odds(odds, rgba, look);
+        if (rgba[3] < 0.5f || odds[MATERIAL_HAIR] < 1)
+            break;
+    }
+    return TALL * (float)part / PARTS;
+}
+
+void relief_meet(float *relief, const float *rim, const float *hair,
+                 const struct material_look *look,
+                 const struct source_picture *picture,
+                 const struct source_mesh *mesh, const struct densify *d,
+                 float *scratch)
+{
+    float *more = scratch, *sum = more + d->V, *weight = sum + d->V;
+    float *want = weight + d->V;
+
+    for (size_t v = 0; v < d->V; v++) {
+        float place[2];
+
+        more[v] = want[v] = 0;
+        weight[v] = FIRM * rim[v] * hair[v];
+        if (weight[v] > 0 && !relief_is_beside(place, picture, mesh, v))
+            weight[v] = 0;
+        if (weight[v] > 0)
+            want[v] = relief_follow(picture, mesh, look, v) - relief[v];
+    }
+    for (int sweep = 0; sweep < SPREAD; sweep++) {
+        memset(sum, 0, d->V * sizeof *sum);
+        for (size_t h = 0; h < 2 * d->E; h++)
+            sum[d->edge[h]] += more[d->edge[h ^ 1]];
+        for (size_t v = 0; v < d->V; v++)
+            more[v] = (sum[v] / (float)d->degree[v] + weight[v] * want[v]) /
+                      (1 + weight[v] + LOOSE);
+    }
+    for (size_t v = 0; v < d->V; v++)
+        relief[v] = fmaxf(relief[v] + hair[v] * more[v], 0);
 }
 
 void relief_drape(float *offset, float *tmp, const float *relief,

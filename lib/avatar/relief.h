@@ -1,6 +1,7 @@
-/* How far hair stands off the head where no photograph shows it.  The mesh is bald,
- * and hair that a photograph shows beside it is the plane's, which ends where the
- * picture does.  People who wear their hair alike wear it about as far off the head
+/* How far hair stands off the head.  The mesh is bald, and hair that a photograph shows
+ * beside it would be the plane's: a comb before a cap, once the head turns.  So the
+ * mesh rises on its outline until it meets that of the hair, and less and less away
+ * from there.  People who wear their hair alike wear it about as far off the head
  * (head_avatar.h's styles), so that the side which is hidden rises by what people of
  * scans have there, as far as it would not have been seen. */
 #ifndef SPID_AVATAR_RELIEF_H
@@ -24,8 +25,9 @@ void relief_expect(float *relief, const struct material_share *share,
 /* The same of the styles that a picture of the person speaks for: what is seen of the
  * mesh, how far it is where it is (held), and what is beside it. */
 struct relief_work {
+    struct material_look *look; /* (MATERIALS) out: the person's */
     float *beside;      /* (HEAD_STYLES) out */
-    float *chance;      /* (MATERIALS,V+E) scratch */
+    float *chance;      /* (MATERIALS,V+E) out: by those styles */
     float *odds;        /* (MATERIALS,V+E) scratch */
 };
 void relief_find(float *relief, const struct relief_work *work,
@@ -38,6 +40,16 @@ void relief_find(float *relief, const struct relief_work *work,
 void relief_limit(float *relief, const float *front,
                   const struct source_picture *picture,
                   const struct source_mesh *mesh);
+
+/* The heights where that is hair's (hair (V): its chance) which differ least from
+ * relief as it comes, and from each other in how far they do, so that the mesh's
+ * outline (rim (V): how far a vertex lies there) meets that of the hair by its look
+ * (MATERIALS): a screened Poisson equation on the mesh.  scratch (4,V). */
+void relief_meet(float *relief, const float *rim, const float *hair,
+                 const struct material_look *look,
+                 const struct source_picture *picture,
+                 const struct source_mesh *mesh, const struct densify *d,
+                 float *scratch);
 
 /* offset (V,3), head frame: hair hangs over its relief as a membrane, without the
  * ears' shape and without steps where it ends.  tmp (V,3). */

@@ -292,6 +292,84 @@ static void relief_outline(void)
     source_picture_release(&p);
 }
 
+/* x (n) of A x = b, (n,n) symmetric and positive: elimination; both are used up. */
+static void relief_eliminate(double *x, double *A, double *b, size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        for (size_t j = i + 1; j < n; j++) {
+            const double by = A[n * j + i] / A[n * i + i];
+
+            for (size_t k = i; k < n; k++)
+                A[n * j + k] -= by * A[n * i + k];
+            b[j] -= by * b[i];
+        }
+    for (size_t i = n; i-- > 0;) {
+        x[i] = b[i];
+        for (size_t k = i + 1; k < n; k++)
+            x[i] -= A[n * i + k] * x[k];
+        x[i] /= A[n * i + i];
+    }
+}
+
+/* A row of vertices a tenth apart that ends on the mesh's outline, in a picture with
+ * 0.115 of hair beside it, or with nobody there. */
+static void relief_row(void)
+{
+    enum { ALL = 12, N = 16, RIM = ALL - 1 };
+    static const int32_t strip[] = {0, 1, 2, 2, 3, 4, 4, 5, 6, 6, 7, 8, 8, 9, 10,
+                                    10, 11, 9};
+    float verts[3 * ALL] = {0}, normals[3 * ALL] = {0}, depth[N * N];
+    float rim[ALL] = {0}, hair[ALL], relief[ALL], room[4 * ALL];
+    double A[ALL * ALL] = {0}, b[ALL] = {0}, x[ALL], off = 0;
+    const struct material_look look[MATERIALS] = {{0}};     /* nothing known */
+    uint8_t colours[3 * N * N] = {0}, matte[N * N];
+    const struct head h = {.V = ALL};
+    const struct source_mesh mesh = {
+        .head = &h, .n = N, .verts = verts, .normals = normals, .depth = depth,
+        .cam = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 11}};
+    struct source_picture p = {0};
+    struct densify d = {0};
+    struct error err = {0};
+
+    densify_init(&d, strip, sizeof strip / sizeof *strip / 3, ALL, &err);
+    for (size_t v = 0; v < ALL; v++) {
+        verts[3 * v] = 0.1f * ((float)v - RIM);
+        normals[3 * v] = 1;
+        relief[v] = 0.01f;
+        hair[v] = v == 0 ? 0 : 1;
+    }
+    rim[RIM] = 1;
+    for (size_t i = 0; i < N * N; i++) {
+        matte[i] = i % N <= N / 2 ? 255 : 0;
+        depth[i] = i % N < N / 2 ? 10 : INFINITY;
+    }
+    source_picture_init(&p, N, &err);
+    source_picture_set(&p, colours, matte, NULL, false);
+    relief_meet(relief, rim, hair, look, &p, &mesh, &d, room);
+
+    for (size_t v = 0; v < ALL; v++)
+        A[ALL * v + v] = d.degree[v] * (1.1 + (v == RIM ? 10 : 0));
+    for (size_t e = 0; e < d.E; e++) {
+        const size_t i = (size_t)d.edge[2 * e], j = (size_t)d.edge[2 * e + 1];
+
+        A[ALL * i + j] = A[ALL * j + i] = -1;
+    }
+    b[RIM] = d.degree[RIM] * 10 * (0.1125 - 0.01);      /* in parts of 0.0125 */
+    relief_eliminate(x, A, b, ALL);
+    for (size_t v = 1; v < ALL; v++)
+        off = fmax(off, fabs(relief[v] - 0.01 - x[v]));
+    check_range("the outline meets hair", relief[RIM], 0.105, 0.115);
+    check_range("less of it further in", relief[RIM - 4], 0.02, 0.08);
+    check("as elimination solves it", off, 0.002);
+    expect("where none grows, none rises", relief[0], 0.01, 1e-6);
+    memset(matte, 0, sizeof matte);
+    source_picture_set(&p, colours, matte, NULL, false);
+    relief_meet(relief, rim, hair, look, &p, &mesh, &d, room);
+    check("nobody there: none", relief[RIM], 0.01);
+    densify_release(&d);
+    source_picture_release(&p);
+}
+
 /* ---- a person's own colours ------------------------------------------------- */
 
 /* log of a normal density but for a constant, by double: its brightness and
@@ -460,6 +538,7 @@ int main(void)
     material_colours();
     relief_wall();
     relief_outline();
+    relief_row();
     picture_edge();
     tilt_slopes();
     return check_status();
