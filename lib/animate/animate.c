@@ -33,16 +33,17 @@ static int animate_worker_open_frame(struct animate_worker *w,
         : error_set(err, EX_OSERR, "no memory for a picture");
 }
 
-/* Pipeline and buffers of one worker. */
-static int animate_worker_open(struct animate_worker *w,
-                               const struct pipeline_avatar *avatar,
-                               struct error *err)
+/* Pipeline and buffers of one worker, unless it has them. */
+static int animate_worker_open(struct animate_worker *w, struct error *err)
 {
     struct pipeline_options opt = w->owner->opt.pipeline;
 
+    if (w->open)
+        return 0;
     opt.threads = w->owner->opt.workers > 1 ? 1 : 0;
     opt.refine = &w->owner->refine;
-    return pipeline_init(&w->pipeline, &opt, avatar, err) ||
+    w->open = true;
+    return pipeline_init(&w->pipeline, &opt, &w->owner->avatar, err) ||
            animate_worker_open_frame(w, err) ? -1 : 0;
 }
 
@@ -51,23 +52,22 @@ int animate_init(struct animate *a, const struct animate_options *opt,
 {
     memset(a, 0, sizeof *a);
     a->opt = *opt;
+    a->avatar = *avatar;
     if (a->opt.workers < 1)
         a->opt.workers = 1;
-    a->worker = calloc((size_t)a->opt.workers, sizeof *a->worker);
+    a->count = a->opt.workers + (a->opt.workers > 1);
+    a->worker = calloc((size_t)a->count, sizeof *a->worker);
     if (!a->worker)
-        return error_set(err, EX_OSERR, "no memory for %d workers",
-                         a->opt.workers);
+        return error_set(err, EX_OSERR, "no memory for %d workers", a->count);
+    for (int i = 0; i < a->count; i++)
+        a->worker[i].owner = a;
     pthread_mutex_init(&a->in, NULL);
     pthread_mutex_init(&a->out, NULL);
     pthread_cond_init(&a->turn, NULL);
     /* planned as they run: several each share no work */
     const bool before = parallel_alone(a->opt.workers > 1);
-    int rc = a->opt.pipeline.star
-                 ? 0 : pipeline_open_refiner(&a->refine, &a->opt.pipeline, err);
-    for (int i = 0; i < a->opt.workers && rc == 0; i++) {
-        a->worker[i].owner = a;
-        rc = animate_worker_open(&a->worker[i], avatar, err);
-    }
+    const int rc = a->opt.pipeline.star
+        ? 0 : pipeline_open_refiner(&a->refine, &a->opt.pipeline, err);
     parallel_alone(before);
     if (rc)
         animate_release(a);
@@ -76,7 +76,7 @@ int animate_init(struct animate *a, const struct animate_options *opt,
 
 void animate_release(struct animate *a)
 {
-    for (int i = 0; a->worker && i < a->opt.workers; i++) {
+    for (int i = 0; a->worker && i < a->count; i++) {
         struct animate_worker *w = &a->worker[i];
 
         pipeline_release(&w->pipeline);
@@ -108,14 +108,30 @@ static void animate_fail(struct animate *a, const struct error *err)
     pthread_mutex_unlock(&a->out);
 }
 
-/* Wait until *next, a count of frames, has come to this one; false when one
- * failed. */
+/* Wait until one more may work; false when a frame failed. */
+static bool animate_begin(struct animate *a)
+{
+    pthread_mutex_lock(&a->out);
+    while (a->working >= a->opt.workers && !a->failed)
+        pthread_cond_wait(&a->turn, &a->out);
+    a->working++;
+    pthread_mutex_unlock(&a->out);
+    return !a->failed;
+}
+
+/* Wait until *next, a count of frames, has come to this one, while another may work;
+ * false when one failed. */
 static bool animate_wait(struct animate *a, const uint64_t *next,
                          uint64_t ticket)
 {
     pthread_mutex_lock(&a->out);
-    while (*next != ticket && !a->failed)
-        pthread_cond_wait(&a->turn, &a->out);
+    if (*next != ticket) {
+        a->working--;
+        pthread_cond_broadcast(&a->turn);
+        while (*next != ticket && !a->failed)
+            pthread_cond_wait(&a->turn, &a->out);
+        a->working++;
+    }
     pthread_mutex_unlock(&a->out);
     return !a->failed;
 }
@@ -125,6 +141,7 @@ static void animate_pass_on(struct animate *a, uint64_t *next)
 {
     pthread_mutex_lock(&a->out);
     ++*next;
+    a->working -= next == &a->next_out;     /* it is done */
     pthread_cond_broadcast(&a->turn);
     pthread_mutex_unlock(&a->out);
 }
@@ -138,7 +155,8 @@ static int animate_take(struct animate *a, struct driver_frame *f,
     int rc = 0;
 
     pthread_mutex_lock(&a->in);
-    if (!a->ended && (!a->opt.frames || a->next_in < a->opt.frames)) {
+    if (!a->ended && (!a->opt.frames || a->next_in < a->opt.frames) &&
+        animate_begin(a)) {
         /* one at a time, so with whoever is free: the longest of what frames
          * cannot do beside each other */
         const bool before = parallel_alone(false);
@@ -273,7 +291,8 @@ static void *animate_worker_run(void *arg)
         struct error err = {0};
 
         f.r.motion.pose.exp = f.r.motion.exp;
-        if (animate_draw(w, &t.draw, &f.r.motion, ticket, &err)) {
+        if (animate_worker_open(w, &err) ||
+            animate_draw(w, &t.draw, &f.r.motion, ticket, &err)) {
             animate_fail(a, &err);
             break;
         }
@@ -296,11 +315,12 @@ int animate_run(struct animate *a, struct driver *d, struct live *live,
     a->done = done;
     a->ctx = ctx;
     a->next_in = a->next_refined = a->next_out = 0;
+    a->working = 0;
     a->ended = false;
     a->failed = false;
     if (a->opt.workers == 1)
         animate_worker_run(&a->worker[0]);
-    while (a->opt.workers > 1 && started < a->opt.workers &&
+    while (a->opt.workers > 1 && started < a->count &&
            !pthread_create(&a->worker[started].thread, NULL,
                            animate_worker_run, &a->worker[started]))
         started++;

@@ -2,9 +2,9 @@
  * the unit of parallel work: tracking is one after the other, because a crop
  * comes from the frame before; posing, moving, drawing and refining run on as
  * many frames at once as there are workers, each on one core and without
- * barriers; pictures leave in order.  No more frames are in flight than there
- * are workers.  The same library calls as the piped programs make, so the
- * same bytes. */
+ * barriers; pictures leave in order, and one that waits for its turn is in
+ * nobody's way.  The same library calls as the piped programs make, so the same
+ * bytes. */
 #ifndef SPID_ANIMATE_ANIMATE_H
 #define SPID_ANIMATE_ANIMATE_H
 
@@ -27,7 +27,7 @@ struct animate_part {
 
 struct animate_options {
     struct pipeline_options pipeline;   /* threads: set by animate_init */
-    int workers;                /* frames in flight; at least 1 */
+    int workers;                /* frames worked on at once; at least 1 */
     uint64_t frames;            /* so many and no more; 0: all */
     const struct inset *inset;          /* set the portrait into this
                                          * photograph; NULL: the portrait */
@@ -51,6 +51,7 @@ struct animate_frame {
 };
 
 struct animate_worker {
+    bool open;                  /* has had a frame, and all below since */
     struct pipeline pipeline;
     float *part_color, *part_alpha;     /* of opt.part */
     struct inset_scratch inset;
@@ -61,7 +62,10 @@ struct animate_worker {
 
 struct animate {
     struct animate_options opt;
+    struct pipeline_avatar avatar;
     struct animate_worker *worker;
+    int count;                  /* of them: with several, one more than work at
+                                 * once, for when a picture waits for its turn */
     struct refine refine;       /* all workers', unless star */
 
     /* a run */
@@ -73,12 +77,14 @@ struct animate {
     pthread_mutex_t in, out;
     pthread_cond_t turn;
     uint64_t next_in, next_refined, next_out;
+    int working;                /* workers that do not wait */
     bool ended;
     _Atomic bool failed;
     struct error err;
 };
 
-/* Prepare the workers, each with a pipeline of its own for that avatar. */
+/* Prepare the workers, each with a pipeline of its own for that avatar from its first
+ * frame on. */
 int animate_init(struct animate *a, const struct animate_options *opt,
                  const struct pipeline_avatar *avatar, struct error *err);
 /* Free what it holds; zeroed then. */

@@ -24,7 +24,12 @@ static int pipeline_open_renderer(struct pipeline *p, struct error *err)
     opt.threads = p->opt.threads;
     opt.place = p->avatar.texture;
     opt.kept = true;
-    opt.fixed16 = opt.fixed16 && !p->opt.f32;
+    opt.fixed16 = opt.fixed16 && !p->opt.f32 && !p->opt.exact;
+    if (p->opt.exact) {
+        opt.alpha_cut = 0x1p-24f;
+        opt.t_cut = 0;
+        opt.exp_degree = 5;
+    }
     return splat_init(&p->splat, &opt, err) ||
            splat_load(&p->splat, &g, err) ? -1 : 0;
 }

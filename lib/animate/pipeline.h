@@ -31,6 +31,7 @@ struct pipeline_options {
     enum splat_rules rules;     /* the renderer's */
     unsigned branches;          /* bit b: branch b is drawn; 0: all */
     bool roi;                   /* refine only where the head is */
+    bool exact;                 /* no cut-offs, for measuring */
     bool f32;                   /* features drawn and kept in float, not in
                                  * half precision */
     enum nn_type precision;     /* of the refiner */

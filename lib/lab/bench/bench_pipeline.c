@@ -188,26 +188,6 @@ static int pipeline_make_video(struct pipe *p, struct error *err)
     return bench_person_write(&p->l->person, p->clip, PERSON_FRAMES, err);
 }
 
-/* Every worker's renderer again, without cut-offs. */
-static int pipeline_make_exact(struct animate *a, struct error *err)
-{
-    const struct gaussians g = baked_set(a->worker->pipeline.avatar.baked);
-
-    for (int i = 0; i < a->opt.workers; i++) {
-        struct splat *s = &a->worker[i].pipeline.splat;
-        struct splat_options opt = s->opt;
-
-        opt.alpha_cut = 0x1p-24f;
-        opt.t_cut = 0;
-        opt.exp_degree = 5;
-        opt.fixed16 = false;
-        splat_release(s);
-        if (splat_init(s, &opt, err) || splat_load(s, &g, err))
-            return -1;
-    }
-    return 0;
-}
-
 /* A tracker that has seen no frame. */
 static int pipeline_start_track(struct pipe *p, const struct variant *v,
                                 struct error *err)
@@ -234,7 +214,7 @@ static int pipeline_open(struct pipe *p, struct pipe_rows *l,
     const struct animate_options opt = {
         .pipeline = {
             .size = PERSON_SIZE, .model = &s->model, .star = v->star,
-            .f32 = v->f32 || v->exact, .roi = v->roi,
+            .f32 = v->f32 || v->exact, .exact = v->exact, .roi = v->roi,
             .precision = v->type
         },
         .workers = s->b->threads
@@ -249,13 +229,13 @@ static int pipeline_open(struct pipe *p, struct pipe_rows *l,
     p->l = l;
     p->truth = l->truth[v->star];
     p->sink = framesink_open(&sink, err);
-    if (!p->sink || encoders_open(&p->nets, &s->model, false, motion, err) ||
-        head_fold(&p->mean, &s->head, NULL, 0, err) ||
-        pipeline_start_track(p, v, err) ||
-        (v->video && pipeline_make_video(p, err)) ||
-        animate_init(&p->animate, &opt, &avatar, err))
-        return -1;
-    return v->exact ? pipeline_make_exact(&p->animate, err) : 0;
+    return !p->sink ||
+                   encoders_open(&p->nets, &s->model, false, motion, err) ||
+                   head_fold(&p->mean, &s->head, NULL, 0, err) ||
+                   pipeline_start_track(p, v, err) ||
+                   (v->video && pipeline_make_video(p, err)) ||
+                   animate_init(&p->animate, &opt, &avatar, err)
+               ? -1 : 0;
 }
 
 /* And the video's files. */
