@@ -10,11 +10,13 @@
 void head_direction(float *out, const struct head *h, const float *dirs,
                     size_t n, size_t k)
 {
-    for (size_t v = 0; v < h->V; v++) {
-        const float *block = dirs + (v / HEAD_BLOCK * n + k) * 3 * HEAD_BLOCK;
+    for (size_t b = 0; b * HEAD_BLOCK < h->V; b++) {
+        const float *block = dirs + (b * n + k) * 3 * HEAD_BLOCK;
+        const size_t rest = h->V - b * HEAD_BLOCK;
 
-        for (size_t c = 0; c < 3; c++)
-            out[3 * v + c] = block[c * HEAD_BLOCK + v % HEAD_BLOCK];
+        for (size_t i = 0; i < HEAD_BLOCK && i < rest; i++, out += 3)
+            for (size_t c = 0; c < 3; c++)
+                out[c] = block[c * HEAD_BLOCK + i];
     }
 }
 

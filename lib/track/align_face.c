@@ -114,23 +114,23 @@ static void align_face_gaps(struct align_face *f, size_t k, const float *d)
 static void align_face_choose(struct align_face *f, double *moves, float *d)
 {
     const struct head *h = f->id->head;
-    double max = 0;
+    const int first = ALIGN_FACE_LID(1), end = (int)h->nexp;
+    double all[HEAD_MAX_EXP + 2], *whole = all - first, max = 0;
 
-    for (int pass = 0; pass < 2; pass++)
-        for (int k = ALIGN_FACE_LID(1);
-             k < (int)h->nexp && f->codes < ALIGN_FACE_CODES; k++) {
-            align_face_get_direction(d, f, k);
-            const double whole = align_face_moves(d, h->V);
-
-            if (pass == 0 && k >= 0)
-                max = fmax(max, whole);
-            if (pass == 0 || whole < STILL * STILL * max)
-                continue;
-            for (size_t i = 0; i < 3 * h->V; i++)
-                moves[i / 3] += (double)d[i] * d[i];
-            f->spread[f->codes] = k < 0 ? LID_SPREAD : SPREAD;
-            f->code[f->codes++] = k;
-        }
+    for (int k = first; k < end; k++) {
+        align_face_get_direction(d, f, k);
+        whole[k] = align_face_moves(d, h->V);
+        max = k < 0 ? 0 : fmax(max, whole[k]);
+    }
+    for (int k = first; k < end && f->codes < ALIGN_FACE_CODES; k++) {
+        if (whole[k] < STILL * STILL * max)
+            continue;
+        align_face_get_direction(d, f, k);
+        for (size_t i = 0; i < 3 * h->V; i++)
+            moves[i / 3] += (double)d[i] * d[i];
+        f->spread[f->codes] = k < 0 ? LID_SPREAD : SPREAD;
+        f->code[f->codes++] = k;
+    }
 }
 
 /* The points: skin that moves. */
