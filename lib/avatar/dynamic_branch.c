@@ -333,7 +333,9 @@ static void dynamic_branch_relight(float *color, size_t stride,
                                    const struct dynamic_branch *b)
 {
     for (size_t k = 0; k < b->count; k++) {
-        const float *n = b->normals + 3 * k;
+        float n[3];
+
+        lip_lining_bend(n, b->normals + 3 * k, b->seam[k]);
         const float gain = sqrtf(gaussian_light(n, to) /
                                  gaussian_light(n, from));
 

@@ -5,9 +5,8 @@
 #include <stdbool.h>
 #include <string.h>
 
-#define MUCOSA 0.3f     /* of the inner lips' colour is anyone's, and */
-#define DIM 0.14f       /* so much of the light is lost between them, */
-#define DIM_UP 0.16f    /* less where they face upwards */
+#include "lib/base/vec3.h"
+
 #define VEIL 0.1f      /* opacity of one of the veil's Gaussians, */
 #define VEIL_LOW 0.03f  /* of the lower lip's, for light comes from above, */
 #define VEIL_MM 2.6f    /* and their standard deviation */
@@ -31,20 +30,32 @@
 #define LIP_RINGS 4     /* of the mesh from the inner lips on, */
 #define RIM_RINGS 1     /* about teeth: gums, and lines between them */
 
-static const float lip_lining_mucosa[3] = {0.76f, 0.42f, 0.42f};
 static const float lip_lining_dark[3] = {0.24f, 0.1f, 0.09f};
+
+void lip_lining_bend(float to[3], const float n[3], float seam)
+{
+    const float size = length3(n);
+
+    memcpy(to, n, 3 * sizeof *to);
+    to[2] += seam * size;
+    const float by = size / (length3(to) + 1e-9f);
+    for (int c = 0; c < 3; c++)
+        to[c] *= by;
+}
 
 void lip_lining_paint(float *rgb, const float *seam, const float *normals,
                       const float white[3], size_t n)
 {
     for (size_t k = 0; k < n; k++) {
-        const float light = 1 - seam[k] * (DIM - DIM_UP * normals[3 * k + 1]);
+        const float *to = normals + 3 * k;
+        const float sky = 0.5f * (1 + to[2] / (length3(to) + 1e-9f));
 
         for (int c = 0; c < 3; c++) {
             float *own = rgb + 3 * k + c;
-            const float red = white[c] * lip_lining_mucosa[c];
+            const float share = fminf(*own / fmaxf(white[c], 1e-3f), 1);
+            const float lips = share * share * (1 - sky);
 
-            *own = light * (*own + MUCOSA * seam[k] * (red - *own));
+            *own *= 1 + seam[k] * (sqrtf(sky / (1 - lips + 1e-9f)) - 1);
         }
     }
 }

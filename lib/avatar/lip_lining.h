@@ -7,9 +7,15 @@
 #include "lib/avatar/source_mesh.h"
 #include "lib/base/densify.h"
 
-/* rgb (n,3): the colours found for seam (n, head_avatar.h) become redder and,
- * the more the less their normals (n,3) look upwards, darker; white (3): what
- * is white in the picture. */
+/* to (3): normal n (3), bent half way to the front as far as it is a rim's, which
+ * turns inward (seam, head_avatar.h): to where light comes from, for behind a rim is
+ * the mouth (bent normals, Landis 2002). */
+void lip_lining_bend(float to[3], const float n[3], float seam);
+
+/* rgb (n,3): the colours found for seam (n) become those of rims, which see lips
+ * where they do not see out of the mouth: darker, and redder as light goes from lip
+ * to lip.  Of normals (n,3) at an angle to the front they see (1 + its cosine) / 2 of
+ * the outside; white (3): what is white in the picture. */
 void lip_lining_paint(float *rgb, const float *seam, const float *normals,
                       const float white[3], size_t n);
 

@@ -8,6 +8,7 @@
 #include "lib/avatar/lip_lining.h"
 #include "lib/avatar/mouth_branch.h"
 #include "lib/avatar/teeth.h"
+#include "lib/base/gaussians.h"
 #include "tests/check.h"
 #include "tests/unit/shipped_mouth.h"
 
@@ -153,20 +154,45 @@ static void mouth_teeth(void)
     free(c);
 }
 
-/* The lips' inside. */
+/* By how much light l brightens a rim of normal n (colours are roots of light). */
+static float mouth_gain(const float n[3], const float l[3])
+{
+    float to[3];
+
+    lip_lining_bend(to, n, 1);
+    return sqrtf(gaussian_light(to, l));
+}
+
+/* The lips' rims, in a light from above as photographs have it. */
 static void mouth_paint(void)
 {
-    float rgb[9], normal[9] = {0, -1, 0, 0, 1, 0, 0, 1, 0};
-    const float seam[3] = {1, 1, 0}, white[3] = {0.9f, 0.9f, 0.9f};
+    const float normal[12] = {0, -1, 0, 0, 1, 0, 0, 1, 0, 0, 0, 2};
+    const float seam[4] = {1, 1, 0, 1}, white[3] = {0.8f, 0.8f, 0.8f};
+    const float lips[3] = {0.6f, 0.3f, 0.3f}, above[3] = {0, 0.55f, 0};
+    float rgb[12], to[3];
 
-    for (int k = 0; k < 9; k++)
-        rgb[k] = 0.5f;
-    lip_lining_paint(rgb, seam, normal, white, 3);
+    lip_lining_bend(to, normal + 3, 1);
+    expect("a rim's light comes from above", (double)to[1], sqrt(0.5), 1e-6);
+    expect("and from the front", (double)to[2], sqrt(0.5), 1e-6);
+    lip_lining_bend(to, normal + 6, 0);
+    check_that("normals before the seam stay", to[1] == 1 && to[2] == 0);
+    lip_lining_bend(to, normal + 9, 1);
+    check_that("and those to the front", to[1] == 0 && to[2] == 2);
+    for (int k = 0; k < 12; k++)
+        rgb[k] = lips[k % 3];
+    lip_lining_paint(rgb, seam, normal, white, 4);
+    check_that("rims see less of the sky",
+               mouth_light(rgb + 3) < 0.9f * mouth_light(lips));
+    for (int k = 0; k < 2; k++)
+        check_that("they are redder",
+                   rgb[3 * k] * lips[1] > 1.1f * lips[0] * rgb[3 * k + 1]);
     check_that("the upper lip's is darker than the lower's",
-               mouth_light(rgb) < 0.9f * mouth_light(rgb + 3));
-    check_that("both are redder than lips of grey",
-               rgb[0] > 1.1f * rgb[1] && rgb[3] > 1.1f * rgb[4]);
-    expect("what is before the seam keeps its colour", (double)rgb[6], 0.5, 0);
+               mouth_gain(normal, above) * mouth_light(rgb) <
+                   0.9f * mouth_gain(normal + 3, above) *
+                       mouth_light(rgb + 3));
+    expect("what is before the seam keeps its colour", (double)rgb[6], 0.6,
+           1e-7);
+    expect("what faces the front, too", (double)rgb[9], 0.6, 1e-6);
 }
 
 /* Lips of four vertices, `gap` apart, and two of the lining behind them, the
