@@ -274,6 +274,9 @@ void avatar_relief(float *offset, struct avatar *a,
         avatar_look(a, src);
     dynamic_branch_meet(relief, &a->picture, &a->source, &a->dynamic);
     relief_drape(offset, a->dynamic.tmp, relief, &a->source, &a->dense);
+    const float rise = lip_lining_rise(&a->picture, &a->source);
+    for (size_t v = 0; v < a->head->V; v++)
+        offset[3 * v + 1] += rise * a->head->avatar.lips[v];
 }
 
 /* Of the mesh where Gaussians lie on it; elsewhere of what the source's camera

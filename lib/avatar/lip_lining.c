@@ -27,6 +27,12 @@
                                  * white */
 #define TEETH_LIT 0.6f
 
+#define LINE_MM 5       /* lips meet so near to where the mesh's do: half a lip's
+                         * height */
+#define LINE_STEPS 4    /* a millimetre */
+#define LINE_DARKER 0.1f        /* than in the middle a row that far away must be */
+#define MIDDLE_MM 11    /* so near to the middle: half way to the corners */
+
 #define LIP_RINGS 4     /* of the mesh from the inner lips on, */
 #define RIM_RINGS 1     /* about teeth: gums, and lines between them */
 
@@ -119,6 +125,41 @@ float lip_lining_closed(const struct source_mesh *mesh)
     head_mouth(&lips, mesh->head, mesh->posed);
     return 1 - branch_ramp(lips.gap * 1e3f / mesh->head->scale, SHUT_MM,
                            OPEN_MM);
+}
+
+float lip_lining_rise(const struct source_picture *picture,
+                      const struct source_mesh *mesh)
+{
+    enum { N = 2 * LINE_MM * LINE_STEPS + 1 };
+    const struct head *h = mesh->head;
+    const float mm = 1e-3f * h->scale, step = mm / LINE_STEPS;
+    float middle[3], at[3 * N], place[2 * N], rgba[4 * N], light[N] = {0};
+    int line = N / 2;
+
+    head_lip_centroid(middle, h, mesh->posed);
+    for (size_t i = 0; i < h->nlip_inner; i++) {
+        const float *v = mesh->posed + 3 * h->lip_inner[i];
+
+        if (fabsf(v[0] - middle[0]) > MIDDLE_MM * mm)
+            continue;
+        for (int k = 0; k < N; k++) {
+            memcpy(at + 3 * k, v, 3 * sizeof *at);
+            at[3 * k + 1] += (float)(k - N / 2) * step;
+        }
+        source_mesh_project(place, at, N, mesh->cam);
+        source_picture_sample(rgba, picture, place, N);
+        for (int k = 0; k < N; k++)
+            light[k] += rgba[4 * k] + rgba[4 * k + 1] + rgba[4 * k + 2];
+    }
+    for (int k = 0; k < N; k++) {
+        const float off = 2 * (float)k / (N - 1) - 1;
+
+        light[k] *= 1 + LINE_DARKER * off * off;
+    }
+    for (int k = 0; k < N; k++)
+        if (light[k] < light[line])
+            line = k;
+    return lip_lining_closed(mesh) * (float)(line - N / 2) * step;
 }
 
 void lip_lining_shade(struct branch_set *out, const float *verts,

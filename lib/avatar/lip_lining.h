@@ -5,6 +5,7 @@
 
 #include "lib/avatar/branch.h"
 #include "lib/avatar/source_mesh.h"
+#include "lib/avatar/source_picture.h"
 #include "lib/base/densify.h"
 
 /* to (3): normal n (3), bent half way to the front as far as it is a rim's, which
@@ -33,6 +34,11 @@ void lip_lining_on_teeth(float *on, const float *pixel,
 
 /* 1 where the source's lips are closed, 0 where they are open. */
 float lip_lining_closed(const struct source_mesh *mesh);
+
+/* How much higher than the mesh's closed lips meet in the picture, head units: where
+ * it is darkest, if it is anywhere.  0 of open ones. */
+float lip_lining_rise(const struct source_picture *picture,
+                      const struct source_mesh *mesh);
 
 /* The mesh's Gaussians behind the lips (head_avatar.h, lining), which are not
  * drawn themselves, become a dark veil before teeth and tongue: the occlusion

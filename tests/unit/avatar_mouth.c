@@ -8,6 +8,7 @@
 #include "lib/avatar/lip_lining.h"
 #include "lib/avatar/mouth_branch.h"
 #include "lib/avatar/teeth.h"
+#include "lib/base/camera.h"
 #include "lib/base/gaussians.h"
 #include "tests/check.h"
 #include "tests/unit/shipped_mouth.h"
@@ -231,6 +232,40 @@ static float mouth_veil(float veil[2], float gap)
     return seen[4];
 }
 
+/* Lips of four vertices, `gap` apart, before a picture whose row `dark` is so;
+ * returns how much higher lips meet there, in rows. */
+static double mouth_line(float gap, size_t dark)
+{
+    enum { S = 128 };
+    static uint8_t rgb[3 * S * S];
+    int32_t ring[4] = {0, 1, 2, 3};
+    const float y = 0.5f * gap, row = 2.0f / S;
+    const float posed[12] = {-0.02f, 0, 0, 0, y, 0, 0.02f, 0, 0, 0, -y, 0};
+    const float cam[12] = {1, 0, 0, 0, 0, -1, 0, 0, 0, 0, -1, CAMERA_FOCAL};
+    struct head head = {.scale = 5, .lip_inner = ring, .nlip_inner = 4};
+    struct source_mesh mesh = {.head = &head, .posed = posed};
+    struct source_picture picture = {0};
+
+    memset(rgb, 200, sizeof rgb);
+    memset(rgb + 3 * S * dark, 60, 3 * S);
+    memcpy(mesh.cam, cam, sizeof cam);
+    if (source_picture_init(&picture, S, NULL))
+        return INFINITY;
+    source_picture_set(&picture, rgb, NULL, NULL, false);
+    const double rise = (double)(lip_lining_rise(&picture, &mesh) / row);
+    source_picture_release(&picture);
+    return rise;
+}
+
+/* Where closed lips meet in a picture of 64 rows above and below them. */
+static void mouth_meet(void)
+{
+    expect("the line is half a row below the mesh's", mouth_line(0, 64), -0.5,
+           0.1);
+    expect("above it", mouth_line(0, 62), 1.5, 0.1);
+    expect("open lips meet nowhere", mouth_line(0.02f, 62), 0, 0);
+}
+
 /* Light from above does not reach the teeth, light from the front does. */
 static void mouth_overhead(void)
 {
@@ -264,6 +299,7 @@ int main(void)
     mouth_cover();
     mouth_teeth();
     mouth_paint();
+    mouth_meet();
     mouth_shade();
     mouth_overhead();
     return check_status();
