@@ -29,7 +29,7 @@ static int animate_parse_background(const char *value, void *dest,
 
 static const struct cli_option options[] = {
     OPTIONS_ANIMATION(opt),
-    OPTION_INT("size", 0, &opt.framing.size, 32, PERSON_LARGEST, "N",
+    OPTION_INT("size", 0, &opt.framing.size, 32, PERSON_MAX, "N",
                "pictures of N by N pixels (default the model's, 512)"),
     OPTION_STRING("list", 0, &list_path, "FILE",
                   "many clips: SOURCE, DRIVER and OUT on each line, tabs "

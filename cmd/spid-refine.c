@@ -26,7 +26,7 @@ static const struct cli_option options[] = {
     OPTION_PRECISION_REFINE(&precision, "network"),
     OPTION_FLAG("roi", 0, &roi,
                 "refine only the part of the picture where the head is"),
-    OPTION_INT("size", 0, &size, 1, PERSON_LARGEST, "N",
+    OPTION_INT("size", 0, &size, 1, PERSON_MAX, "N",
                "pictures of N by N pixels (default FEAT's size)"),
     OPTION_CALL("format", 0, &sink_options.format, "FORMAT",
                 framesink_parse_format,

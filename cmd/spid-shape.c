@@ -25,7 +25,7 @@ static const struct cli_option options[] = {
                 "face crop: centre and side in pixels of the picture"),
     OPTION_FACE("face", &track_options.face, "the picture"),
     OPTION_WINDOW(&track_options, "portrait window (default: about the face)"),
-    OPTION_INT("size", 0, &picture_size, 32, PERSON_LARGEST, "N",
+    OPTION_INT("size", 0, &picture_size, 32, PERSON_MAX, "N",
                "for pictures of N by N pixels at most (default: of any size)"),
     OPTION_STRING("mask", 0, &mask_path, "FILE",
                   "matte: a picture of the same size, white where the "

@@ -27,7 +27,7 @@ static void framing_choose_size(struct pipeline_options *opt,
 size_t framing_finest(const struct framing_options *want)
 {
     if (want->into_source && !want->size)
-        return PERSON_LARGEST;
+        return PERSON_MAX;
     return source_finest(want->size ? (size_t)want->size : want->model_size);
 }
 

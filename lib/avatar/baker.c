@@ -90,10 +90,10 @@ static int baker_check(const struct baker *b, const struct person *p,
     for (size_t k = 0; k <= p->nmore; k++) {
         const size_t own = k ? p->more[k - 1].size : p->size;
 
-        if (own < size || own > PERSON_LARGEST)
+        if (own < size || own > PERSON_MAX)
             return error_set(err, EX_DATAERR, "source picture is %zu pixels "
                              "wide (expected %zu to %d)", own, size,
-                             PERSON_LARGEST);
+                             PERSON_MAX);
     }
     if (p->model[0] && strcmp(p->model, b->hash))
         return error_set(err, EX_DATAERR, "identity was made with model %s "

@@ -15,7 +15,7 @@
 #include "lib/head/motion.h"
 #include "lib/stream/stream.h"
 
-#define PERSON_LARGEST 2048     /* pixels along a side of the picture */
+#define PERSON_MAX 2048         /* pixels along a side of the picture */
 #define PERSON_MORE 7           /* further pictures, at most */
 
 /* Owned copies; absent parts are NULL or 0. */
@@ -30,8 +30,7 @@ struct person {
     uint8_t *confidence;              /* (size,size) certainty of the matte: 255 less
                                  * twice its standard deviation; NULL: sure */
     size_t size;                /* the window's in the source picture, from
-                                 * what the networks see up to
-                                 * PERSON_LARGEST */
+                                 * what the networks see up to PERSON_MAX */
     float crop[3];              /* of the source picture in its file */
     struct motion source;       /* the source's own motion */
     struct motion calm;         /* the same with the person's face at rest, as

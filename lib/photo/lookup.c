@@ -158,30 +158,19 @@ PARALLEL(lookup_apply_part, y, const struct texture_shader *, s,
         if (field)
             texture_field_row(photo, color + 3 * at, alpha + at, field, step,
                               x, n, y);
-        texture_mix(color + s->channels * at, s->channels, alpha + at, photo,
-                    n);
+        texture_mix(color + 3 * at, 3, alpha + at, photo, n);
     }
 }
 
-void texture_apply(float *color, size_t channels, float *alpha,
-                   const struct texture *t, const struct splat_place_view *v,
-                   const float *place, size_t size)
-{
-    struct texture_shader s;
-
-    texture_shader_init(&s, t, v, size, NULL, channels);
-    parallel_each(lookup_apply_part, size, 1, &s, place, NULL, color, alpha, 0);
-}
-
-void texture_apply_field(float *color, float *alpha, const struct texture *t,
-                         const struct splat_place_view *v, const float *place,
-                         size_t size, const struct texture_field *field,
-                         float step)
+void texture_apply(float *color, float *alpha, const struct texture *t,
+                   const struct splat_place_view *v, const float *place,
+                   size_t size, const struct texture_field *field, float step)
 {
     struct texture_shader s;
 
     texture_shader_init(&s, t, v, size, NULL, 3);
     parallel_each(lookup_apply_part, size, 1, &s, place, field, color, alpha,
                   step);
-    texture_clamp_to_alpha(color, 3, alpha, size * size);
+    if (field)
+        texture_clamp_to_alpha(color, 3, alpha, size * size);
 }

@@ -134,16 +134,12 @@ void texture_lookup_backward(float *dplace, float *dalpha,
 void texture_clamp_to_alpha(float *color, size_t channels, const float *alpha,
                             size_t n);
 
-/* Both for a whole picture, without keeping what was looked up: color
- * (size,size,channels) and alpha (size,size) in place. */
-void texture_apply(float *color, size_t channels, float *alpha,
-                   const struct texture *t, const struct splat_place_view *v,
-                   const float *place, size_t size);
-/* The same with a field whose places lie `step` pixels apart, in a picture
- * that was enlarged since the refiner saw it: color (size,size,3). */
-void texture_apply_field(float *color, float *alpha, const struct texture *t,
-                         const struct splat_place_view *v, const float *place,
-                         size_t size, const struct texture_field *field,
-                         float step);
+/* texture_lookup and texture_mix for a whole picture, without keeping what was
+ * looked up: color (size,size,3) and alpha (size,size) in place.  With a field that
+ * is not NULL texture_compose in texture_mix's place; its places lie `step` pixels
+ * apart, in a picture that was enlarged since the refiner saw it. */
+void texture_apply(float *color, float *alpha, const struct texture *t,
+                   const struct splat_place_view *v, const float *place,
+                   size_t size, const struct texture_field *field, float step);
 
 #endif

@@ -50,9 +50,6 @@ void zoom_picture(struct zoom *z, const float *color, const float *alpha,
     if (!place)
         return;
     rescale_forward(z->place, place, &z->places);
-    if (field->at)
-        texture_apply_field(z->color, z->alpha, t, v, z->place, z->to, field,
-                            times * TEXTURE_FIELD_STEP);
-    else
-        texture_apply(z->color, 3, z->alpha, t, v, z->place, z->to);
+    texture_apply(z->color, z->alpha, t, v, z->place, z->to,
+                  field->at ? field : NULL, times * TEXTURE_FIELD_STEP);
 }

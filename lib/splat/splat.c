@@ -4,6 +4,7 @@
  * kernels in *_tmpl.c. */
 #include "lib/splat/splat.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdatomic.h>
 #include <stdlib.h>
@@ -206,8 +207,6 @@ static int splat_check_array(const float *x, size_t n, size_t row,
                      bad, x[bad], expected);
 }
 
-#define WIDEST 3e38f
-
 /* What the kernels take for granted of Gaussians. */
 static int splat_check_gaussians(const struct splat *s,
                                  const struct gaussians *g, struct error *err)
@@ -217,11 +216,11 @@ static int splat_check_gaussians(const struct splat *s,
     if (g->channels < s->opt.channels)
         return error_set(err, EX_DATAERR, "color has %d channels (expected at "
                          "least %d)", g->channels, s->opt.channels);
-    if (splat_check_array(g->mean, g->n, 3, "mean", -WIDEST, WIDEST, finite,
+    if (splat_check_array(g->mean, g->n, 3, "mean", -FLT_MAX, FLT_MAX, finite,
                           err) ||
-        splat_check_array(g->scale, g->n, 3, "scale", 0, WIDEST,
+        splat_check_array(g->scale, g->n, 3, "scale", 0, FLT_MAX,
                           "a finite number, not negative", err) ||
-        splat_check_array(g->quat, g->n, 4, "quat", -WIDEST, WIDEST, finite,
+        splat_check_array(g->quat, g->n, 4, "quat", -FLT_MAX, FLT_MAX, finite,
                           err) ||
         splat_check_array(g->opacity, g->n, 1, "opacity", 0, 1, "0 to 1",
                           err))
@@ -239,12 +238,12 @@ static int splat_check_gaussians(const struct splat *s,
                                          1.01f, "-1 to 1", err)) ||
          (g->normal && splat_check_array(g->light, 1, 3, "light", -1.01f,
                                          1.01f, "-1 to 1", err)) ||
-         (g->reach && splat_check_array(g->reach, g->n, 1, "reach", -WIDEST,
-                                        WIDEST, "a finite number", err))))
+         (g->reach && splat_check_array(g->reach, g->n, 1, "reach", -FLT_MAX,
+                                        FLT_MAX, "a finite number", err))))
         return -1;
     if (g->color)
         return splat_check_array(g->color, g->n, (size_t)g->channels, "color",
-                                 -WIDEST, WIDEST, finite, err);
+                                 -FLT_MAX, FLT_MAX, finite, err);
     for (size_t i = 0; i < g->n * (size_t)g->channels; i++)
         if ((g->color_half[i] & 0x7c00) == 0x7c00)
             return error_set(err, EX_DATAERR, "color[%zu] is not finite "
@@ -353,7 +352,7 @@ int splat_update(struct splat *s, const float *mean, size_t first,
     struct splat_state *st = s->state;
 
     if (splat_check_range(s, first, count, err) ||
-        splat_check_array(mean, count, 3, "mean", -WIDEST, WIDEST,
+        splat_check_array(mean, count, 3, "mean", -FLT_MAX, FLT_MAX,
                           "a finite number", err))
         return -1;
     for (size_t i = 0; i < count; i++)

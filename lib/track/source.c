@@ -27,7 +27,7 @@ const char *source_matte_name(enum source_matte how)
 
 size_t source_finest(size_t drawn)
 {
-    return 2 * drawn < PERSON_LARGEST ? 2 * drawn : PERSON_LARGEST;
+    return 2 * drawn < PERSON_MAX ? 2 * drawn : PERSON_MAX;
 }
 
 /* The picture, and its mask, turned by quarters in their place. */
@@ -305,7 +305,7 @@ int source_find(struct source *s, struct image *im, struct image *mask,
 
     memset(s, 0, sizeof *s);
     s->size = (size_t)opt->size;
-    s->finest = opt->finest ? opt->finest : PERSON_LARGEST;
+    s->finest = opt->finest ? opt->finest : PERSON_MAX;
     whole.whole = true;
     whole.still = true;
     if (im->width < 16 || im->height < 16)

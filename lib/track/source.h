@@ -34,7 +34,7 @@ struct source {
 };
 
 /* Pixels along a window that pictures of `drawn` pixels show: twice as many, for a
- * head that comes closer, PERSON_LARGEST at most. */
+ * head that comes closer, PERSON_MAX at most. */
 size_t source_finest(size_t drawn);
 
 /* From a picture with the head it is for; `opt` may fix crop and window.  A picture

@@ -29,7 +29,7 @@ struct facedetect;
 struct track_options {
     double size;                /* S of the portrait window: 512 */
     size_t finest;              /* pixels along a photograph's window that are
-                                 * kept at most; 0: PERSON_LARGEST */
+                                 * kept at most; 0: PERSON_MAX */
     long face;                  /* which, the largest is 1; 0: that one */
     bool has_crop, has_window;
     struct square crop;         /* fixed face crop, picture pixels */

@@ -194,11 +194,11 @@ static void test_identity(void)
     texture_of_photograph(&t);
     lookup_set_grey();
     lookup_set_places(0, 0, 1, 1);
-    texture_apply(color, 3, alpha, &t, &straight, place, S);
+    texture_apply(color, alpha, &t, &straight, place, S, NULL, 0);
     check("driven by itself: the photograph, in levels", off_photograph(), 1);
     lookup_set_grey();
     lookup_set_places(0, 0, 0.6f, 0.6f);
-    texture_apply(color, 3, alpha, &t, &straight, place, S);
+    texture_apply(color, alpha, &t, &straight, place, S, NULL, 0);
     check("half covered, all of it placed: the same", off_photograph(), 1);
     /* another view, whose difference the offsets make up for */
     lookup_set_grey();
@@ -213,7 +213,7 @@ static void test_identity(void)
         place[PLACES * i + 2] = 1;
         alpha[i] = 1;
     }
-    texture_apply(color, 3, alpha, &t, &other, place, S);
+    texture_apply(color, alpha, &t, &other, place, S, NULL, 0);
     check("another view, exact places: the same", off_photograph(), 1);
     texture_release(&t);
 }
@@ -228,7 +228,7 @@ static void test_shifted(void)
     texture_of_photograph(&t);
     lookup_set_grey();
     lookup_set_places(2.0f / S, 0, 1, 1);
-    texture_apply(color, 3, alpha, &t, &straight, place, S);
+    texture_apply(color, alpha, &t, &straight, place, S, NULL, 0);
     for (size_t i = 0; i < PIXELS; i++)
         for (size_t c = 0; c < 3 && i % S + 1 < S; c++)
             worst = fmax(worst, fabs(255 * (double)color[3 * i + c] -
@@ -273,7 +273,7 @@ static void test_levels(void)
                t.levels == 6 && t.side[0] == S && t.side[5] == S / 32);
     lookup_set_grey();
     lookup_set_places(0, 0, 1, 1);
-    texture_apply(color, 3, alpha, &t, &twice, place, S);
+    texture_apply(color, alpha, &t, &twice, place, S, NULL, 0);
     for (size_t y = S / 4 + 2; y < 3 * S / 4 - 2; y++)
         for (size_t x = S / 4 + 2; x < 3 * S / 4 - 2; x++)
             worst = fmax(worst, fabs((double)color[3 * (y * S + x)] - 0.5));
@@ -374,7 +374,7 @@ static void test_grain(struct texture *t)
         lookup_set_places(at[k].x, 0,
                           at[k].share * at[k].alpha * SPLAT_PLACE_GRAIN,
                           at[k].alpha);
-        texture_apply(color, 3, alpha, t, &straight, place, S);
+        texture_apply(color, alpha, t, &straight, place, S, NULL, 0);
         snprintf(what, sizeof what, "grain %g pixels off, share %g, alpha %g",
                  (double)at[k].x * S / 2, at[k].share, at[k].alpha);
         expect(what, color[3 * i], 0.3 * (double)at[k].gain, 1e-4);
@@ -439,8 +439,8 @@ static void field_in_one(const struct texture *t)
         memcpy(cover, alpha, sizeof cover);
         lookup_run(t);
         texture_compose(two, cover, photo, f, S, S);
-        texture_apply_field(color, alpha, t, &straight, place, S, f,
-                            steps[k]);
+        texture_apply(color, alpha, t, &straight, place, S, f,
+                      steps[k]);
         for (size_t i = 0; i < PIXELS; i++) {
             off = fmax(off, fabs((double)alpha[i] - cover[i]));
             for (size_t c = 0; c < 3; c++)
@@ -483,7 +483,7 @@ static void in_one(const struct texture *t)
                !memcmp(shown, photo, sizeof shown) &&
                !memcmp(shaded, two, sizeof shaded) &&
                !memcmp(over, cover, sizeof over));
-    texture_apply(color, 3, alpha, t, &straight, place, S);
+    texture_apply(color, alpha, t, &straight, place, S, NULL, 0);
     check_that("applied at once and by one thread: the same bits",
                !memcmp(two, color, sizeof two) &&
                !memcmp(cover, alpha, sizeof cover));

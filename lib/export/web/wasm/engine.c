@@ -11,7 +11,7 @@
 
 #include "lib/base/parallel.h"
 
-#define SIDE_MAX 4096           /* pixels along a side: PERSON_LARGEST's window
+#define SIDE_MAX 4096           /* pixels along a side: PERSON_MAX's window
                                  * is found in twice as many */
 
 struct engine engine;
