@@ -139,16 +139,14 @@ static void backdrop_start(struct backdrop *b)
 
 /* ---- the search --------------------------------------------------------- */
 
-static float backdrop_total(quad a)
-{
-    return a[0] + a[1] + a[2] + a[3];
-}
-
-/* How unlike the patch about cell i is to that about cell `from`. */
-static float backdrop_distance(const struct backdrop *b, int i, int from)
+/* How unlike the patch about cell i is to that about cell `from`, each cell counting
+ * by its weight and `least`: the mean square, without that of the means if they may
+ * be lit otherwise. */
+static inline float backdrop_unlike(const struct backdrop *b, int i, int from,
+                                    const float *weight, float least, bool lit)
 {
     const int x = i % SIDE, y = i / SIDE;
-    quad sum = {0};
+    quad mean = {0}, square = {0};
     float all = 0;
 
     for (int v = -REACH; v <= REACH; v++)
@@ -157,12 +155,21 @@ static float backdrop_distance(const struct backdrop *b, int i, int from)
                 continue;
             const int at = v * SIDE + u;
             const quad d = b->colour[i + at] - b->colour[from + at];
-            const float trust = b->trust[i + at] + DOUBT;
+            const float w = weight[i + at] + least;
 
-            sum += trust * d * d;
-            all += trust;
+            all += w;
+            mean += w * d;
+            square += w * d * d;
         }
-    return backdrop_total(sum) / all;
+    if (lit)
+        square -= mean * mean / all;
+    return (square[1] + square[2] + square[3]) / all;
+}
+
+/* That, as far as cell i's patch is known. */
+static float backdrop_distance(const struct backdrop *b, int i, int from)
+{
+    return backdrop_unlike(b, i, from, b->trust, DOUBT, false);
 }
 
 /* Cell i takes after cell `from` if that is seen and suits it as well. */
@@ -230,28 +237,6 @@ static void backdrop_vote(struct backdrop *b)
     }
 }
 
-/* How far a patch like cell i's is from being the same but for its brightness:
- * what backdrop_distance is without that of the means. */
-static float backdrop_unlike(const struct backdrop *b, int i)
-{
-    const int x = i % SIDE, y = i / SIDE;
-    quad mean = {0}, square = {0};
-    float all = 0;
-
-    for (int v = -REACH; v <= REACH; v++)
-        for (int u = -REACH; u <= REACH; u++) {
-            if (x + u < 0 || x + u >= SIDE || y + v < 0 || y + v >= SIDE)
-                continue;
-            const int at = v * SIDE + u;
-            const quad d = b->colour[i + at] - b->colour[b->from[i] + at];
-
-            all += b->known[i + at];
-            mean += b->known[i + at] * d;
-            square += b->known[i + at] * d * d;
-        }
-    return backdrop_total(square - mean * mean / all) / all;
-}
-
 /* How far each cell's copy is from it in a picture of n by n pixels, and what
  * it has to be brighter by: as the cells beside the hole, which are seen, differ
  * from what would be copied there, each as far as the light may be all that
@@ -263,10 +248,13 @@ static void backdrop_compare(struct backdrop *b, int n)
     memset(b->sum, 0, sizeof b->sum);
     for (int i = 0; i < CELLS; i++) {
         const bool beside = b->from[i] >= 0 && b->known[i] >= SEEN;
-        const float w = beside ? 1 / (1 + backdrop_unlike(b, i) / ALIKE) : 0;
+        float w = 0;
 
-        if (beside)
+        if (beside) {
+            w = 1 / (1 + backdrop_unlike(b, i, b->from[i], b->known, 0, true) /
+                             ALIKE);
             b->sum[i] = w * (b->colour[i] - b->colour[b->from[i]]);
+        }
         b->sum[i][0] = w;
     }
     pyramid_pool((float *)b->sum, SIDE, 4, 0.01f, none);
