@@ -8,41 +8,43 @@
 
 #include "lib/base/half.h"
 #include "lib/base/neck_blend.h"
+#include "lib/base/slices.h"
 #include "lib/stream/records.h"
 #include "lib/splat/splat.h"
 
-#define FLOATS 26       /* of a Gaussian beside its colours: mean to jaw */
+#define ARRAYS 13
 
-/* N Gaussians of C colours, the first `dynamic` on the mesh; no neck blend. */
+/* All of b's floats. */
+static void baked_arrays(struct slice to[ARRAYS], struct baked *b)
+{
+    const size_t N = b->N;
+    const struct slice all[ARRAYS] = {
+        {&b->mean, 3 * N, false}, {&b->scale, 3 * N, false},
+        {&b->quat, 4 * N, false}, {&b->opacity, N, false},
+        {&b->neck, N, false}, {&b->uv, 2 * N, false}, {&b->seen, N, false},
+        {&b->reach, N, false}, {&b->tilt, 2 * N, false},
+        {&b->normal, 3 * N, false}, {&b->around, 2 * N, false},
+        {&b->jaw, 3 * N, false}, {&b->color, b->C * N, false}
+    };
+
+    memcpy(to, all, sizeof all);
+}
+
+/* N Gaussians of C colours, the first `dynamic` on the mesh; all zero. */
 static int baked_allocate(struct baked *b, size_t N, size_t C,
                           size_t dynamic, struct error *err)
 {
-    memset(b, 0, sizeof *b);
-    b->N = N;
-    b->C = C;
-    b->dynamic = dynamic;
-    b->block = malloc((N * (FLOATS + C) + 1) * sizeof *b->block);
+    struct slice array[ARRAYS];
+
+    *b = (struct baked){.N = N, .C = C, .dynamic = dynamic};
+    baked_arrays(array, b);
     b->branch = malloc(N + 1);
     b->vertex = malloc((dynamic + 1) * sizeof *b->vertex);
-    if (!b->block || !b->branch || !b->vertex) {
+    if (!b->branch || !b->vertex ||
+        slices_allocate(&b->block, array, ARRAYS, false, err)) {
         baked_release(b);
         return error_set(err, EX_OSERR, "no memory for %zu Gaussians", N);
     }
-    b->mean = b->block;
-    b->scale = b->mean + 3 * N;
-    b->quat = b->scale + 3 * N;
-    b->opacity = b->quat + 4 * N;
-    b->neck = b->opacity + N;
-    b->uv = b->neck + N;
-    b->seen = b->uv + 2 * N;
-    b->reach = b->seen + N;
-    b->tilt = b->reach + N;
-    b->normal = b->tilt + 2 * N;
-    b->around = b->normal + 3 * N;
-    b->jaw = b->around + 2 * N;
-    b->color = b->jaw + 3 * N;
-    memset(b->uv, 0, 14 * N * sizeof *b->uv);
-    memset(b->neck, 0, N * sizeof *b->neck);
     memcpy(b->source, neck_blend_upright, sizeof b->source);
     return 0;
 }
@@ -399,21 +401,15 @@ int baked_write(struct stream_writer *w, uint64_t frame, double time,
 
 void baked_keep(struct baked *b, const uint8_t *keep)
 {
+    struct slice array[ARRAYS];
     size_t out = 0, dynamic = 0, mouth = 0;
 
-    baked_keep_rows(b->mean, b->mean, 3, keep, b->N);
-    baked_keep_rows(b->scale, b->scale, 3, keep, b->N);
-    baked_keep_rows(b->quat, b->quat, 4, keep, b->N);
-    baked_keep_rows(b->opacity, b->opacity, 1, keep, b->N);
-    baked_keep_rows(b->neck, b->neck, 1, keep, b->N);
-    baked_keep_rows(b->uv, b->uv, 2, keep, b->N);
-    baked_keep_rows(b->seen, b->seen, 1, keep, b->N);
-    baked_keep_rows(b->reach, b->reach, 1, keep, b->N);
-    baked_keep_rows(b->tilt, b->tilt, 2, keep, b->N);
-    baked_keep_rows(b->normal, b->normal, 3, keep, b->N);
-    baked_keep_rows(b->around, b->around, 2, keep, b->N);
-    baked_keep_rows(b->jaw, b->jaw, 3, keep, b->N);
-    baked_keep_rows(b->color, b->color, b->C, keep, b->N);
+    baked_arrays(array, b);
+    for (size_t k = 0; k < ARRAYS && b->N; k++) {
+        float *x = *(float **)array[k].at;
+
+        baked_keep_rows(x, x, array[k].n / b->N, keep, b->N);
+    }
     for (size_t i = 0; i < b->N; i++) {
         if (!keep[i])
             continue;
