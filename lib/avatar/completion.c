@@ -262,6 +262,5 @@ void completion_solve(float *rgb, const float *trust, const float *chance,
     memset(rgb, 0, 3 * N * sizeof *rgb);
     for (size_t m = 0; m < MATERIALS; m++)
         for (size_t i = 0; i < 3 * N; i++)
-            rgb[i] += chance[m * N + i / 3] *
-                      fminf(fmaxf(layer[m].b[i / 3][i % 3], 0), 1);
+            rgb[i] += chance[m * N + i / 3] * layer[m].b[i / 3][i % 3];
 }

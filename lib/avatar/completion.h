@@ -17,7 +17,8 @@
 /* Floats of scratch for N points. */
 #define COMPLETION_SCRATCH(N) (17 * MATERIALS * (N))
 
-/* rgb (N,3), N = V + E of d: in the photograph's colours, out complete.
+/* rgb (N,3), N = V + E of d: in the photograph's colours or their logarithms, out
+ * complete.
  *   trust (MATERIALS,N)   in them as each material's, 0..1
  *   chance (MATERIALS,N)  of each material
  *   mirror (N)  the point across the head of each; itself where there is none
