@@ -44,8 +44,6 @@
                          * much less as it turns: it is gone not at 2.5 but 4.8
                          * times, where a pixel of 0.5 mm is nearly as coarse as
                          * the mesh, of a point each 2.8 mm (gaussian_visible) */
-#define DARK 0.02f      /* colours under which steps count as they are, not as ratios:
-                         * noise */
 #define SLACK 0.03f     /* a vertex is visible if no further behind the surface,
                          * head units */
 
@@ -370,11 +368,11 @@ static void dynamic_branch_complete(float *rgb, const struct source_mesh *mesh,
 
     dynamic_branch_relight(rgb, 3, b->light, none, b);
     for (size_t i = 0; i < 3 * b->count; i++)
-        rgb[i] = log1pf(rgb[i] / DARK);
+        rgb[i] = log1pf(rgb[i] / SOURCE_PICTURE_DARK);
     completion_solve(rgb, b->as, b->chance, mesh->weights->mirror, b->dense,
                      b->tmp);
     for (size_t i = 0; i < 3 * b->count; i++)
-        rgb[i] = fmaxf(DARK * expm1f(rgb[i]), 0);
+        rgb[i] = fmaxf(SOURCE_PICTURE_DARK * expm1f(rgb[i]), 0);
     dynamic_branch_relight(rgb, 3, none, b->light, b);
     for (size_t i = 0; i < 3 * b->count; i++)
         rgb[i] = fminf(rgb[i], 1);

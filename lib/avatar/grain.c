@@ -15,8 +15,6 @@
 
 #define COARSE 2.3f     /* standard deviation of the mesh's disks, pixels (DISKS_SIZE
                          * of 2.8 mm): what is smoother they show themselves */
-#define DARKEST 0.02f   /* added to brightness before its logarithm: noise of a
-                         * photograph's blacks is no grain */
 #define SQUARE 0.5f     /* cosine from which the photograph shows grain as it is */
 #define LIKELY 0.5f     /* trust from which skin is seen, and chance of a pixel's
                          * material, by mesh and colour */
@@ -175,7 +173,8 @@ PARALLEL(grain_look, i, const struct grain_work *, w,
     w->is[i] = grain_is(w, p, look, i);
     w->known[i] = w->is[i] != NONE;
     w->from[i] = w->is[i] == NONE
-                     ? 0 : logf((p[0] + 2 * p[1] + p[2]) / 4 + DARKEST);
+                     ? 0 : logf((p[0] + 2 * p[1] + p[2]) / 4 +
+                                SOURCE_PICTURE_DARK);
 }
 
 /* And what of that is finer than the mesh. */

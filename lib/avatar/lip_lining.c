@@ -27,6 +27,7 @@
                                  * white */
 #define TEETH_LIT 0.6f
 
+/* How far each matters: tests/bench/README.md, "Light on rims of lips". */
 #define LINE_MM 5       /* lips meet so near to where the mesh's do: half a lip's
                          * height */
 #define LINE_STEPS 4    /* a millimetre */

@@ -113,7 +113,7 @@ static float material_log(const float f[MATERIAL_FEATURES],
     for (int k = 0; k < MATERIAL_FEATURES; k++) {
         const float off = f[k] - look->mean[k];
 
-        sum -= off * off / look->variance[k] + look->spread[k];
+        sum -= off * off / look->variance[k] + look->log_variance[k];
     }
     return sum / 2;
 }
@@ -179,7 +179,7 @@ static void material_step(struct material_look *to,
             *mean /= to[m].total + 1e-6f;
             *variance = fmaxf(*variance / (to[m].total + 1e-6f) -
                               *mean * *mean, 0) + least[k] * least[k];
-            to[m].spread[k] = logf(*variance);
+            to[m].log_variance[k] = logf(*variance);
         }
 }
 

@@ -25,11 +25,11 @@ void material_expect(float *chance, const struct material_share *share,
 
 /* What is known of the colours of a person's skin, hair or cloth: how many vertices
  * show it, and means and variances of their brightness (log) and shares of red and
- * green, and logarithms of those variances. */
+ * green. */
 enum { MATERIAL_FEATURES = 3 };
 struct material_look {
     float total, mean[MATERIAL_FEATURES], variance[MATERIAL_FEATURES];
-    float spread[MATERIAL_FEATURES];
+    float log_variance[MATERIAL_FEATURES];   /* for each pixel, not taken each time */
 };
 
 /* look (MATERIALS): a person's own, from where all people have each (EM, steps of
