@@ -1,5 +1,5 @@
-/* spid-head: lay the built-in head on ICT-FaceKit's scans, write it as plain
- * arrays, and compare it with those scans. */
+/* spid-head: give the built-in head the shapes of ICT-FaceKit's scans, write it
+ * as plain arrays, and compare it with those scans. */
 #include <stdio.h>
 #include <string.h>
 
@@ -18,7 +18,7 @@ static long people = 100;
 
 static const struct cli_option options[] = {
     OPTION_STRING("from", 0, &from, "SCANS",
-                  "lay it on ICT-FaceKit's ict.safetensors"),
+                  "give it the shapes of ICT-FaceKit's ict.safetensors"),
     OPTION_STRING("check", 0, &check, "SCANS",
                   "print how far a head is from random faces of the scans"),
     OPTION_STRING("avatar", 0, &avatar_path, "FILE",
@@ -36,7 +36,7 @@ static const struct cli_usage usage = {
     "write the built-in head model, compare it with scans", options
 };
 
-/* --from: the template, laid on the scans. */
+/* --from: the scans' shapes on the template's mesh. */
 static void head_register(struct template *t)
 {
     struct error err = {0};
@@ -56,7 +56,7 @@ static void head_register(struct template *t)
     scan_release(&scan);
 }
 
-/* The head to write, read, and laid on the scans if there are any. */
+/* The head to write, read, with the shapes of the scans if there are any. */
 static void head_write_model(const char *path)
 {
     struct error err = {0};

@@ -47,7 +47,7 @@ load helper
     [ ! -e h.safetensors ]
 }
 
-@test "laid on the scans anew it lies on them as closely" {
+@test "with the scans' shapes anew it is as close to them; a head elsewhere is refused" {
     SCANS=${SPID_ASSETS:-$TOP/../shared/assets}/ict/ict.safetensors
     [ -e "$SCANS" ] || skip "no scans in the shared assets (SPID_ASSETS)"
     spid-head --from "$SCANS" -o h.safetensors
@@ -56,6 +56,10 @@ load helper
     # mean distances of face, lids and lips
     paste shipped anew | grep -v head | awk -F '\t' '$3 != "part" { n++; if ($12 > 1.05 * $5) bad = 1 }
         END { exit bad || n != 9 }'
+    other_head up.safetensors
+    status 65 spid-head --head up.safetensors --from "$SCANS" -o x.safetensors
+    has "does not lie on the scans"
+    [ ! -e x.safetensors ]
 }
 
 @test "a subdivided head: the same face on a finer mesh, moved by a person's offset" {

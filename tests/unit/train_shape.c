@@ -9,7 +9,6 @@
 #include "lib/base/rotation.h"
 #include "lib/head/lbs.h"
 #include "lib/head/mirror.h"
-#include "lib/lab/head/loops.h"
 #include "lib/nn/params.h"
 #include "lib/track/tta.h"
 #include "lib/lab/train/shape_loss.h"
@@ -344,21 +343,43 @@ static void test_looks(const struct head *h)
     params_release(&ps);
 }
 
+/* The vertex at (-x, y, z), by looking at all of them. */
+static void shape_mirror(int *mirror, const struct head *h)
+{
+    for (size_t v = 0; v < h->V; v++) {
+        const float *p = h->v_template + 3 * v;
+        double best = INFINITY;
+
+        for (size_t w = 0; w < h->V; w++) {
+            const float *q = h->v_template + 3 * w;
+            double far = hypot(hypot(p[0] + q[0], p[1] - q[1]), p[2] - q[2]);
+
+            if (far < best) {
+                best = far;
+                mirror[v] = (int)w;
+            }
+        }
+    }
+}
+
 int main(void)
 {
     struct head h;
-    static struct loops loops;
+    int *mirror;
     struct error err = {0};
 
-    loops_make(&loops);
     if (head_load(&h, "examples/model/head.safetensors", &err))
         shape_die(&err);
+    if (!(mirror = malloc(h.V * sizeof *mirror)))
+        return 1;
+    shape_mirror(mirror, &h);
     test_value(&h);
     test_place(&h);
-    test_mirror(&h, loops.mirror);
+    test_mirror(&h, mirror);
     test_lopsided(&h);
-    test_motion(&h, loops.mirror);
+    test_motion(&h, mirror);
     test_looks(&h);
+    free(mirror);
     head_release(&h);
     return check_status();
 }

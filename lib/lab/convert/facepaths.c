@@ -28,7 +28,7 @@ int face_paths_init(struct face_paths *p, const struct face_mesh *m,
         .open = arena_take(memory, m->V, sizeof *p->open),
         .face = arena_take(memory, m->V, sizeof *p->face)
     };
-    return smooth_mesh_init(&p->near, m->f, m->F, m->V, memory, err);
+    return surface_init(&p->near, m->f, m->F, m->V, memory, err);
 }
 
 /* The vertex that a landmark is nearest to in its triangle. */

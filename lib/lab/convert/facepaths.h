@@ -7,7 +7,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "lib/lab/head/smooth.h"
+#include "lib/lab/head/surface.h"
 
 #define FACE_LANDMARKS 68
 
@@ -24,7 +24,7 @@ struct face_mesh {
 struct face_paths {
     struct face_mesh mesh;
     struct arena *memory;       /* borrowed */
-    struct smooth_mesh near;    /* neighbours */
+    struct surface near;    /* neighbours */
     double *cost;       /* (V) from the start; < 0: not seen */
     int32_t *from;      /* (V) */
     bool *done;         /* (V) */

@@ -10,8 +10,8 @@
 #include "lib/base/cholesky.h"
 #include "lib/base/parallel.h"
 #include "lib/head/lbs.h"
+#include "lib/lab/head/bend.h"
 #include "lib/lab/head/nearest.h"
-#include "lib/lab/head/register.h"
 
 #define INNER 17            /* landmarks before it are the contour */
 #define NEAR 0.05           /* 10 mm: trust falls to 1/e at this distance */
@@ -41,7 +41,7 @@ static int map_bend(double *at, struct head_map *m, struct error *err)
         }
     for (size_t i = 0; i < 3 * m->from->V; i++)
         at[i] = m->from->v_template[i];
-    return register_bend(at, m->from->V, c, HEAD_LANDMARKS, err);
+    return bend_mesh(at, m->from->V, c, HEAD_LANDMARKS, err);
 }
 
 /* Whether the face of from at a hit is skin that expressions move. */

@@ -9,7 +9,6 @@
 
 #include "formats/safetensors.h"
 #include "lib/head/arkit.h"
-#include "lib/head/mirror.h"
 
 /* The 68 points' vertices, as ICT-FaceKit lists them. */
 const int32_t scan_landmarks[SCAN_LANDMARKS] = {
@@ -195,28 +194,6 @@ static int scan_make_triangles(struct scan *s, struct error *err)
     return 0;
 }
 
-/* The neutral face is symmetric to within the file's rounding. */
-static int scan_find_mirror(struct scan *s, struct error *err)
-{
-    const float near = 1e-4f;
-    size_t *other = arena_take(&s->memory, SCAN_SKIN, sizeof *other);
-    int lost = 0;
-
-    s->mirror = arena_take(&s->memory, SCAN_SKIN, sizeof *s->mirror);
-    if (arena_check(&s->memory, "the scans' mirror", err) ||
-        mirror_vertices(other, s->neutral, SCAN_SKIN, err))
-        return -1;
-    for (size_t v = 0; v < SCAN_SKIN; v++) {
-        const float *p = s->neutral + 3 * v, *q = s->neutral + 3 * other[v];
-
-        s->mirror[v] = (int32_t)other[v];
-        lost += fabsf(p[0] + q[0]) + fabsf(p[1] - q[1]) + fabsf(p[2] - q[2]) >=
-                3 * near;
-    }
-    return lost ? error_set(err, EX_DATAERR, "%d vertices of the neutral face "
-                            "have no mirror image (expected none)", lost) : 0;
-}
-
 int scan_load(struct scan *s, const char *path, struct error *err)
 {
     struct safetensors *st = st_open(path, err);
@@ -226,7 +203,7 @@ int scan_load(struct scan *s, const char *path, struct error *err)
     if (rc)
         return -1;
     scan_to_metres(s);
-    if (scan_make_triangles(s, err) || scan_find_mirror(s, err)) {
+    if (scan_make_triangles(s, err)) {
         scan_release(s);
         return error_prefix(err, "%s", path);
     }
@@ -237,68 +214,4 @@ void scan_release(struct scan *s)
 {
     arena_release(&s->memory);
     *s = (struct scan){.nf = 0};
-}
-
-/* ---- loops of vertices --------------------------------------------------- */
-
-/* The skin's quad with the edge a to b, *at where a stands in it; NULL when
- * there is none. */
-static const int32_t *scan_quad_at(const struct scan *s, int32_t a, int32_t b,
-                                   int *at)
-{
-    for (size_t i = 0; i < SCAN_QUADS; i++) {
-        const int32_t *q = s->quads + 4 * i;
-
-        for (int k = 0; k < 4; k++)
-            if (q[k] == a && q[(k + 1) % 4] == b && scan_is_skin(q)) {
-                *at = k;
-                return q;
-            }
-    }
-    return NULL;
-}
-
-/* Where the border goes from v: the end of an edge that no face runs back
- * along; -1 when v is not on it. */
-static int32_t scan_border_next(const struct scan *s, int32_t v)
-{
-    for (size_t i = 0; i < SCAN_QUADS; i++) {
-        const int32_t *q = s->quads + 4 * i;
-        int back;
-
-        for (int k = 0; k < 4; k++)
-            if (q[k] == v && scan_is_skin(q) && q[(k + 1) % 4] != v &&
-                !scan_quad_at(s, q[(k + 1) % 4], v, &back))
-                return q[(k + 1) % 4];
-    }
-    return -1;
-}
-
-size_t scan_border(int32_t *loop, size_t room, const struct scan *s,
-                   int32_t first)
-{
-    size_t n = 0;
-
-    for (int32_t v = first; v >= 0 && n < room && (n == 0 || v != first);
-         v = scan_border_next(s, v))
-        loop[n++] = v;
-    return n > 2 ? n : 0;
-}
-
-int scan_next_loop(int32_t *next, const int32_t *loop, size_t n,
-                   const struct scan *s)
-{
-    for (size_t i = 0; i < n; i++) {
-        int k = 0;
-        const int32_t *q = scan_quad_at(s, loop[i], loop[(i + 1) % n], &k);
-
-        if (!q || (i > 0 && next[i] != q[(k + 3) % 4]))
-            return -1;
-        next[i] = q[(k + 3) % 4];
-        if (i + 1 < n)
-            next[i + 1] = q[(k + 2) % 4];
-        else if (next[0] != q[(k + 2) % 4])
-            return -1;
-    }
-    return 0;
 }

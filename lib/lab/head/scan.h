@@ -32,9 +32,7 @@ enum {
     SCAN_IRIS_LEFT = 22221, SCAN_EYE_RIGHT = 23021, SCAN_EYE_END = 24591,
     SCAN_ORBIT_END = 14062,     /* eye sockets end, gums begin */
     SCAN_LASHES = 25351,        /* to the end */
-    SCAN_LANDMARKS = 68,
-    SCAN_EYE_BORDER = 6549,     /* where the skin ends behind the left lids */
-    SCAN_MOUTH_BORDER = 6652    /* and in the mouth */
+    SCAN_LANDMARKS = 68
 };
 
 /* Lengths in metres in our world, shapes as differences in metres. */
@@ -46,7 +44,6 @@ struct scan {
     int32_t *quads;             /* (SCAN_QUADS,4) triangles repeat the last */
     size_t nf;
     int32_t *f;                 /* (nf,3) triangles of the skin */
-    int32_t *mirror;            /* (SCAN_SKIN) the vertex at (-x, y, z) */
 };
 
 /* Centre of an eyeball, metres in our world: of the sphere through the sclera
@@ -72,15 +69,5 @@ void scan_release(struct scan *s);          /* a zeroed scan is allowed */
 /* neutral, identity, expression and quads alone, still in the file's
  * centimetres. */
 int scan_read(struct scan *s, const struct safetensors *st, struct error *err);
-
-/* The border of the skin from vertex `first` on, in the order of the faces'
- * edges: its vertices and how many; 0 when first does not lie on one. */
-size_t scan_border(int32_t *loop, size_t room, const struct scan *s,
-                   int32_t first);
-
-/* The next loop of vertices across the quads beside `loop` (n).  -1 when the
- * quads there do not form a loop. */
-int scan_next_loop(int32_t *next, const int32_t *loop, size_t n,
-                   const struct scan *s);
 
 #endif

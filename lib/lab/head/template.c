@@ -11,7 +11,6 @@
 #include "lib/base/half.h"
 #include "lib/head/arkit.h"
 #include "lib/head/runs.h"
-#include "lib/lab/head/loops.h"
 #include "lib/lab/head/scan.h"
 
 /* Metres: what a direction moves by less than this it does not move. */
@@ -26,7 +25,7 @@ struct field {
     size_t count;               /* of the size, for what may be any length */
     size_t dim[3];              /* 0: the size; VERTICES: of them */
 };
-#define VERTICES ((size_t)LOOPS_VERTICES)
+#define VERTICES ((size_t)TEMPLATE_VERTICES)
 #define AT(name) offsetof(struct template, name)
 static const struct field mesh[] = {
     { "v_template", AT(v_template), 0, 0, { VERTICES, 3 } },

@@ -1,5 +1,5 @@
-/* The built-in head as arrays that a registration writes anew: read from its
- * file, written to another.
+/* The built-in head as arrays that the scans' shapes are written into: read
+ * from its file, written to another.
  *
  * Frame: x to the subject's left, y up, face to +z, metres; crown near
  * y = 0.140, chin near -0.092, neck cut at -0.165. */
@@ -15,6 +15,7 @@
 #include "lib/head/head.h"
 
 enum {
+    TEMPLATE_VERTICES = 5140,
     TEMPLATE_SHAPES = 300,
     TEMPLATE_EXPRESSIONS = 100,
     TEMPLATE_DIRECTIONS = TEMPLATE_SHAPES + TEMPLATE_EXPRESSIONS,
@@ -24,8 +25,7 @@ enum {
     TEMPLATE_LID_SHAPES = 100
 };
 
-/* lib/head/head.h's arrays, owned; sizes V vertices, F triangles.  The mesh is
- * lib/lab/head/loops.h's. */
+/* lib/head/head.h's arrays, owned; sizes V vertices, F triangles. */
 struct template {
     struct arena memory;
     size_t nv, nf, nlip_inner, nlip_upper_outer, nlid;

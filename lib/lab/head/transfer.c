@@ -1,54 +1,16 @@
-/* The scans' identities, expressions and landmarks at our vertices. */
+/* The scans' identities and expressions at our vertices. */
 #include "lib/lab/head/transfer.h"
 
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 
-#include "lib/base/rotation.h"
+#include "lib/base/vec3.h"
 #include "lib/head/arkit.h"
-#include "lib/lab/head/nearest.h"
 
-#define NECK_HOLD 0.85          /* share of its widening that is taken away */
+#define NECK_HOLD 0.85f         /* share of its widening that is taken away */
 
 enum { DIRS = TEMPLATE_DIRECTIONS };
-
-/* ---- eyes --------------------------------------------------------------- */
-
-/* Polar angles of the ball's rings, degrees: pupil 2 mm, iris 5.9 mm. */
-static const double polar[BALL_RINGS] = { 7.8, 15.6, 23.5, 33, 46, 63, 88,
-    115, 145 };
-
-/* Both balls' vertices: rings about the axis. */
-static void transfer_place_balls(double *at, const struct registration *r)
-{
-    for (int right = 0; right < 2; right++) {
-        double eye[3], axis[3];
-        int first = r->h->ball_first, last = first + BALL_RINGS * BALL_N + 1;
-
-        scan_eye(eye, right);
-        scan_eye_axis(axis, right);
-        const double *n = axis, flat = sqrt(1 - n[1] * n[1]);
-        const double up[3] = { -n[0] * n[1] / flat, flat,
-                               -n[2] * n[1] / flat };
-        double out[3];
-
-        cross3_d(out, up, n);
-        for (int v = first; v <= last; v++) {
-            int i = v - first - 1, ring = i < 0 ? -1 : i / BALL_N;
-            double a = ring < 0 ? 0 : v == last ? M_PI
-                     : polar[ring] * M_PI / 180;
-            double b = 2 * M_PI * (i % BALL_N) / BALL_N;
-            double side = right ? -1 : 1;
-            double *q = at + 3 * (right ? r->h->mirror[v] : v);
-
-            for (int c = 0; c < 3; c++)
-                q[c] = eye[c] + SCAN_EYE_RADIUS *
-                       (n[c] * cos(a) + (side * out[c] * cos(b) +
-                                         up[c] * sin(b)) * sin(a));
-        }
-    }
-}
 
 /* ---- shapes ------------------------------------------------------------- */
 
@@ -63,11 +25,12 @@ static void transfer_move_balls(double *d, const struct registration *r,
         if (face)
             scan_eye_motion(shift, &grow, r->scan->neutral, face, 1, right);
         for (size_t v = 0; v < r->s->nv; v++) {
+            const float *p = r->s->v_template + 3 * v;
             int here = r->s->region[v] == REGION_EYEBALL &&
-                       (r->at[3 * v] < 0) == right;
+                       (p[0] < 0) == right;
 
             for (size_t c = 0; here && c < 3; c++)
-                d[3 * v + c] = shift[c] + grow * (r->at[3 * v + c] - eye[c]);
+                d[3 * v + c] = shift[c] + grow * ((double)p[c] - eye[c]);
         }
     }
 }
@@ -97,11 +60,11 @@ static int transfer_shape(double *d, const struct registration *r,
 
             if (trust >= 1 || r->s->region[v] == REGION_EYEBALL)
                 continue;
-            smooth_mean(mean, &r->mesh, d, v);
+            surface_mean(mean, &r->mesh, d, v);
             match_point(own, &r->match[v], shape);
             for (size_t c = 0; c < 3; c++)
-                d[3 * v + c] = pinned && r->at[3 * v + 1] < -0.16 ? 0
-                             : mix(mean[c], own[c], trust);
+                d[3 * v + c] = pinned && r->s->v_template[3 * v + 1] < -0.16f
+                    ? 0 : mean[c] + trust * (own[c] - mean[c]);
         }
     transfer_move_balls(d, r, balls ? face : NULL);
     free(face);
@@ -112,7 +75,7 @@ static int transfer_shape(double *d, const struct registration *r,
  * left of the other kind goes. */
 static void transfer_make_pure(double *d, const struct registration *r)
 {
-    const int *mirror = r->h->mirror;
+    const size_t *mirror = r->mirror;
     const size_t nv = r->s->nv;
     double with = 0;
 
@@ -123,7 +86,7 @@ static void transfer_make_pure(double *d, const struct registration *r)
     }
     double sign = with < 0 ? -1 : 1;
     for (size_t v = 0; v < nv; v++) {
-        size_t w = (size_t)mirror[v];
+        size_t w = mirror[v];
 
         for (size_t c = 0; w >= v && c < 3; c++) {
             double flip = c == 0 ? -sign : sign;
@@ -163,12 +126,12 @@ static int transfer_carry_identities(struct template *s,
 static void transfer_hold_neck(double *open, const struct registration *r)
 {
     for (size_t v = 0; v < r->s->nv; v++) {
-        const double *p = r->at + 3 * v;
-        const double aside = ramp(0.025, 0.035, fabs(p[0]));
-        const double below = ramp(-0.050, -0.070, p[1]);
+        const float *p = r->s->v_template + 3 * v;
+        const float aside = ramp(0.025f, 0.035f, fabsf(p[0]));
+        const float below = ramp(-0.050f, -0.070f, p[1]);
 
-        if (open[3 * v] * p[0] > 0)
-            open[3 * v] *= 1 - NECK_HOLD * aside * below;
+        if (open[3 * v] * (double)p[0] > 0)
+            open[3 * v] *= (double)(1 - NECK_HOLD * aside * below);
     }
 }
 
@@ -191,41 +154,8 @@ static int transfer_carry_expressions(struct template *s,
                            ? all + 3 * s->nv * k
                            : NULL);
     if (!rc)
-        rc = transfer_rig(s, all, err);
+        transfer_rig(s, all);
     free(all);
-    return rc;
-}
-
-/* ---- landmarks ---------------------------------------------------------- */
-
-/* Landmarks are the scans', on the faces of our skin. */
-static int transfer_carry_landmarks(struct template *s, const struct scan *scan,
-                                    struct error *err)
-{
-    struct nearest t;
-    struct arena room = {0};
-    int32_t *skin = arena_take(&room, 3 * s->nf, sizeof *skin);
-    int32_t *from = arena_take(&room, s->nf, sizeof *from);
-    size_t n = 0;
-    int rc = arena_check(&room, "landmarks", err);
-
-    for (size_t i = 0; !rc && i < s->nf; i++)
-        if (s->region[s->f[3 * i]] != REGION_EYEBALL) {
-            memcpy(skin + 3 * n, s->f + 3 * i, 3 * sizeof *skin);
-            from[n++] = (int32_t)i;
-        }
-    rc = rc || nearest_init(&t, s->v_template, skin, n, &room, err) ? -1 : 0;
-    for (int k = 0; !rc && k < TEMPLATE_LANDMARKS; k++) {
-        struct nearest_hit hit;
-        const float *q = scan->neutral + 3 * scan_landmarks[k];
-        double p[3] = {q[0], q[1], q[2]};
-
-        nearest_find(&hit, &t, p, NULL, 0, 1);
-        s->landmark_face[k] = from[hit.face];
-        for (int c = 0; c < 3; c++)
-            s->landmark_bary[3 * k + c] = (float)hit.bary[c];
-    }
-    arena_release(&room);
     return rc;
 }
 
@@ -233,16 +163,11 @@ int transfer_head(struct template *s, const struct registration *r,
                   struct error *err)
 {
     double *d = calloc(3 * s->nv, sizeof *d);
-    int rc = -1;
+    int rc = d ? 0 : error_set(err, EX_OSERR, "no memory for the scans' head");
 
-    if (!d)
-        return error_set(err, EX_OSERR, "no memory for the scans' head");
-    transfer_place_balls(r->at, r);
-    for (size_t i = 0; i < 3 * s->nv; i++)
-        s->v_template[i] = (float)r->at[i];
-    if (!transfer_carry_identities(s, r, d, err) &&
-        !transfer_carry_expressions(s, r, err) && !transfer_lids(s, r, err))
-        rc = transfer_carry_landmarks(s, r->scan, err);
+    rc = rc || transfer_carry_identities(s, r, d, err) ||
+         transfer_carry_expressions(s, r, err) ||
+         transfer_lids(s, r, err) ? -1 : 0;
     free(d);
     return rc;
 }

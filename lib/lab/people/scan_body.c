@@ -8,6 +8,7 @@
 #include <sysexits.h>
 
 #include "lib/base/vec3.h"
+#include "lib/lab/head/surface.h"
 
 /* base.obj: the body, and helpers after it. */
 enum { BASE_BODY = 13380, BASE_VERTICES = 19158, BASE_EYE_LEFT = 14598,
@@ -38,24 +39,6 @@ static void body_lay_on_eyes(float *out, const float *v, size_t n,
     for (size_t i = 0; i < n; i++)
         for (size_t k = 0; k < 3; k++)
             out[3 * i + k] = to[k] + s * (v[3 * i + k] - from[k]);
-}
-
-void piece_normals(float *n, const float *p, size_t nv,
-                   const int32_t *faces, size_t nf)
-{
-    memset(n, 0, 3 * nv * sizeof *n);
-    for (size_t i = 0; i < nf; i++) {
-        const int32_t *v = faces + 3 * i;
-        float a[3], b[3], c[3];
-
-        sub3(a, p + 3 * v[1], p + 3 * v[0]);
-        sub3(b, p + 3 * v[2], p + 3 * v[0]);
-        cross3(c, a, b);
-        for (int k = 0; k < 3; k++)
-            mad3(n + 3 * v[k], n + 3 * v[k], c, 1);
-    }
-    for (size_t i = 0; i < nv; i++)
-        unit3(n + 3 * i);
 }
 
 /* d (n,3) becomes the mean over neighbours; where w > 0 it is drawn to its
@@ -92,7 +75,7 @@ static void body_draw_to_scans(struct body *b, struct fit *t)
 
     for (int round = 0; round < ROUNDS; round++) {
         float stiff = (float)(ROUNDS - round) / ROUNDS;
-        piece_normals(t->normal, b->place, n, b->mesh.f, b->mesh.nf);
+        surface_normals(t->normal, b->place, n, b->mesh.f, b->mesh.nf);
         for (size_t i = 0; i < n; i++) {
             int32_t at;
             float *p = b->place + 3 * i;
@@ -179,7 +162,7 @@ int body_load(struct body *b, const struct scan_face *f, const char *dir,
         goto out;
     body_lay_on_eyes(b->place, b->mesh.v, b->mesh.nv, f);
     memcpy(before, b->place, 3 * b->mesh.nv * sizeof *before);
-    piece_normals(normal, f->neutral, FACE_VERTICES, f->raw, f->nf);
+    surface_normals(normal, f->neutral, FACE_VERTICES, f->raw, f->nf);
     b->near.normal = normal;
     body_draw_to_scans(b, &t);
     b->near.normal = NULL;

@@ -8,6 +8,7 @@
 #include <sysexits.h>
 
 #include "lib/base/vec3.h"
+#include "lib/lab/head/surface.h"
 
 /* What grows with corners, or faces. */
 static const struct figure_field {
@@ -324,8 +325,8 @@ static int figure_find_normals(struct figure *f, struct error *err)
 
     if (arena_check(&f->memory, "a person", err))
         return -1;
-    piece_normals(n, f->rest, FACE_VERTICES, s->raw, s->nf);
-    piece_normals(all, f->place, f->nc, f->faces, f->nf);
+    surface_normals(n, f->rest, FACE_VERTICES, s->raw, s->nf);
+    surface_normals(all, f->place, f->nc, f->faces, f->nf);
     for (int i = 0; i < f->nparts; i++) {
         const struct figure_part *p = &f->parts[i];
         for (size_t c = p->c0; c < p->c1; c++) {
@@ -423,7 +424,7 @@ static void figure_measure(struct figure *f)
 {
     const struct scan_face *s = &f->assets->face;
 
-    piece_normals(f->normal, f->rest, FACE_VERTICES, s->raw, s->nf);
+    surface_normals(f->normal, f->rest, FACE_VERTICES, s->raw, s->nf);
     for (int e = 0; e < 2; e++) {
         double shift[3], grow;
         scan_eye_motion(shift, &grow, s->neutral, f->rest, 5, e);

@@ -23,10 +23,6 @@ void bitmap_sample(float rgba[4], const struct bitmap *t, float u, float v);
 int bitmap_load(struct bitmap *t, const char *path, struct arena *memory,
                 struct error *err);
 
-/* Unit normals n (nv,3) of places p (nv,3), each face by its area. */
-void piece_normals(float *n, const float *p, size_t nv,
-                   const int32_t *faces, size_t nf);
-
 /* A mesh on the neutral face.  bind: the vertices of the face that carry it
  * when the face is another person's. */
 struct piece {

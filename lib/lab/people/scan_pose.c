@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "lib/base/camera.h"
+#include "lib/lab/head/surface.h"
 #include "lib/lab/people/scan_stage.h"
 #include "lib/base/vec3.h"
 
@@ -224,7 +225,7 @@ void scan_pose(struct scan_stage *s)
                     s->verts, s->act->weight);
         pose_turn_eyes(s);
     }
-    piece_normals(s->face_normal, s->face, FACE_VERTICES, f->assets->face.raw,
+    surface_normals(s->face_normal, s->face, FACE_VERTICES, f->assets->face.raw,
                   f->assets->face.nf);
     pose_place_corners(s);
     pose_find_light(s);

@@ -13,6 +13,7 @@
 #include "formats/image.h"
 #include "lib/base/parallel.h"
 #include "lib/base/sort.h"
+#include "lib/lab/head/surface.h"
 #include "lib/lab/people/landmark_sets.h"
 #include "lib/lab/people/scan_piece.h"
 #include "lib/lab/people/scan_register.h"
@@ -268,7 +269,7 @@ int skin_sample_take(struct skin_sample *o, const struct skin_model *s,
         float *normal = shape + one;
 
         register_shape(shape, f, &r);
-        piece_normals(normal, shape, FACE_VERTICES, f->raw, f->nf);
+        surface_normals(normal, shape, FACE_VERTICES, f->raw, f->nf);
         skin_unwrap(o, &im, f, c, &r, shape, normal, table);
         skin_drop_hair(o, s, normal + one, o->mean);
         rc = 0;

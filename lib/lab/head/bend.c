@@ -1,15 +1,16 @@
-/* The radial basis that bends the template through its controls: |r| plus an
+/* The radial basis that bends a mesh through its controls: |r| plus an
  * affine map, the smoothest such bending there is. */
-#include "lib/lab/head/register.h"
+#include "lib/lab/head/bend.h"
 
 #include <math.h>
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/arena.h"
 #include "lib/base/rotation.h"
 
 /* Solve A X = B, A (n,n), B (n,3), in place, with the largest pivot. */
-static int register_solve(double *A, double *B, size_t n)
+static int bend_solve(double *A, double *B, size_t n)
 {
     for (size_t k = 0; k < n; k++) {
         size_t best = k;
@@ -43,8 +44,8 @@ static int register_solve(double *A, double *B, size_t n)
 
 /* d(p) = sum_i w_i |p - from_i| + a + A p, through to - from at the controls
  * but for `slack` metres of give. */
-int register_bend(double *at, size_t n, const struct control *c,
-                  size_t count, struct error *err)
+int bend_mesh(double *at, size_t n, const struct control *c, size_t count,
+              struct error *err)
 {
     const double slack = 1e-4;
     size_t m = count + 4;
@@ -65,7 +66,7 @@ int register_bend(double *at, size_t n, const struct control *c,
         for (size_t k = 0; k < 3; k++)
             B[3 * i + k] = c[i].to[k] - c[i].from[k];
     }
-    rc = !register_solve(A, B, m) ? 0 :
+    rc = !bend_solve(A, B, m) ? 0 :
              error_set(err, EX_DATAERR, "the controls do not span a space "
                        "(expected four apart)");
     for (size_t v = 0; !rc && v < n; v++) {
