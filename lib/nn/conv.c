@@ -2,8 +2,8 @@
  * forward pass, weights with a norm folded in, and gradients.  The methods are
  * oneDNN's direct convolution (conv_onednn.c), the same with 8-bit products
  * (int8.c), Winograd's F(4x4,3x3) (winograd.c), im2col with sums in pieces, or
- * of one tap (im2col.c), dot products in double for a few rows
- * (small_linear.c), and 1x1 layers in bfloat16 that learn (pointwise.c). */
+ * of one tap (im2col.c), and dot products in double for a few rows
+ * (small_linear.c). */
 #include "lib/nn/conv.h"
 
 #include <assert.h>
@@ -217,7 +217,6 @@ static void conv_forward_direct(float *out, const float *in, struct conv *c)
 /* In the order in which they are asked; the last takes any layer. */
 static const struct conv_method conv_methods[] = {
     { conv_int8_wanted, conv_plan_int8, conv_update_int8, conv_forward_int8 },
-    { pointwise_wanted, pointwise_plan, pointwise_update, pointwise_forward },
     { conv_half_wanted, conv_plan_half, conv_update_direct,
       conv_forward_direct },
     { small_linear_wanted, small_linear_plan, small_linear_update,
@@ -228,12 +227,6 @@ static const struct conv_method conv_methods[] = {
     { conv_direct_wanted, conv_onednn_plan_forward, conv_update_direct,
       conv_forward_direct },
 };
-
-/* Whether the layer's backward is pointwise.c's, too. */
-static bool conv_pointwise(const struct conv *c)
-{
-    return c->impl->method->plan == pointwise_plan;
-}
 
 /* ---- planning ------------------------------------------------------------ */
 
@@ -256,16 +249,6 @@ static void conv_pad_axis(size_t *before, size_t *after, size_t *out,
         size_t need = (*out - 1) * s + k;
         *after = need > size + *before ? need - size - *before : 0;
     }
-}
-
-/* The weights' gradient by our products, or by oneDNN's. */
-static void conv_plan_backward_weights(struct conv *c,
-                                       const struct conv_shape *s)
-{
-    if (wgrad_wanted(c))
-        wgrad_plan(&c->impl->wgrad, c, s);
-    else
-        conv_onednn_plan_backward_weights(c, s);
 }
 
 /* A planned layer into one that is only declared. */
@@ -333,10 +316,10 @@ void conv_plan(struct conv *c, struct nn_plan *p, size_t batch, size_t h,
     nn_plan_recycle(p, im->stage);
     if (nn_plan_backward(p)) {
         im->sums = nn_plan_floats(p, (NN_SUMS + 1) * c->out);
-        if (!c->no_din && !conv_pointwise(c))
+        if (!c->no_din)
             conv_onednn_plan_backward_data(c, &s);
-        if (!conv_pointwise(c) && !c->ps->tensor[c->weight].frozen)
-            conv_plan_backward_weights(c, &s);
+        if (!c->ps->tensor[c->weight].frozen)
+            conv_onednn_plan_backward_weights(c, &s);
     }
 }
 
@@ -440,10 +423,6 @@ void conv_forward(void *out, const void *in, struct conv *c)
 static void conv_add_gradient(float *dw, const void *dout, const void *in,
                               struct conv *c)
 {
-    if (c->impl->wgrad.dw) {
-        wgrad_add(dw, dout, in, &c->impl->wgrad);
-        return;
-    }
     assert(c->impl->parts);      /* frozen when it was planned, now no more */
     const float *sum = conv_onednn_backward_weights(dout, in, c);
 
@@ -471,15 +450,6 @@ static void conv_backward_weights(struct conv *c, const void *dout,
             g[o * c->in * taps + k] += im->stage[o * c->in_data * taps + k];
 }
 
-/* din of the gradient before the activation. */
-static void conv_backward_data(float *din, const float *dout, struct conv *c)
-{
-    if (conv_pointwise(c))
-        pointwise_backward_data(din, dout, &c->impl->pointwise);
-    else
-        conv_onednn_backward_data(din, dout, c);
-}
-
 /* dout becomes the gradient before the activation; db (out) += its sum, unless
  * NULL. */
 static void conv_act_backward(float *db, void *dout, const void *out,
@@ -497,11 +467,10 @@ static void conv_act_backward(float *db, void *dout, const void *out,
 void conv_backward(void *din, void *dout, const void *out, const void *in,
                    struct conv *c)
 {
-    struct conv_impl *im = c->impl;
     bool learns = c->bias != NN_NONE && !c->ps->tensor[c->bias].frozen;
     float *db = c->from_bias_g ? c->from_bias_g
               : learns ? param_g(c->ps, c->bias) : NULL;
-    float *each = im->sums + NN_SUMS * c->out;
+    float *each = c->impl->sums + NN_SUMS * c->out;
 
     if (c->shuffle && learns) {
         memset(each, 0, c->out * sizeof *each);
@@ -512,20 +481,15 @@ void conv_backward(void *din, void *dout, const void *out, const void *in,
         for (size_t o = 0, O = c->out / (c->shuffle * c->shuffle);
              o < c->out; o++)
             param_g(c->ps, c->bias)[o % O] += each[o];
-    if (!c->ps->tensor[c->weight].frozen) {
-        if (conv_pointwise(c))
-            pointwise_backward_weights(param_g(c->ps, c->weight), dout, in,
-                                       &im->pointwise);
-        else
-            conv_backward_weights(c, dout, in);
-    }
+    if (!c->ps->tensor[c->weight].frozen)
+        conv_backward_weights(c, dout, in);
     if (din)
-        conv_backward_data(din, dout, c);
+        conv_onednn_backward_data(din, dout, c);
 }
 
 void conv_backward_input(void *din, void *dout, const void *out,
                          struct conv *c)
 {
     conv_act_backward(NULL, dout, out, c);
-    conv_backward_data(din, dout, c);
+    conv_onednn_backward_data(din, dout, c);
 }

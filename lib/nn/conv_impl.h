@@ -7,9 +7,7 @@
 #include "lib/nn/engine.h"
 #include "lib/nn/im2col.h"
 #include "lib/nn/int8.h"
-#include "lib/nn/pointwise.h"
 #include "lib/nn/small_linear.h"
-#include "lib/nn/wgrad.h"
 #include "lib/nn/winograd.h"
 
 #define CONV_BANDS 16
@@ -51,10 +49,8 @@ struct conv_impl {
         struct winograd winograd;
         struct im2col im2col;
         struct small_linear small_linear;
-        struct pointwise pointwise;
         struct int8 int8;
     };
-    struct wgrad wgrad;          /* its dw is NULL where oneDNN's is used */
     /* oneDNN's */
     dnnl_data_type_t input, weights;     /* what it multiplies */
     struct conv_bands fwd, bwd_data;

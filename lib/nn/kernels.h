@@ -21,7 +21,6 @@
 struct depthwise;
 struct fused_stem_rows;
 struct rescale;
-struct wgrad;
 struct winograd;
 
 /* Result type, name, arguments. */
@@ -111,17 +110,6 @@ struct winograd;
     X(void, gemm, (float *C, size_t ldc, const float *A, size_t rs,          \
                    size_t cs, const float *packed, size_t M, size_t N,       \
                    size_t K, const float *more, size_t ldm))                 \
-    X(void, pointwise_pack, (uint32_t *packed, const float *B, size_t ks,    \
-                             size_t ns, size_t K, size_t N))                 \
-    X(void, pointwise_rows, (float *C, const float *A, uint32_t *half,       \
-                             const uint32_t *packed, size_t M, size_t N,     \
-                             size_t K))                                      \
-    X(void, pointwise_weights, (float *dw, const float *dout,                \
-                                const float *in, uint32_t *pairs, size_t M,  \
-                                size_t out, size_t channels))                \
-    X(void, wgrad_rows, (float *dw, const void *dout, const void *in,        \
-                         uint32_t *room, const struct wgrad *g, size_t y,    \
-                         size_t rows))                                       \
     X(void, softmax, (float *p, size_t rows, size_t n, size_t ld,            \
                       float scale))                                          \
     X(void, winograd_weights, (float *u, size_t plane, const float *w,       \
