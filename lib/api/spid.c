@@ -187,7 +187,7 @@ static void spid_take(struct spid *s, struct track_result *r, bool first)
     struct motion calm = r->motion;
 
     r->motion.pose.exp = r->motion.exp;
-    relative_calm(&calm, h->nexp, motion_encoder_rest(s->track.tta.net));
+    calm_face(&calm, &s->track.calm);
     if (s->opt.relative && first)
         relative_init(&s->rest, &s->source.person.calm, &calm, h->nexp);
     if (s->opt.relative)

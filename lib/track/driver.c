@@ -221,7 +221,7 @@ void driver_set_relative(struct driver *d, const struct motion *source,
     struct motion calm = neutral ? *neutral : d->found.motion;
 
     if (d->track)
-        relative_calm(&calm, nexp, motion_encoder_rest(d->track->tta.net));
+        calm_face(&calm, &d->track->calm);
     relative_init(&d->rest, source, &calm, nexp);
     d->relative = true;
 }

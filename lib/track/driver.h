@@ -80,7 +80,7 @@ int driver_start(struct driver *d, const char *name,
 
 /* From now on motions are what the driver does relative to neutral (NULL: its
  * first frame with a face), added to source (relative_init).  Where
- * motions are the tracker's, neutral is calm (relative_calm).  After
+ * motions are the tracker's, neutral is calm (calm.h).  After
  * driver_start. */
 void driver_set_relative(struct driver *d, const struct motion *source,
                          const struct motion *neutral, size_t nexp);

@@ -7,7 +7,6 @@
 
 #include "lib/base/camera.h"
 #include "lib/base/rotation.h"
-#include "lib/net/motion_encoder.h"
 
 /* How much a radian of looking away weighs beside a standard deviation of
  * expression. */
@@ -15,24 +14,6 @@
 /* The same of a radian of the jaw, and of closing an eye. */
 #define RELATIVE_JAW_WEIGHT 25.0
 #define RELATIVE_LID_WEIGHT 4.0
-
-void relative_calm(struct motion *m, size_t nexp, const float *rest)
-{
-    struct {
-        float *x;
-        size_t n, at;
-    } part[] = {{m->exp, nexp, MOTION_EXP},
-                {m->pose.jaw, 3, MOTION_JAW},
-                {m->pose.lid, 2, MOTION_LID}};
-
-    for (size_t k = 0; rest && k < sizeof part / sizeof *part; k++)
-        for (size_t i = 0; i < part[k].n; i++) {
-            const float *range = rest + part[k].at + i;
-
-            part[k].x[i] = fminf(fmaxf(part[k].x[i], range[0]),
-                                 range[MOTION_OUT]);
-        }
-}
 
 void relative_init(struct relative *r, const struct motion *source,
                    const struct motion *neutral, size_t nexp)

@@ -15,12 +15,6 @@ struct relative {
     size_t nexp;                /* components of expression */
 };
 
-/* The face of m, of nexp components of expression, no further from the mean
- * than rest (2,MOTION_OUT), the least and the most that E_m says of calm faces
- * (motion_encoder_rest): what a face does beyond is expression, not the
- * person's own.  NULL: m stays. */
-void relative_calm(struct motion *m, size_t nexp, const float *rest);
-
 /* Motions are to be what has changed since neutral, added to source; nexp
  * components of expression, the head's.  Where both faces are calm, a grin is
  * left by who is driven to be calm, and a driver who begins with a grin is not

@@ -11,7 +11,6 @@
 #include "lib/photo/matte.h"
 #include "lib/photo/outline.h"
 #include "lib/photo/overlay.h"
-#include "lib/track/relative.h"
 #include "lib/track/tta.h"
 #include "lib/track/rotated.h"
 
@@ -94,8 +93,7 @@ static int source_find_face(struct source *s, struct track *t,
     s->person.source = r.motion;
     s->person.source.pose.exp = s->person.source.exp;
     s->person.calm = s->person.source;
-    relative_calm(&s->person.calm, t->head->nexp,
-                  motion_encoder_rest(t->tta.net));
+    calm_face(&s->person.calm, &t->calm);
     s->person.has_source = true;
     s->confidence = r.confidence;
     s->window = t->window;

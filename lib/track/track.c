@@ -43,8 +43,10 @@ int track_init(struct track *t, const struct identity *id,
              (t->opt.no_align || align_init(&t->align, id, err) == 0) &&
              motion_tta_init(&t->tta, net, 1, id->head, !opt->no_tta,
                              !opt->still, err) == 0 &&
-             (!net->confidence.ps || search_init(&t->search, net, err) == 0))
+             (!net->confidence.ps || search_init(&t->search, net, err) == 0)) {
+        calm_init(&t->calm, motion_encoder_rest(net), &t->landmarks);
         return 0;
+    }
     track_release(t);
     return -1;
 }

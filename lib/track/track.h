@@ -18,6 +18,7 @@
 #include "lib/net/motion_encoder.h"
 #include "lib/head/motion.h"
 #include "lib/track/align.h"
+#include "lib/track/calm.h"
 #include "lib/track/landmarks.h"
 #include "lib/track/oneeuro.h"
 #include "lib/track/search.h"
@@ -91,6 +92,7 @@ struct track {
     const struct head *head;
     struct motion_tta tta;
     struct landmarks landmarks;
+    struct calm calm;           /* what is its face at rest */
     struct align align;         /* when opt asks for it */
     struct facedetect *detector;        /* NULL until it is needed; its own
                                          * unless opt has one */

@@ -103,3 +103,22 @@ assert $grin > 0.3 and abs($calm) < 0.15
 assert $gc < 0.25 and $gg > 0.3        # away, and back
 assert $cg > 0.3 and abs($cc - $calm) < 0.1"
 }
+
+@test "a driver who begins within a word rests with the mouth shut" {
+    assets=${SPID_ASSETS:-$TOP/../shared/assets}
+    [ -e "$assets/clips" ] || skip "no clips in $assets (SPID_ASSETS)"
+    [ -e "$TOP/examples/model/model.safetensors" ] || skip "no model shipped (make model)"
+    export SPID_MODEL=$TOP/examples/model
+    ffmpeg -v error -i "$assets/clips/lbax4n.mpg" -frames:v 1 word.png
+    spid-shape -q "$assets/photos/london/100_neutral.jpg" -o calm.spid
+    gap() { # MOTION: mm between the lips of its first frame, on one head
+        spid-flame -q -i calm.spid "$1" | spid-dump -q --npy g --only MESH -
+        "$PYTHON" -c 'import numpy as np; print(np.load("g/MESH.gap.npy").flat[0] * 1000 / 5)'
+        rm -r g
+    }
+    spid-motion -q word.png -o word.spid
+    spid-motion -q --relative calm.spid word.png -o driven.spid
+    for s in calm word driven; do eval "$s=$(gap $s.spid)"; echo "$s ${!s}"; done
+    # no less opened than the driver's are apart, and not by more than calm lips err
+    "$PYTHON" -c "assert $calm < 1 and $word > 6 and abs($driven - $word) < 1.5"
+}

@@ -6,7 +6,7 @@
 
 #include "lib/base/random.h"
 #include "lib/base/rotation.h"
-#include "lib/net/motion_encoder.h"
+#include "lib/track/calm.h"
 #include "lib/track/relative.h"
 #include "tests/check.h"
 
@@ -69,14 +69,15 @@ static double smile_of(double source, double neutral, double driver)
     struct motion s = {.R = {1, 0, 0, 0, 1, 0, 0, 0, 1}, .t = {0, 0, 12}};
     struct motion n = s, m = s;
     float rest[2 * MOTION_OUT];
+    const struct calm calm = {rest, NEXP, {0}};
     struct relative r;
 
     calm_range(rest);
     s.exp[0] = (float)source;
     n.exp[0] = (float)neutral;
     m.exp[0] = (float)driver;
-    relative_calm(&s, NEXP, rest);
-    relative_calm(&n, NEXP, rest);
+    calm_face(&s, &calm);
+    calm_face(&n, &calm);
     relative_init(&r, &s, &n, NEXP);
     relative_apply(&m, &r);
     return (double)m.exp[0];
@@ -87,6 +88,7 @@ static void check_calm(void)
 {
     struct motion m = {.pose = {.jaw = {0.2f}, .lid = {0.9f, 0.05f}}};
     float rest[2 * MOTION_OUT];
+    struct calm calm = {rest, NEXP, {0}};
 
     expect("a calm driver calms a grin", smile_of(0.9, 0.1, 0.1), 0.2, 1e-6);
     expect("and back", smile_of(0.9, 0.1, 0.9), 1.0, 1e-6);
@@ -96,14 +98,48 @@ static void check_calm(void)
     expect("calm faces keep what is their own", smile_of(0.15, 0.05, 0.55),
            0.65, 1e-6);
     calm_range(rest);
-    relative_calm(&m, NEXP, rest);
+    calm_face(&m, &calm);
     expect("jaws rest nearly shut", (double)m.pose.jaw[0], 0.03, 1e-6);
     expect("eyes nearly open", (double)m.pose.lid[0], 0.1, 1e-6);
     expect("as they are", (double)m.pose.lid[1], 0.05, 1e-6);
     m.exp[0] = 0.9f;
-    relative_calm(&m, NEXP, NULL);
+    calm.rest = NULL;
+    calm_face(&m, &calm);
     expect("whose encoder does not say, as it is", (double)m.exp[0], 0.9,
            1e-6);
+}
+
+/* Lips that the jaw (0.03 at most) parts by 0.6, and lip 1 (-0.1 to 0.2) by
+ * 0.8 of what lips of calm faces part: how far m's are apart at rest. */
+static double lips_at_rest(double jaw, double lip, double *smile)
+{
+    struct motion m = {.exp = {(float)*smile, (float)lip},
+                       .pose = {.jaw = {(float)jaw}}};
+    float rest[2 * MOTION_OUT];
+    struct calm calm = {rest, NEXP, {0}};
+
+    calm_range(rest);
+    calm.parts[MOTION_JAW] = 0.6f;
+    calm.parts[MOTION_EXP + 1] = 0.8f;
+    calm_face(&m, &calm);
+    *smile = (double)m.exp[0];
+    return 0.6 * ((double)m.pose.jaw[0] + 0.035) / 0.065 +
+           0.8 * ((double)m.exp[1] - 0.05) / 0.15;
+}
+
+/* A mouth open beyond what calm faces do says nothing of how it rests. */
+static void check_lips(void)
+{
+    double smile = 0.15;
+
+    expect("lips within the range stay as they are, apart",
+           lips_at_rest(-0.035, 0.2, &smile), 0.8, 1e-5);
+    expect("or pressed", lips_at_rest(-0.035, -0.1, &smile), -0.8, 1e-5);
+    expect("half way out of it they are half believed, apart",
+           lips_at_rest(-0.035, 0.05 + 0.15 * 1.5 / 0.8, &smile), 0.4, 1e-5);
+    expect("a mouth that speaks rests shut", lips_at_rest(0.2, 0.3, &smile), 0,
+           1e-5);
+    expect("and what parts no lips stays", smile, 0.15, 1e-6);
 }
 
 int main(void)
@@ -142,6 +178,7 @@ int main(void)
         same = fmax(same, motion_distance(&m, &driver));
     }
     check_calm();
+    check_lips();
     check("the neutral frame is the source", rest, 1e-5);
     check("a driver with the source's own rest is unchanged", same, 1e-5);
     check("moves by as many head widths", way, 1e-5);
