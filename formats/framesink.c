@@ -13,7 +13,6 @@
 #include <unistd.h>
 
 #include "formats/framesink_impl.h"
-#include "formats/mark.h"
 #include "formats/pattern.h"
 #include "formats/terminal.h"
 #include "lib/base/file.h"
@@ -352,8 +351,6 @@ int framesink_finish(struct framesink *s, struct error *err)
     if (s->video) {
         rc = video_finish(s->video, s->end, err);
         s->video = NULL;
-        if (rc == 0 && mark_video(s->part, err) < 0)
-            rc = -1;
         if (rc == 0 && file_rename(s->part, s->path) != 0)
             rc = error_set(err, EX_CANTCREAT, "%s: cannot rename '%s': %s",
                            s->path, s->part, strerror(errno));

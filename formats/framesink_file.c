@@ -8,6 +8,7 @@
 
 #include "formats/image.h"
 #include "formats/framesink_impl.h"
+#include "formats/mark.h"
 #include "formats/pattern.h"
 #include "formats/png.h"
 #include "formats/pnm.h"
@@ -79,7 +80,7 @@ int framesink_write_video(struct framesink *s, double time, struct error *err)
             .width = s->width, .height = s->height, .alpha = s->opt.alpha,
             .rate = (double)s->opt.rate_num / s->opt.rate_den,
             .sound = framesink_lost_sound(s) ? NULL : s->sound,
-            .start = s->start}, err);
+            .start = s->start, .comment = mark_text()}, err);
         if (!s->video) {
             unlink(s->part);
             return -1;

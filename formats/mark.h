@@ -1,11 +1,9 @@
 /* What a picture or video that the toolkit drew says about itself: that it is
  * synthetic.  PNG holds it as text and, for programs that look for IPTC's
- * digital source type, as XMP; EXR and MP4 as a comment.  Y4M, PAM and streams
+ * digital source type, as XMP; EXR and videos as a comment.  Y4M, PAM and streams
  * go through pipes and carry none. */
 #ifndef SPID_FORMATS_MARK_H
 #define SPID_FORMATS_MARK_H
-
-#include "lib/base/error.h"
 
 /* Off for the rest of the process: --no-mark, and programs that draw upon
  * recordings.  On at start. */
@@ -14,10 +12,5 @@ void mark_off(void);
 const char *mark_text(void);
 /* The same as an XMP packet; NULL when marks are off. */
 const char *mark_xmp(void);
-
-/* Put the sentence into a finished MP4 or MOV file as its comment.  0: it is
- * there, or marks are off; 1: the file is of another kind, or its index does
- * not come last: left as it was; -1: it could not be written. */
-int mark_video(const char *path, struct error *err);
 
 #endif

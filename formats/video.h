@@ -52,6 +52,7 @@ struct video_options {
     bool alpha;                 /* frames are RGBA, straight */
     const char *sound;          /* a clip whose sound goes along, or NULL; */
     double start;               /* ... its time of the first frame */
+    const char *comment;        /* for containers that have one, or NULL */
 };
 
 /* Whether such a video keeps alpha: WebM and Matroska (VP9), MOV (ProRes 4444),

@@ -208,6 +208,7 @@ static int writer_begin(struct video_writer *v)
         v->sound = sound_open(v->opt.sound, v->opt.start, v->file);
     if (v->sound)
         v->lead = sound_lead(v->sound);
+    av_dict_set(&v->file->metadata, "comment", v->opt.comment, 0);
     url = reader_url(v->path);
     rc = url ? avio_open(&v->file->pb, url, AVIO_FLAG_WRITE)
              : AVERROR(ENOMEM);
