@@ -146,6 +146,16 @@ static void animate_pass_on(struct animate *a, uint64_t *next)
     pthread_mutex_unlock(&a->out);
 }
 
+/* Whether others work, too: then each has its own, and else, as with a first frame
+ * or a slow camera's, whoever is free helps. */
+static bool animate_is_busy(struct animate *a)
+{
+    pthread_mutex_lock(&a->out);
+    const bool busy = a->working > 1;
+    pthread_mutex_unlock(&a->out);
+    return busy;
+}
+
 /* Take the next frame and track it: 1, or 0 when there is none.  *ticket is
  * its place in the order. */
 static int animate_take(struct animate *a, struct driver_frame *f,
@@ -159,9 +169,9 @@ static int animate_take(struct animate *a, struct driver_frame *f,
         animate_begin(a)) {
         /* one at a time, so with whoever is free: the longest of what frames
          * cannot do beside each other */
-        const bool before = parallel_alone(false);
+        parallel_alone(false);
         rc = driver_next(a->driver, f, &err);
-        parallel_alone(before);
+        parallel_alone(animate_is_busy(a));
         a->ended = rc <= 0;
         *ticket = a->next_in;
         a->next_in += rc == 1;
@@ -280,8 +290,6 @@ static void *animate_worker_run(void *arg)
     uint64_t ticket;
     double arrived;
 
-    if (a->opt.workers > 1)
-        parallel_alone(true);
     cpu_flush_denormals();
     while (!a->failed && animate_take(a, &f, &ticket, &arrived)) {
         struct animate_times t = {

@@ -35,7 +35,7 @@ struct pipeline_options {
     bool f32;                   /* features drawn and kept in float, not in
                                  * half precision */
     enum nn_type precision;     /* of the refiner */
-    int threads;                /* of the renderer; 0: all */
+    int threads;                /* of the renderer (types.h); 0: all */
 };
 
 /* Who is drawn; all borrowed until another is set. */

@@ -11,6 +11,7 @@
 #include <sysexits.h>
 
 #include "lib/base/pages.h"
+#include "lib/base/parallel.h"
 #include "lib/splat/kernels.h"
 
 int backward_init(struct splat *s)
@@ -224,10 +225,10 @@ int backward_run(struct splat *s, const struct splat_gradients *g,
     if (backward_make_room(s, err))
         return -1;
     b->pulled = d->place != NULL;
-    state_each(st, shares, backward_number_pairs, &p);
-    state_each(st, shares, backward_join_numbers, &p);
-    state_each(st, (size_t)(st->view.tx * st->view.ty), backward_tile, &p);
-    state_each(st, batches, backward_batch, &p);
+    parallel_for(shares, 1, backward_number_pairs, &p);
+    parallel_for(shares, 1, backward_join_numbers, &p);
+    parallel_for((size_t)(st->view.tx * st->view.ty), 1, backward_tile, &p);
+    parallel_for(batches, 1, backward_batch, &p);
     if (g->rt)
         backward_sum_camera(g->rt, b->rt, batches);
     return 0;

@@ -8,6 +8,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/parallel.h"
 #include "lib/splat/kernels.h"
 
 #define RADIX 2048
@@ -189,8 +190,8 @@ static uint64_t *frame_sort(struct drawing *f)
     for (f->shift = 0; frame_collected(f); f->shift += 11) {
         uint64_t *swap = f->from;
 
-        state_each(st, shares, frame_count_digits, f);
-        state_each(st, shares, frame_move, f);
+        parallel_for(shares, 1, frame_count_digits, f);
+        parallel_for(shares, 1, frame_move, f);
         f->from = f->to;
         f->to = swap;
         f->shared = true;
@@ -418,17 +419,16 @@ static void frame_keep_order(struct drawing *f, uint64_t *sorted)
  * order of the last frame. */
 static void frame_make_lists(struct drawing *f)
 {
-    struct splat_state *st = f->s->state;
     const size_t shares = (size_t)f->threads;
 
-    state_each(st, shares, frame_project, f);
+    parallel_for(shares, 1, frame_project, f);
     frame_note_phase(f, SPLAT_PROJECT);
     frame_keep_order(f, frame_sort(f));
     frame_note_phase(f, SPLAT_SORT);
-    state_each(st, shares, frame_count_tiles, f);
+    parallel_for(shares, 1, frame_count_tiles, f);
     frame_plan_lists(f);
     if (!f->failed)
-        state_each(st, shares, frame_fill_lists, f);
+        parallel_for(shares, 1, frame_fill_lists, f);
     frame_note_phase(f, SPLAT_BIN);
 }
 
@@ -451,7 +451,7 @@ int frame_draw(struct splat *s, const struct target *out, struct error *err)
     if (f.first < f.last || !st->projected)
         frame_make_lists(&f);
     if (!f.failed)
-        state_each(st, (tiles + TILES - 1) / TILES, frame_draw_tiles, &f);
+        parallel_for((tiles + TILES - 1) / TILES, 1, frame_draw_tiles, &f);
     frame_note_phase(&f, SPLAT_DRAW);
     st->projected = !f.failed;
     st->drawn_to = f.failed ? (struct target){0} : *out;

@@ -301,7 +301,6 @@ int splat_load(struct splat *s, const struct gaussians *g, struct error *err)
             return error_set(err, EX_OSERR, "%zu Gaussians: out of memory",
                              g->n);
         }
-        memset(st->block, 0, bytes);
         state_cloud_layout(s, st->block, n);
     }
     s->n = g->n;

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 
 #include "lib/base/isa.h"
+#include "lib/base/parallel.h"
 #include "lib/splat/relight.h"
 
 #define ALIGN 64
@@ -15,16 +16,6 @@
 #else
 #define SPLAT_FIXED16 false
 #endif
-
-void state_each(const struct splat_state *st, size_t count, parallel_fn *run,
-                void *ctx)
-{
-    if (st->threads > 1)
-        parallel_for(count, 1, run, ctx);
-    else
-        for (size_t i = 0; i < count; i++)
-            run(ctx, i);
-}
 
 struct splat_work *state_work(const struct splat_state *st)
 {

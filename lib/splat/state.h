@@ -3,7 +3,6 @@
 #ifndef SPID_SPLAT_STATE_H
 #define SPID_SPLAT_STATE_H
 
-#include "lib/base/parallel.h"
 #include "lib/splat/types.h"
 
 #define TILE 16                /* pixels; a tile is 4 rows of blocks */
@@ -142,9 +141,6 @@ void pack_gaussians(struct splat *s, const struct gaussians *g);
  * no memory for the lists. */
 int frame_draw(struct splat *s, const struct target *out, struct error *err);
 
-/* As parallel_for, where a frame is cut for more than one thread. */
-void state_each(const struct splat_state *st, size_t count, parallel_fn *run,
-                void *ctx);
 /* The calling thread's part of st->work. */
 struct splat_work *state_work(const struct splat_state *st);
 

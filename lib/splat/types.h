@@ -40,8 +40,8 @@ struct splat_options {
     int width, height;
     int channels;                 /* drawn: the first 1..32 of the colours */
     enum splat_rules rules;       /* GSPLAT or DGR for the fast kernels */
-    int threads;                  /* 0: parallel_width(); 1: shares
-                                   * no work */
+    int threads;                  /* for which the steps before drawing are
+                                   * cut; 0: parallel_width() */
     float near;                   /* drawn if z > near; 0: as the rules say */
     float alpha_cut;              /* default 1/255; at least 2^-24 */
     float t_cut;                  /* default 1e-4; 0: no early stop */

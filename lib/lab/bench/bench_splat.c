@@ -9,6 +9,7 @@
 #include <sysexits.h>
 
 #include "lib/base/half.h"
+#include "lib/base/parallel.h"
 #include "lib/base/random.h"
 #include "lib/lab/bench/scalar.h"
 #include "lib/lab/bench/testscene.h"
@@ -397,10 +398,13 @@ static int bench_all_knobs(struct stage *st, struct error *err)
 {
     size_t first = st->b->rows;
 
-    for (int pass = 0; pass < (st->b->threads > 1 ? 2 : 1); pass++)
+    for (int pass = 0; pass < (st->b->threads > 1 ? 2 : 1); pass++) {
+        parallel_alone(pass == 0);
         for (size_t k = 0; k < sizeof knobs / sizeof *knobs; k++)
             if (bench_knob_row(st, &knobs[k], pass ? st->b->threads : 1, err))
                 return -1;
+    }
+    parallel_alone(false);
     if (bench_scalar_row(st, err))
         return -1;
     bench_pareto(st->b, first);
