@@ -73,17 +73,8 @@ struct head_motion_d {
     double pose[3 * HEAD_JOINTS];
     double lid[2];
 };
-struct head_motion_grad_d {
-    double *beta, *exp;             /* (nshape), (nexp); may be NULL */
-    double pose[3 * HEAD_JOINTS];
-    double lid[2];
-};
 /* verts (V,3) and joints (5,3, or NULL). */
 void head_pose_d(double *verts, double *joints, const struct head *h,
                  const struct head_motion_d *m);
-/* g += gradient of dverts (V,3) and djoints (5,3, or NULL). */
-void head_pose_backward_d(struct head_motion_grad_d *g, const double *dverts,
-                          const double *djoints, const struct head *h,
-                          const struct head_motion_d *m);
 
 #endif
