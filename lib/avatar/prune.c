@@ -64,7 +64,8 @@ static int prune_draw(struct prune *p, struct splat *s,
                                                 CAMERA_FOCAL);
     double begun = cpu_seconds();
     if (baked_move_scene(s, &p->move, p->b, err) ||
-        splat_forward(s, image, NULL, NULL, &c, NULL, err))
+        splat_draw(s, &(struct splat_pictures){.image = image}, &c, NULL, NULL,
+                   err))
         return -1;
     p->ms[v] = 1e3 * (cpu_seconds() - begun);
     return 0;
@@ -92,6 +93,7 @@ static int prune_open_renderer(struct splat *s, const struct prune *p,
 static int prune_measure(struct prune *p, const struct densify *d,
                          const struct head *h, struct error *err)
 {
+    const struct splat_picture_gradients ones = {.image = p->ones};
     struct splat_gradients g = {.color = p->weight};
     struct splat s = {0};
     int rc = prune_open_renderer(&s, p, 1, 1, err);
@@ -100,7 +102,7 @@ static int prune_measure(struct prune *p, const struct densify *d,
         memset(p->weight, 0, p->b->N * sizeof *p->weight);
         rc = prune_draw(p, &s, d, h, p->image, v, err);
         if (rc == 0)
-            rc = splat_backward(&s, &g, p->ones, NULL, err);
+            rc = splat_backward(&s, &g, &ones, err);
         for (size_t i = 0; i < p->b->N; i++)
             p->max[i] = fmax(p->max[i], p->weight[i]);
     }

@@ -75,7 +75,8 @@ static int drawn_render(float *image, const struct gaussians *g,
     opt.rules = rules;
     opt.exp_degree = 5;
     if (!splat_init(&splat, &opt, err) && !splat_load(&splat, g, err) &&
-        !splat_forward(&splat, image, NULL, NULL, &cam, NULL, err))
+        !splat_draw(&splat, &(struct splat_pictures){.image = image}, &cam,
+                    NULL, NULL, err))
         rc = 0;
     splat_release(&splat);
     return rc;

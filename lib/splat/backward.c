@@ -13,6 +13,7 @@
 #include "lib/base/pages.h"
 #include "lib/base/parallel.h"
 #include "lib/splat/kernels.h"
+#include "lib/splat/splat.h"
 
 int backward_init(struct splat *s)
 {
@@ -89,7 +90,7 @@ int backward_load(struct splat *s, const struct gaussians *g,
     return 0;
 }
 
-/* T and the image without background go where backward_run finds them. */
+/* T and the image without background go where splat_backward finds them. */
 void backward_keep(struct splat *s, struct target *out)
 {
     struct splat_gradient_state *b = s->state->gradient;
@@ -207,8 +208,9 @@ static void backward_sum_camera(float *rt, const double *part, size_t batches)
 }
 
 /* Number the pairs, sum up tile by tile, then Gaussian by Gaussian. */
-int backward_run(struct splat *s, const struct splat_gradients *g,
-                 const struct splat_picture_gradients *d, struct error *err)
+int splat_backward(struct splat *s, const struct splat_gradients *g,
+                   const struct splat_picture_gradients *d,
+                   struct error *err)
 {
     struct splat_state *st = s->state;
     struct splat_gradient_state *b = st->gradient;
@@ -218,7 +220,7 @@ int backward_run(struct splat *s, const struct splat_gradients *g,
 
     if (!b || !b->drawn || !st->projected)
         return error_set(err, EX_SOFTWARE, "no picture to differentiate "
-                         "(expected splat_forward with opt.gradients)");
+                         "(expected splat_draw with opt.gradients)");
     if (d->place && !b->placed)
         return error_set(err, EX_SOFTWARE, "no places to differentiate "
                          "(expected splat_draw with them)");

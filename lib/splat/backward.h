@@ -53,8 +53,5 @@ int backward_load(struct splat *s, const struct gaussians *g,
                   struct error *err);
 /* Have the frame about to be drawn keep T and its image without background. */
 void backward_keep(struct splat *s, struct target *out);
-/* splat_backward (splat.h). */
-int backward_run(struct splat *s, const struct splat_gradients *g,
-                 const struct splat_picture_gradients *d, struct error *err);
 
 #endif

@@ -414,7 +414,7 @@ static int splat_check_pictures(const struct splat *s,
 {
     if (!s->state->block)
         return error_set(err, EX_SOFTWARE, "nothing loaded (expected "
-                         "splat_load before splat_forward)");
+                         "splat_load before splat_draw)");
     if (out->depth && !s->opt.depth)
         return error_set(err, EX_SOFTWARE, "depth asked for (expected the "
                          "option when the renderer was made)");
@@ -455,40 +455,4 @@ int splat_draw(struct splat *s, const struct splat_pictures *out,
     if (s->opt.gradients)
         backward_keep(s, &to);
     return frame_draw(s, &to, err);
-}
-
-int splat_forward(struct splat *s, float *image, float *alpha, float *depth,
-                  const struct splat_camera *cam, const float *background,
-                  struct error *err)
-{
-    struct splat_pictures out = {
-        .image = image, .alpha = alpha, .depth = depth};
-
-    return splat_draw(s, &out, cam, NULL, background, err);
-}
-
-int splat_forward_half(struct splat *s, uint16_t *image, float *alpha,
-                       float *depth, const struct splat_camera *cam,
-                       const float *background, struct error *err)
-{
-    struct splat_pictures out = {
-        .half = image, .alpha = alpha, .depth = depth};
-
-    return splat_draw(s, &out, cam, NULL, background, err);
-}
-
-int splat_draw_backward(struct splat *s, const struct splat_gradients *g,
-                        const struct splat_picture_gradients *d,
-                        struct error *err)
-{
-    return backward_run(s, g, d, err);
-}
-
-int splat_backward(struct splat *s, const struct splat_gradients *g,
-                   const float *d_image, const float *d_alpha,
-                   struct error *err)
-{
-    struct splat_picture_gradients d = {.image = d_image, .alpha = d_alpha};
-
-    return backward_run(s, g, &d, err);
 }

@@ -1,8 +1,8 @@
 /* Gaussians to pixels and back: the paper's Eq. C, forward and backward.
  *
  * Order of calls:  splat_init; splat_load (once per set of Gaussians);
- * then per frame splat_update (what moved) and splat_forward; for training
- * splat_backward after splat_forward.  Images are (H, W, C), row-major.
+ * then per frame splat_update (what moved) and splat_draw; for training
+ * splat_backward after splat_draw.  Images are (H, W, C), row-major.
  * Same bytes for every thread count.  Errors: 0, or -1 and *err. */
 #ifndef SPID_SPLAT_SPLAT_H
 #define SPID_SPLAT_SPLAT_H
@@ -35,45 +35,26 @@ int splat_load(struct splat *s, const struct gaussians *g,
 int splat_update(struct splat *s, const float *mean, size_t first,
                  size_t count, struct error *err);
 
-/* Draw.
+/* Draw whichever pictures are wanted.
  *   image (H,W,C) out  sum_i c_i w_i + T background, sRGB values for the
- *                      first three channels
- *   alpha (H,W)   out  1 - T, or NULL
+ *                      first three channels; or half, in half precision
+ *   alpha (H,W)   out  1 - T
  *   depth (H,W)   out  sum_i w_i z_i / sum_i w_i, camera z in head units, 0
- *                      where nothing is; NULL unless opt.depth
+ *                      where nothing is; only with opt.depth
+ *   view          in   may be NULL without place
  *   background (C) in  or NULL: zeros
  * EX_DATAERR on a camera that is not finite, a singular R, a focal <= 0. */
-int splat_forward(struct splat *s, float *image, float *alpha, float *depth,
-                  const struct splat_camera *cam, const float *background,
-                  struct error *err);
-
-/* The same with a half-precision image. */
-int splat_forward_half(struct splat *s, uint16_t *image, float *alpha,
-                       float *depth, const struct splat_camera *cam,
-                       const float *background, struct error *err);
-
-/* The same into whichever pictures are wanted.  view may be NULL without
- * place. */
 int splat_draw(struct splat *s, const struct splat_pictures *out,
                const struct splat_camera *cam,
                const struct splat_place_view *view, const float *background,
                struct error *err);
 
-/* Gradients of a loss from those of the picture drawn by the last
- * splat_forward with opt.gradients set.
- *   d_image (H,W,C) in  dL/dimage
- *   d_alpha (H,W)   in  dL/dalpha, or NULL
- * Adds into g.  No gradient where the 0.99 clamp is active.  Sums run in a
- * fixed order: same bits for every thread count. */
+/* Gradients of a loss from those of the pictures that the last splat_draw drew
+ * with opt.gradients set.  Adds into g.  No gradient where the 0.99 clamp is
+ * active.  Places pull at the Gaussians through their weights and through where
+ * their centres are; the view is held.  Sums run in a fixed order: same bits
+ * for every thread count. */
 int splat_backward(struct splat *s, const struct splat_gradients *g,
-                   const float *d_image, const float *d_alpha,
-                   struct error *err);
-
-/* The same from the gradients of all pictures that were drawn.  Places pull at
- * the Gaussians through their weights and through where their centres are; the
- * view is held. */
-int splat_draw_backward(struct splat *s, const struct splat_gradients *g,
-                        const struct splat_picture_gradients *d,
-                        struct error *err);
+                   const struct splat_picture_gradients *d, struct error *err);
 
 #endif

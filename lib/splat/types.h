@@ -51,8 +51,8 @@ struct splat_options {
                                    * with gradients */
     bool fixed16;                 /* over 4 channels: Q15 products where the
                                    * processor has them; not with gradients */
-    bool depth;                   /* splat_forward may be asked for depth */
-    bool covered;                 /* splat_forward_half may leave pixels of
+    bool depth;                   /* splat_draw may be asked for depth */
+    bool covered;                 /* splat_draw may leave pixels of
                                    * alpha 0 as they were, not write zeros */
     bool kept;                    /* whoever has the pictures leaves pixels of
                                    * alpha 0 as they are: parts where nothing

@@ -237,7 +237,9 @@ static bool gagavatar_draw(float *feat, struct golden *g,
     opt.fixed16 = false;
     bool drawn = !splat_init(&r, &opt, &err) &&
                  !splat_load(&r, &a->set, &err) &&
-                 !splat_forward(&r, feat, T, NULL, cam, NULL, &err);
+                 !splat_draw(&r,
+                             &(struct splat_pictures){.image = feat, .alpha = T},
+                             cam, NULL, NULL, &err);
     if (!drawn)
         golden_fail(g, &err);
     for (size_t i = 0; i < P; i++) {

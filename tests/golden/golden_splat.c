@@ -245,7 +245,9 @@ static bool kernel_draw(struct splat *r, float *image, float *alpha,
     opt.fixed16 = false;
     opt.gradients = true;
     if (!splat_init(r, &opt, &err) && !splat_load(r, &s->g, &err) &&
-        !splat_forward(r, image, alpha, NULL, &s->cam, s->bg, &err))
+        !splat_draw(r,
+                    &(struct splat_pictures){.image = image, .alpha = alpha},
+                    &s->cam, NULL, s->bg, &err))
         return true;
     golden_check(g, err.text, INFINITY, INFINITY, 0);
     return false;
@@ -272,7 +274,9 @@ static void kernel_gradients(struct golden *g, struct splat *r,
     float Tf[12];
     struct error err = {0};
 
-    if (splat_backward(r, &d, s->probe, NULL, &err))
+    if (splat_backward(r, &d,
+                       &(struct splat_picture_gradients){.image = s->probe},
+                       &err))
         golden_check(g, err.text, INFINITY, INFINITY, 0);
     compare_l2_if(g, splat_key(mode, "grad.means"), d.mean, 3 * N);
     compare_l2_if(g, splat_key(mode, "grad.scales"), d.scale, 3 * N);

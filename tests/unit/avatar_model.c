@@ -131,7 +131,9 @@ static double model_likeness(struct baker *m, const float *verts)
     view = splat_camera_square(cam, S, CAMERA_FOCAL);
     if (splat_init(&splat, &so, &err) ||
         splat_load(&splat, &m->avatar.set, &err) ||
-        splat_forward(&splat, image, alpha, NULL, &view, NULL, &err))
+        splat_draw(&splat,
+                   &(struct splat_pictures){.image = image, .alpha = alpha},
+                   &view, NULL, NULL, &err))
         give_up(&err);
     splat_release(&splat);
     for (size_t i = 0; i < 3 * S * S; i++)

@@ -141,6 +141,8 @@ static float *kernel_gradients(const struct testscene *t, size_t n, size_t C,
     float *image = scene_grab(SIZE * SIZE * C, sizeof *image);
     struct splat_gradients g = {all, all + 3 * n, all + 6 * n, all + 10 * n,
                                 all + 11 * n, all + (11 + C) * n, NULL};
+    const struct splat_picture_gradients d = {.image = d_image,
+                                              .alpha = d_alpha};
     struct splat s = {0};
     struct error err = {0};
 
@@ -148,8 +150,9 @@ static float *kernel_gradients(const struct testscene *t, size_t n, size_t C,
     o.exp_degree = 5;
     o.threads = threads;
     if (splat_init(&s, &o, &err) || splat_load(&s, &t->g, &err) ||
-        splat_forward(&s, image, NULL, NULL, &cam, bg, &err) ||
-        splat_backward(&s, &g, d_image, d_alpha, &err))
+        splat_draw(&s, &(struct splat_pictures){.image = image}, &cam, NULL,
+                   bg, &err) ||
+        splat_backward(&s, &g, &d, &err))
         CHECK(0, "%s", err.text);
     splat_release(&s);
     free(image);

@@ -97,7 +97,8 @@ static void hard_case(enum hard kind)
     double begun = cpu_seconds();
 
     if (splat_init(&s, &o, &err) || splat_load(&s, &t.g, &err) ||
-        splat_forward(&s, image, NULL, NULL, &cam, NULL, &err))
+        splat_draw(&s, &(struct splat_pictures){.image = image}, &cam, NULL,
+                   NULL, &err))
         CHECK(0, "%s", err.text);
     double taken = cpu_seconds() - begun;
 

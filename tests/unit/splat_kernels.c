@@ -12,11 +12,13 @@ static float *kernel_test_draw(const struct testscene *t,
     struct error err = {0};
     size_t values = (size_t)o.width * (size_t)o.height * (size_t)o.channels;
     float *image = scene_grab(values, sizeof *image);
+    const struct splat_pictures out = {.image = image, .alpha = alpha,
+                                       .depth = depth};
 
     memset(image, 0x7f, values * sizeof *image);      /* junk */
     cam.cy = 0.5f * (float)o.height;
     if (splat_init(&s, &o, &err) || splat_load(&s, &t->g, &err) ||
-        splat_forward(&s, image, alpha, depth, &cam, bg, &err))
+        splat_draw(&s, &out, &cam, NULL, bg, &err))
         CHECK(0, "%s", err.text);
     splat_release(&s);
     return image;
@@ -128,7 +130,8 @@ static void kernel_moving(void)
     struct splat_camera cam = splat_camera_square(t.cam, 64, 12);
 
     if (splat_init(&s, &o, &err) || splat_load(&s, &t.g, &err) ||
-        splat_forward(&s, image, NULL, NULL, &cam, NULL, &err))
+        splat_draw(&s, &(struct splat_pictures){.image = image}, &cam, NULL,
+                   NULL, &err))
         CHECK(0, "%s", err.text);
     for (int round = 0; round < 2; round++) {
         float *mean = (float *)t.g.mean;
@@ -138,7 +141,8 @@ static void kernel_moving(void)
         cam.rt[3] += 0.02f * (float)round;
         t.cam[3] = cam.rt[3];
         if (splat_update(&s, mean + 900, 300, 700, &err) ||
-            splat_forward(&s, image, NULL, NULL, &cam, NULL, &err))
+            splat_draw(&s, &(struct splat_pictures){.image = image}, &cam,
+                       NULL, NULL, &err))
             CHECK(0, "%s", err.text);
         float *fresh = kernel_test_draw(&t, o, NULL, NULL, NULL);
 
@@ -151,7 +155,8 @@ static void kernel_moving(void)
     for (size_t i = 3 * 1900; i < 3 * 2000; i++)
         ((float *)t.g.mean)[i] += shift[i % 3];
     if (splat_update(&s, t.g.mean + 3 * 1900, 1900, 100, &err) ||
-        splat_forward(&s, image, NULL, NULL, &cam, NULL, &err))
+        splat_draw(&s, &(struct splat_pictures){.image = image}, &cam, NULL,
+                   NULL, &err))
         CHECK(0, "%s", err.text);
     float *fresh = kernel_test_draw(&t, o, NULL, NULL, NULL);
 

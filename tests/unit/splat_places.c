@@ -371,7 +371,7 @@ static float *kernel_gradients(const struct testscene *t, size_t C,
     check_error("gradients", splat_init(&s, &o, &err) == 0 &&
                 splat_load(&s, &t->g, &err) == 0 &&
                 splat_draw(&s, &out, &cam, &view, NULL, &err) == 0 &&
-                splat_draw_backward(&s, &g, d, &err) == 0, &err);
+                splat_backward(&s, &g, d, &err) == 0, &err);
     splat_release(&s);
     free(image);
     free(place);

@@ -87,13 +87,12 @@ static int bench_frame_draw_next(void *context, struct error *err)
 {
     struct bench_frame *f = context;
     struct splat_camera cam = *f->cam;
+    const struct splat_pictures out = {.image = f->half ? NULL : f->image,
+                                       .half = f->half, .alpha = f->alpha};
 
     f->turn = f->turn > 0 ? 0 : 1e-6f;
     cam.rt[3] += f->turn;
-    if (f->half)
-        return splat_forward_half(&f->s, f->half, f->alpha, NULL, &cam, NULL,
-                                  err);
-    return splat_forward(&f->s, f->image, f->alpha, NULL, &cam, NULL, err);
+    return splat_draw(&f->s, &out, &cam, NULL, NULL, err);
 }
 
 /* Have g's colours in half precision; NULL: no memory. */
@@ -344,9 +343,10 @@ struct back {
 static int bench_draw_and_back(void *context, struct error *err)
 {
     struct back *k = context;
+    const struct splat_picture_gradients d = {.image = k->d_image};
 
     return bench_frame_draw_next(&k->f, err) ||
-           splat_backward(&k->f.s, &k->g, k->d_image, NULL, err);
+           splat_backward(&k->f.s, &k->g, &d, err);
 }
 
 /* Forward and backward of n Gaussians; tests/unit/splat_gradients.c holds the

@@ -488,7 +488,7 @@ int avatar_system_draw_backward(struct avatar_system *s, struct error *err)
     }
     avatar_relative_pose_backward(s->dcam, dturn, &s->avatar);
     g.rt = s->dcam;
-    if (splat_draw_backward(&s->splat, &g, &d, err))
+    if (splat_backward(&s->splat, &g, &d, err))
         return -1;
     avatar_drive_backward(s->dverts, s->dcam, &s->avatar);
     return 0;
