@@ -149,11 +149,12 @@ PARALLEL(static_branch_neck_part, k, float *, mean, float *, back,
     float y = back[4] * x[0] + back[5] * x[1] + back[6] * x[2] + back[7];
 
     /* neck has the distances till here */
-    neck[k] = static_branch_neck_weight(b, mesh, 0.5f * (x[1] + y), neck[k]);
+    neck[k] = static_branch_neck_weight(b, mesh, y, neck[k]);
 }
 
-/* Neck blend weights (n*n), from where the cells lie on the surface: a point
- * that is all shoulders stood at B^-1 x when the neck was straight.  b->U are
+/* Neck blend weights (n*n), from where the cells lie on the surface, by their
+ * height over the shoulders: x stood at B^-1 x when the neck was straight, and
+ * beside a head that leans a shoulder is as high as its chin.  b->U are
  * the cells' centres; mean (n*n,3) is used up. */
 static void static_branch_neck(float *neck, float *mean,
                                const struct source_mesh *mesh,
