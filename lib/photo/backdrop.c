@@ -24,12 +24,15 @@
 #define ALIKE 16.0f             /* square of levels that patches of one thing
                                  * in another light differ by */
 #define SEEN 0.9f               /* share of a cell that makes it seen */
+#define SWEEPS SIDE             /* of relaxation, */
+#define OVER 1.9f               /* about 2 / (1 + sin(pi / SIDE)), the fastest */
 
 typedef int32_t v4i __attribute__((vector_size(16)));
 
 struct backdrop {
     quad colour[CELLS];         /* 1 and the colour, 0..255, also in the hole */
     quad off[CELLS];            /* 0 and what a copy is brighter by */
+    quad seam[2][CELLS];        /* to the cell on the right and below, weighted */
     quad sum[CELLS * 4 / 3 + 1]; /* of such, weighted, for pyramid_pool */
     float known[CELLS];         /* how much of a cell is seen, 0..1 */
     float trust[CELLS];         /* how much its colour counts: that, and in the
@@ -139,9 +142,19 @@ static void backdrop_start(struct backdrop *b)
 
 /* ---- the search --------------------------------------------------------- */
 
+/* The square of what light, which multiplies colours, can make of a difference d
+ * between colours whose mean is c. */
+static inline float backdrop_light(quad d, quad c)
+{
+    const quad both = d * c, own = c * c;
+    const float along = both[1] + both[2] + both[3];
+
+    return along * along / (own[1] + own[2] + own[3] + 1);
+}
+
 /* How unlike the patch about cell i is to that about cell `from`, each cell counting
- * by its weight and `least`: the mean square, without that of the means if they may
- * be lit otherwise. */
+ * by its weight and `least`: the mean square, without the light's if that may differ.
+ */
 static inline float backdrop_unlike(const struct backdrop *b, int i, int from,
                                     const float *weight, float least, bool lit)
 {
@@ -161,9 +174,9 @@ static inline float backdrop_unlike(const struct backdrop *b, int i, int from,
             mean += w * d;
             square += w * d * d;
         }
-    if (lit)
-        square -= mean * mean / all;
-    return (square[1] + square[2] + square[3]) / all;
+    return (square[1] + square[2] + square[3]) / all -
+           (lit ? backdrop_light(mean / all,
+                                (b->colour[i] + b->colour[from]) / 2) : 0);
 }
 
 /* That, as far as cell i's patch is known. */
@@ -237,35 +250,71 @@ static void backdrop_vote(struct backdrop *b)
     }
 }
 
+/* What cell i's copy has to be brighter by than that of the cell `step` on, beside
+ * it, for either to go on as the other: 1 and that, times how far light may be all
+ * that differs; 0 where one of them is no copy. */
+static quad backdrop_seam(const struct backdrop *b, int i, int step)
+{
+    const int from = b->from[i], next = b->from[i + step];
+
+    if (from < 0 || next < 0)
+        return (quad){0};
+    const quad here = b->colour[next - step] - b->colour[from];
+    const quad there = b->colour[next] - b->colour[from + step];
+    const quad mean = (here + there) / 2, both = mean + (quad){1};
+    const quad square = (here * here + there * there) / 2;
+    const float unlike = square[1] + square[2] + square[3] -
+                         backdrop_light(mean, (b->colour[from] + b->colour[next]) /
+                                                  2);
+
+    return both / (1 + fmaxf(unlike, 0) / ALIKE);
+}
+
+/* Cell i's `off` by those beside it, the seams to them and, beside the hole, what
+ * is seen (b->sum). */
+static void backdrop_relax(struct backdrop *b, int i)
+{
+    static const int step[2] = {1, SIDE};
+    quad sum = b->sum[i];
+
+    for (int q = 0; q < 2; q++) {
+        const quad on = b->seam[q][i];
+        const quad back = i < step[q] ? (quad){0} : b->seam[q][i - step[q]];
+
+        if (on[0] > 0)
+            sum += on + on[0] * b->off[i + step[q]];
+        if (back[0] > 0)
+            sum += (quad){2 * back[0]} - back + back[0] * b->off[i - step[q]];
+    }
+    if (sum[0] > 0)
+        b->off[i] += OVER * (sum / sum[0] - (quad){1} - b->off[i]);
+}
+
 /* How far each cell's copy is from it in a picture of n by n pixels, and what
  * it has to be brighter by: as the cells beside the hole, which are seen, differ
  * from what would be copied there, each as far as the light may be all that
- * differs; in the hole, as about it. */
+ * differs; in the hole so that neighbours meet (Poisson's equation by successive
+ * over-relaxation). */
 static void backdrop_compare(struct backdrop *b, int n)
 {
-    static const float none[4] = {1, 0, 0, 0};
-
-    memset(b->sum, 0, sizeof b->sum);
     for (int i = 0; i < CELLS; i++) {
         const bool beside = b->from[i] >= 0 && b->known[i] >= SEEN;
-        float w = 0;
-
-        if (beside) {
-            w = 1 / (1 + backdrop_unlike(b, i, b->from[i], b->known, 0, true) /
-                             ALIKE);
-            b->sum[i] = w * (b->colour[i] - b->colour[b->from[i]]);
-        }
-        b->sum[i][0] = w;
-    }
-    pyramid_pool((float *)b->sum, SIDE, 4, 0.01f, none);
-    for (int i = 0; i < CELLS; i++) {
         const int from = b->from[i] < 0 ? i : b->from[i];
+        const float w = beside ? 1 / (1 + backdrop_unlike(b, i, from, b->known,
+                                                          0, true) / ALIKE) : 0;
 
+        b->sum[i] = w * (b->colour[i] - b->colour[from] + (quad){1});
         b->shift[i][0] = (from % SIDE - i % SIDE) * n / SIDE;
         b->shift[i][1] = (from / SIDE - i / SIDE) * n / SIDE;
-        if (b->from[i] >= 0)
-            b->off[i] = b->sum[i] / b->sum[i][0] - (quad){1};
     }
+    for (int i = 0; i < CELLS; i++) {
+        b->seam[0][i] = i % SIDE < SIDE - 1 ? backdrop_seam(b, i, 1) : (quad){0};
+        b->seam[1][i] = i < CELLS - SIDE ? backdrop_seam(b, i, SIDE) : (quad){0};
+    }
+    for (int sweep = 0; sweep < SWEEPS; sweep++)
+        for (int i = 0; i < CELLS; i++)
+            if (b->from[i] >= 0)
+                backdrop_relax(b, i);
 }
 
 /* ---- at the picture's size ---------------------------------------------- */
