@@ -2,6 +2,7 @@
  * head says where the next one is. */
 extern "C" {
 #include "formats/facedetect.h"
+#include "lib/base/parallel.h"
 }
 
 #include <sysexits.h>
@@ -9,10 +10,14 @@ extern "C" {
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <memory>
+#include <mutex>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include <opencv2/core.hpp>
+#include <opencv2/core/parallel/parallel_backend.hpp>
 #include <opencv2/core/utils/logger.hpp>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/objdetect.hpp>
@@ -55,15 +60,37 @@ static bool facedetect_cascade_load(cv::CascadeClassifier &c, const char *name,
     return false;
 }
 
+/* OpenCV's loops on our threads.  A pool of its own would take 2 MB of a live
+ * driver's memory and processors that -j did not give. */
+class facedetect_threads : public cv::parallel::ParallelForAPI {
+public:
+    void parallel_for(int n, FN_parallel_for_body_cb_t run, void *ctx) override
+    {
+        struct call { FN_parallel_for_body_cb_t run; void *ctx; } c = {run, ctx};
+
+        ::parallel_for((size_t)n, 1, [](void *call_, size_t i) {
+            const struct call *own = static_cast<struct call *>(call_);
+
+            own->run((int)i, (int)i + 1, own->ctx);
+        }, &c);
+    }
+    int getThreadNum() const override { return (int)parallel_slot(); }
+    int getNumThreads() const override { return parallel_width(); }
+    int setNumThreads(int) override { return parallel_width(); }
+    const char *getName() const override { return "spid"; }
+};
+
 struct facedetect *facedetect_open(struct error *err)
 {
+    static std::once_flag once;
     facedetect *d = nullptr;
 
     cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
-    /* no pool of its own beside ours: it takes 2 MB of a live driver's memory
-     * and processors that -j did not give */
-    cv::setNumThreads(1);
     try {
+        std::call_once(once, [] {
+            cv::parallel::setParallelForBackend(
+                std::make_shared<facedetect_threads>(), false);
+        });
         std::string tried;
         d = new facedetect;
         if (facedetect_cascade_load(d->frontal,
@@ -101,10 +128,12 @@ static std::vector<cv::Rect> facedetect_search(cv::CascadeClassifier &c,
             return n >= WINDOWS_CERTAIN;
         }))
         found.clear();
-    std::stable_sort(found.begin(), found.end(),
-                     [](const cv::Rect &a, const cv::Rect &b) {
-                         return a.area() > b.area();
-                     });
+    /* threads find them in any order */
+    std::sort(found.begin(), found.end(),
+              [](const cv::Rect &a, const cv::Rect &b) {
+                  return std::make_tuple(-a.area(), a.y, a.x) <
+                         std::make_tuple(-b.area(), b.y, b.x);
+              });
     return found;
 }
 
