@@ -1,5 +1,6 @@
 /* The inner loops of resample.c, compiled once per instruction set. */
 #include "lib/base/parallel.h"
+#include "lib/base/quad.h"
 #include "lib/base/resample_kernel.h"
 
 #include <math.h>
@@ -78,17 +79,24 @@ static inline void resample_grid_point(float *o, const float *x,
 {
     struct taps t;
     double slope[2];
+    size_t c = 0;
 
     resample_grid_taps(&t, slope, g, W, H, align, border);
-    for (size_t c = 0; c < C; c++)
-        o[c] = 0;
-    for (int k = 0; k < 4; k++) {
-        const float *p = x + (size_t)t.at[k] * C, w = t.w[k];
+    for (; c + 4 <= C; c += 4) {
+        quad sum = {0};
 
-        if (t.at[k] < 0)
-            continue;
-        for (size_t c = 0; c < C; c++)
-            o[c] += w * p[c];
+        for (int k = 0; k < 4; k++)
+            if (t.at[k] >= 0)
+                sum += t.w[k] * *(const quad *)(x + (size_t)t.at[k] * C + c);
+        *(quad *)(o + c) = sum;
+    }
+    for (; c < C; c++) {
+        float sum = 0;
+
+        for (int k = 0; k < 4; k++)
+            if (t.at[k] >= 0)
+                sum += t.w[k] * x[(size_t)t.at[k] * C + c];
+        o[c] = sum;
     }
 }
 

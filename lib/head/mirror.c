@@ -8,6 +8,7 @@
 #include <sysexits.h>
 
 #include "lib/base/parallel.h"
+#include "lib/base/quad.h"
 #include "lib/base/sort.h"
 
 /* Of a block of the posing layout, and where it has y and z. */
@@ -27,7 +28,8 @@ struct directions {
     const uint64_t *live;   /* (blocks,words) bits of those that are not
                              * zero there; NULL: any */
     size_t words;
-    size_t *across;         /* (V) the vertex on the other side */
+    size_t *across;         /* (V) where the vertex on the other side is in an
+                             * image */
     float *images;          /* (threads,blocks,96) a direction's mirror image */
     double *square;         /* (n) lengths squared */
 };
@@ -97,8 +99,7 @@ static void mirror_image(float *image, const struct directions *s, size_t k)
         const size_t first = b * HEAD_BLOCK, rest = s->V - first;
 
         for (size_t i = 0; from && i < HEAD_BLOCK && i < rest; i++, from++) {
-            const size_t w = s->across[first + i];
-            float *to = image + w / HEAD_BLOCK * ROW + w % HEAD_BLOCK;
+            float *to = image + s->across[first + i];
 
             to[0] -= from[0];
             to[Y] += from[Y];
@@ -115,23 +116,24 @@ static void mirror_clear(float *image, const struct directions *s, size_t k)
 
         for (size_t i = 0; mirror_row(s, k, b) && i < HEAD_BLOCK && i < rest;
              i++) {
-            const size_t w = s->across[first + i];
-            float *to = image + w / HEAD_BLOCK * ROW + w % HEAD_BLOCK;
+            float *to = image + s->across[first + i];
 
             to[0] = to[Y] = to[Z] = 0;
         }
     }
 }
 
-/* Inner product of two rows, by four sums that do not wait for each other. */
+/* Inner product of two rows. */
 static double mirror_row_product(const float *p, const float *q)
 {
-    double sum[4] = {0};
+    quad sum[2] = {{0}};        /* that do not wait for each other */
 
-    for (size_t i = 0; i < ROW; i += 4)
-        for (size_t k = 0; k < 4; k++)
-            sum[k] += (double)p[i + k] * q[i + k];
-    return sum[0] + sum[1] + (sum[2] + sum[3]);
+    for (size_t i = 0; i < ROW; i += 8)
+        for (size_t k = 0; k < 2; k++)
+            sum[k] += *(const quad *)(p + i + 4 * k) *
+                      *(const quad *)(q + i + 4 * k);
+    sum[0] += sum[1];
+    return (double)(sum[0][0] + sum[0][1] + (sum[0][2] + sum[0][3]));
 }
 
 /* Inner product of direction j with the image. */
@@ -211,6 +213,8 @@ static int mirror_make(struct head_mirror *m, const struct head *h,
     }
     if (mirror_vertices(s.across, h->v_template, h->V, err))
         goto out;
+    for (size_t v = 0; v < h->V; v++)
+        s.across[v] = s.across[v] / HEAD_BLOCK * ROW + s.across[v] % HEAD_BLOCK;
     for (size_t k = 0; k < s.n; k++)
         s.square[k] = mirror_square(&s, k);
     m->n = s.n;

@@ -387,16 +387,15 @@ PARALLEL(backdrop_cover_part, y, struct matting *, m)
 {
     for (size_t x = 0; x < m->n; x++) {
         const size_t i = y * m->n + x;
-        int min = 0;
 
+        if (m->alpha[i] <= MATTING_BACK || m->alpha[i] == 255 ||
+            !extent_has(&m->inside, x, y))
+            continue;
         for (size_t c = 3 * i; c < 3 * i + 3; c++) {
-            const int own = backdrop_min_alpha(m->rgb[c], m->back[c]);
+            const int min = backdrop_min_alpha(m->rgb[c], m->back[c]);
 
-            min = own > min ? own : min;
+            m->alpha[i] = (uint8_t)(m->alpha[i] < min ? min : m->alpha[i]);
         }
-        if (extent_has(&m->inside, x, y) && backdrop_hidden(m, x, y) &&
-            m->alpha[i] < min)
-            m->alpha[i] = (uint8_t)min;
     }
 }
 
