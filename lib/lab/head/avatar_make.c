@@ -5,12 +5,8 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "formats/safetensors.h"
-#include "lib/base/arena.h"
 #include "lib/base/half.h"
-
-enum { TENSORS = 64, META = 32 };
-#define PREFIX "avatar."
+#include "lib/lab/head/headfile.h"
 
 /* How people wear hair and cloth, for a head of the same mesh; else all hair is on
  * its scalp, flat, and no cloth on its neck. */
@@ -64,61 +60,19 @@ int avatar_make(struct head *h, const struct head_avatar *from,
     return rc;
 }
 
-/* What is written: tensors of the file as it was, and new ones, whose numbers
- * are in `made`. */
-struct avatar_file {
-    struct st_tensor tensor[TENSORS];
-    size_t count;
-    const char *meta[2 * META + 1];
-    struct arena made;
-};
-
-/* What stays. */
-static int avatar_file_keep(struct avatar_file *f, const struct safetensors *st,
-                            struct error *err)
-{
-    const struct st_tensor *t;
-    size_t n = 0;
-
-    for (size_t i = 0; (t = st_at(st, i)); i++)
-        if (strncmp(t->name, PREFIX, strlen(PREFIX))) {
-            if (f->count == TENSORS / 2)
-                return error_set(err, EX_DATAERR, "%s: more tensors than a "
-                                 "head has (expected at most %d)", st_path(st),
-                                 TENSORS / 2);
-            f->tensor[f->count++] = *t;
-        }
-    for (size_t i = 0; i < META &&
-                       (f->meta[n] = st_meta_at(st, i, &f->meta[n + 1])); i++)
-        n += 2;
-    f->meta[n] = NULL;
-    return 0;
-}
-
-/* One tensor more, whose numbers of `size` bytes the caller fills in. */
-static void *avatar_file_add(struct avatar_file *f, const char *name,
-                             enum st_dtype type, size_t count, size_t width)
-{
-    void *made = arena_take(&f->made, count, st_dtype_size(type));
-
-    f->tensor[f->count++] = (struct st_tensor){
-        .name = name, .dtype = type, .ndim = width > 1 ? 2 : 1,
-        .dim = {count / width, width}, .count = count, .data = made
-    };
-    return made;
-}
-
 /* Halves, but for a few numbers that go on to be floats. */
-static int avatar_file_array(struct avatar_file *f, const char *name,
-                             const float *x, size_t count, size_t width)
+static int avatar_file_array(struct headfile *f, const char *name,
+                             const float *x, size_t count, size_t width,
+                             struct error *err)
 {
-    const enum st_dtype type = count < 16 ? ST_F32 : ST_F16;
-    void *made = avatar_file_add(f, name, type, count, width);
+    const bool few = count < 16;
+    void *made = headfile_add(f, name, few ? ST_F32 : ST_F16, count / width,
+                              width > 1 ? width : 0, 0, err);
     uint16_t *half = made;
 
     if (!made)
         return -1;
-    if (type == ST_F32)
+    if (few)
         memcpy(made, x, count * sizeof *x);
     else
         for (size_t i = 0; i < count; i++)
@@ -126,10 +80,11 @@ static int avatar_file_array(struct avatar_file *f, const char *name,
     return 0;
 }
 
-static int avatar_file_make(struct avatar_file *f, const struct head_avatar *a,
-                            struct error *err)
+static int avatar_file_add(struct headfile *f, const struct head_avatar *a,
+                           struct error *err)
 {
-    int32_t *mirror = avatar_file_add(f, PREFIX "mirror", ST_I32, a->points, 1);
+    int32_t *mirror = headfile_add(f, "avatar.mirror", ST_I32, a->points, 0, 0,
+                                   err);
     size_t count, width;
     const char *name;
     const float *x;
@@ -139,25 +94,22 @@ static int avatar_file_make(struct avatar_file *f, const struct head_avatar *a,
         mirror[k] = (int32_t)a->mirror[k];
     for (size_t i = 0; rc == 0 &&
                        (x = head_avatar_array(a, i, &name, &count, &width)); i++)
-        rc = avatar_file_array(f, name, x, count, width);
-    return rc ? error_set(err, EX_OSERR, "no memory for a head's file") : 0;
+        rc = avatar_file_array(f, name, x, count, width, err);
+    return rc;
 }
 
 /* The file anew, with the template avatar a or, NULL, none. */
 static int avatar_file_write(const char *path, const struct head_avatar *a,
                              struct error *err)
 {
-    struct safetensors *st = st_open(path, err);
-    struct avatar_file f = {.count = 0};
-    int rc = -1;
+    struct headfile f;
 
-    if (!st)
+    if (headfile_open(&f, path, err))
         return -1;
-    if (avatar_file_keep(&f, st, err) == 0 &&
-        (!a || avatar_file_make(&f, a, err) == 0))
-        rc = st_save(path, f.tensor, f.count, f.meta, err);
-    arena_release(&f.made);
-    st_close(st);
+    const int rc = (a && avatar_file_add(&f, a, err)) ||
+                   headfile_save(&f, path, err) ? -1 : 0;
+
+    headfile_close(&f);
     return rc;
 }
 

@@ -2,43 +2,22 @@
 #include "lib/lab/head/subdivide.h"
 
 #include <string.h>
-#include <sysexits.h>
 
-#include "formats/safetensors.h"
-#include "lib/base/arena.h"
 #include "lib/base/densify.h"
-#include "lib/lab/head/template.h"
-
-enum { TENSORS = 32, META = 32 };
+#include "lib/lab/head/headfile.h"
 
 struct subdivide {
-    struct safetensors *st;
+    struct headfile file;
     struct head h;              /* the same file, checked */
     struct densify d;
-    struct st_tensor tensor[TENSORS];
-    size_t count;
-    const char *meta[2 * META + 1];
-    struct arena memory;
     struct error *err;
 };
 
-/* Room for one more tensor of the file; NULL and s->err. */
+/* Room for a tensor of the finer head; NULL and s->err. */
 static void *subdivide_add(struct subdivide *s, const char *name,
                            enum st_dtype type, size_t a, size_t b, size_t c)
 {
-    const size_t count = a * (b ? b : 1) * (c ? c : 1);
-    void *made = arena_take(&s->memory, count, st_dtype_size(type));
-
-    if (!made || s->count == TENSORS) {
-        error_set(s->err, EX_OSERR, "no memory for a head of %zu vertices",
-                  s->d.V + s->d.E);
-        return NULL;
-    }
-    s->tensor[s->count++] = (struct st_tensor){
-        .name = name, .dtype = type, .ndim = c ? 3 : b ? 2 : 1,
-        .dim = {a, b, c}, .count = count, .data = made
-    };
-    return made;
+    return headfile_add(&s->file, name, type, a, b, c, s->err);
 }
 
 /* Numbers of vertices, (V,width) or (V,3,width / 3): each midpoint's mean. */
@@ -57,9 +36,9 @@ static int subdivide_means(struct subdivide *s, const char *name,
 /* A tensor of rows of vertices. */
 static int subdivide_rows(struct subdivide *s, const struct st_tensor *t)
 {
-    float *x = arena_keep(&s->memory, st_load_f32(s->st, t->name, t->ndim,
-                                                  t->dim, NULL, s->err),
-                          s->err);
+    float *x = arena_keep(&s->file.memory,
+                          st_load_f32(s->file.st, t->name, t->ndim, t->dim,
+                                      NULL, s->err), s->err);
 
     return x ? subdivide_means(s, t->name, x, t->count / s->d.V, false) : -1;
 }
@@ -67,16 +46,18 @@ static int subdivide_rows(struct subdivide *s, const struct st_tensor *t)
 static int subdivide_directions(struct subdivide *s)
 {
     const size_t K = s->h.nshape + s->h.nexp, fine = s->d.V + s->d.E;
-    float *shape = arena_keep(&s->memory, template_directions(
-        s->st, "shapedirs", s->d.V, K, s->err), s->err);
+    float *shape = headfile_directions(&s->file, "shapedirs", s->d.V, K,
+                                       s->err);
 
+    headfile_drop(&s->file, "shapedirs");
+    headfile_drop(&s->file, "posedirs");
     if (!shape || subdivide_means(s, "shapedirs", shape, 3 * K, true))
         return -1;
     if (!s->h.jaw_shape)        /* zeros */
         return subdivide_add(s, "posedirs", ST_F32, fine, 3, HEAD_POSE_DIRS)
                    ? 0 : -1;
-    float *pose = arena_keep(&s->memory, template_directions(
-        s->st, "posedirs", s->d.V, HEAD_POSE_DIRS, s->err), s->err);
+    float *pose = headfile_directions(&s->file, "posedirs", s->d.V,
+                                      HEAD_POSE_DIRS, s->err);
 
     return pose ? subdivide_means(s, "posedirs", pose, 3 * HEAD_POSE_DIRS,
                                   true) : -1;
@@ -142,8 +123,9 @@ static int subdivide_faces(struct subdivide *s)
 static int subdivide_joints(struct subdivide *s)
 {
     const size_t V = s->d.V, fine = V + s->d.E, dims[2] = {HEAD_JOINTS, V};
-    float *x = arena_keep(&s->memory, st_load_f32(s->st, "J_regressor", 2,
-                                                  dims, NULL, s->err), s->err);
+    float *x = arena_keep(&s->file.memory,
+                          st_load_f32(s->file.st, "J_regressor", 2, dims, NULL,
+                                      s->err), s->err);
     float *out = x ? subdivide_add(s, "J_regressor", ST_F32, HEAD_JOINTS, fine,
                                    0) : NULL;
 
@@ -181,7 +163,7 @@ static int subdivide_lids(struct subdivide *s)
 {
     const struct head *h = &s->h;
     const size_t fine = s->d.V + s->d.E, m = 3 * h->nlid_shape;
-    size_t *at = arena_take(&s->memory, 2 * s->d.V, sizeof *at), lid[2], n = 0;
+    size_t *at = arena_take(&s->file.memory, 2 * s->d.V, sizeof *at), lid[2], n = 0;
 
     if (h->nlid == 0)
         return 0;
@@ -214,21 +196,11 @@ static int subdivide_all(struct subdivide *s)
 {
     static const char *const rows[] = {"v_template", "weights", "l_eyelid",
                                        "r_eyelid", "hair", "uv", NULL};
-    static const char *const same[] = {"parents", "lip_inner",
-                                       "lip_upper_outer", NULL};
     const struct st_tensor *t;
-    size_t n = 0;
 
     for (size_t i = 0; rows[i]; i++)
-        if ((t = st_find(s->st, rows[i])) && subdivide_rows(s, t))
+        if ((t = st_find(s->file.st, rows[i])) && subdivide_rows(s, t))
             return -1;
-    for (size_t i = 0; same[i]; i++)
-        s->tensor[s->count++] = *st_find(s->st, same[i]);
-    for (size_t i = 0; i < META &&
-                       (s->meta[n] = st_meta_at(s->st, i, &s->meta[n + 1]));
-         i++)
-        n += 2;
-    s->meta[n] = NULL;
     return subdivide_directions(s) || subdivide_faces(s) ||
            subdivide_joints(s) || subdivide_lids(s) ? -1 : 0;
 }
@@ -238,13 +210,13 @@ int subdivide_head(const char *to, const char *from, struct error *err)
     struct subdivide s = {.err = err};
     int rc = -1;
 
-    if (head_load(&s.h, from, err) == 0 && (s.st = st_open(from, err)) &&
+    if (head_load(&s.h, from, err) == 0 &&
+        headfile_open(&s.file, from, err) == 0 &&
         densify_init(&s.d, s.h.f, s.h.F, s.h.V, err) == 0 &&
         subdivide_all(&s) == 0)
-        rc = st_save(to, s.tensor, s.count, s.meta, err);
-    arena_release(&s.memory);
+        rc = headfile_save(&s.file, to, err);
+    headfile_close(&s.file);
     densify_release(&s.d);
-    st_close(s.st);
     head_release(&s.h);
     return rc;
 }

@@ -7,6 +7,7 @@
 
 #include "lib/base/vec3.h"
 #include "lib/head/arkit.h"
+#include "lib/head/head.h"
 
 #define NECK_HOLD 0.85f         /* share of its widening that is taken away */
 

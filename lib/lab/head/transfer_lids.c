@@ -53,9 +53,9 @@ static int lid_list_vertices(struct template *s, const struct registration *r,
                              const float *shape, struct error *err)
 {
     s->nlid = 0;
-    s->lid_vertices = arena_take(&s->memory, s->nv, sizeof *s->lid_vertices);
-    s->lid_sides = arena_take(&s->memory, s->nv, sizeof *s->lid_sides);
-    if (arena_check(&s->memory, "lids", err))
+    s->lid_vertices = arena_take(&s->file.memory, s->nv, sizeof *s->lid_vertices);
+    s->lid_sides = arena_take(&s->file.memory, s->nv, sizeof *s->lid_sides);
+    if (arena_check(&s->file.memory, "lids", err))
         return -1;
     for (size_t v = 0; v < s->nv; v++) {
         double d[3];
@@ -66,9 +66,9 @@ static int lid_list_vertices(struct template *s, const struct registration *r,
         s->lid_vertices[s->nlid] = (int32_t)v;
         s->lid_sides[s->nlid++] = s->v_template[3 * v] < 0;
     }
-    s->lid_shapedirs = arena_take(&s->memory, 3 * s->nlid * TEMPLATE_LID_SHAPES,
+    s->lid_shapedirs = arena_take(&s->file.memory, 3 * s->nlid * TEMPLATE_LID_SHAPES,
                                   sizeof *s->lid_shapedirs);
-    return arena_check(&s->memory, "lids", err);
+    return arena_check(&s->file.memory, "lids", err);
 }
 
 int transfer_lids(struct template *s, const struct registration *r,
@@ -77,9 +77,9 @@ int transfer_lids(struct template *s, const struct registration *r,
     const struct scan *scan = r->scan;
     const float *blink = scan->expression + (size_t)ROW * ARKIT_EYE_BLINK_L;
     struct scan_lids l;
-    float *shape = arena_take(&s->memory, 2 * ROW, sizeof *shape);
+    float *shape = arena_take(&s->file.memory, 2 * ROW, sizeof *shape);
 
-    if (scan_lids_init(&l, scan->neutral, blink, blink + ROW, 1, &s->memory,
+    if (scan_lids_init(&l, scan->neutral, blink, blink + ROW, 1, &s->file.memory,
                        err))
         return -1;
     lid_correction(shape, NULL, scan, &l, NULL);

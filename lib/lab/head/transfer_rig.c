@@ -15,6 +15,7 @@
 #include <string.h>
 
 #include "lib/head/arkit.h"
+#include "lib/head/head.h"
 
 /* Column of posedirs: entry (row, column) of R - I of joint j. */
 static size_t transfer_posedir_column(int j, int row, int column)
