@@ -6,34 +6,14 @@
 
 #include <stddef.h>
 
-#include "lib/nn/conv.h"
-#include "lib/nn/norm.h"
-#include "lib/nn/params.h"
-#include "lib/nn/plan.h"
+#include "lib/lab/eval/tape.h"
 
 #define IRESNET_SIDE 112        /* pixels of the aligned face */
-#define IRESNET_MAX_BLOCKS 128
-
-/* y = conv2(prelu(conv1(bn1 x))) + (down x, or x); the other norms are folded
- * into the convolution before them. */
-struct iresnet_block {
-    struct batch_norm bn1, bn2, bn3, bn_down;
-    struct conv conv1, conv2, down;
-    size_t prelu;               /* tensor (out) */
-    bool has_down;
-    size_t side, stride;        /* of the input */
-};
 
 struct iresnet {
     struct params ps;
-    struct nn_plan plan;
-    struct conv stem, fc;
-    struct batch_norm bn_stem, bn_last, bn_feature;
-    size_t prelu;
-    struct iresnet_block block[IRESNET_MAX_BLOCKS];
-    size_t blocks;
-    float *x, *y, *t;           /* maps */
-    float *code;                /* (embedding) */
+    struct tape tape;
+    int code;                   /* the map that is an embedding */
 };
 
 /* Declare the tensors, as many and as wide as the file's, of which rows says

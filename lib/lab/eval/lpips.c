@@ -13,11 +13,10 @@
  * their kernel but the first, by BORDER. */
 static const struct {
     int index, pool;
-    size_t in, out, kernel, stride;
+    size_t out, kernel, stride;
 } stage[LPIPS_STAGES] = {
-    {0, 0, 3, 64, 11, 4},   {3, 1, 64, 192, 5, 1},
-    {6, 1, 192, 384, 3, 1}, {8, 0, 384, 256, 3, 1},
-    {10, 0, 256, 256, 3, 1},
+    {0, 0, 64, 11, 4}, {3, 1, 192, 5, 1}, {6, 1, 384, 3, 1},
+    {8, 0, 256, 3, 1}, {10, 0, 256, 3, 1},
 };
 #define BORDER 2
 
@@ -27,23 +26,28 @@ static const float lpips_scale[3] = {0.458f, 0.448f, 0.450f};
 
 void lpips_declare(struct lpips *l)
 {
+    struct tape *t = &l->tape;
     char name[40];
+    int x = 0;
 
     memset(l, 0, sizeof *l);
     params_init(&l->ps);
+    tape_init(t, &l->ps, 3);
     for (int i = 0; i < LPIPS_STAGES; i++) {
         const size_t lin[4] = {1, stage[i].out, 1, 1};
 
+        if (stage[i].pool)
+            x = tape_pool(t, x, false);
         snprintf(name, sizeof name, "features.%d", stage[i].index);
-        conv_init(&l->conv[i], &l->ps, name, stage[i].in, stage[i].out,
-                  stage[i].kernel, stage[i].stride, true);
-        l->conv[i].pad = i ? CONV_HALF : CONV_NONE;
-        l->conv[i].act = ACT_RELU;
+        x = l->map[i] = tape_conv(t, x, name, stage[i].out, stage[i].kernel,
+                                  true);
+        tape_layer(t, x)->stride = stage[i].stride;
+        tape_layer(t, x)->pad = i ? CONV_HALF : CONV_NONE;
+        tape_layer(t, x)->act = ACT_RELU;
         snprintf(name, sizeof name, "lin%d.model.1.weight", i);
         l->lin[i] = params_add(&l->ps, name, 4, lin, PARAM_ZERO, 1);
+        l->ps.tensor[l->lin[i]].frozen = true;
     }
-    for (size_t i = 0; i < l->ps.count; i++)
-        l->ps.tensor[i].frozen = true;
 }
 
 int lpips_init(struct lpips *l, const char *path, struct error *err)
@@ -57,40 +61,42 @@ int lpips_init(struct lpips *l, const char *path, struct error *err)
 
 void lpips_release(struct lpips *l)
 {
-    nn_plan_release(&l->plan);
+    tape_release(&l->tape);
+    arena_release(&l->memory);
     params_release(&l->ps);
     memset(l, 0, sizeof *l);
 }
 
-/* All stages for pictures of a size, and room for the largest gradient. */
+/* Stage i of the picture that was looked at last: its numbers, *n of them. */
+static const float *lpips_stage(size_t *n, const struct lpips *l, int i)
+{
+    size_t shape[4];
+    const float *x = tape_map(shape, &l->tape, l->map[i]);
+
+    *n = shape[1] * shape[2] * shape[3];
+    return x;
+}
+
+/* All stages for pictures of a size. */
 static int lpips_plan(struct lpips *l, size_t H, size_t W, struct error *err)
 {
-    struct nn_options opt = {l->learns ? NN_FROZEN : NN_INFER, NN_F32};
-    size_t h = H + 2 * BORDER, w = W + 2 * BORDER, max = 3 * h * w;
+    const struct nn_options opt = {l->learns ? NN_FROZEN : NN_INFER, NN_F32};
+    const size_t h = H + 2 * BORDER, w = W + 2 * BORDER;
+    struct arena *a = &l->memory;
+    size_t n;
 
-    nn_plan_release(&l->plan);
-    nn_plan_init(&l->plan, opt);
     l->H = l->W = 0;
-    l->in = nn_plan_floats(&l->plan, max);
+    arena_release(a);
+    if (tape_plan(&l->tape, h, w, opt, err))
+        return -1;
+    l->in = arena_take(a, 3 * h * w, sizeof *l->in);
+    l->din = arena_take(a, l->learns ? 3 * h * w : 0, sizeof *l->din);
     for (int i = 0; i < LPIPS_STAGES; i++) {
-        struct conv *c = &l->conv[i];
-
-        if (stage[i].pool) {
-            max_pool_plan(&l->pool[i], &l->plan, 1, h, w, c->in, false);
-            h = l->pool[i].oh;
-            w = l->pool[i].ow;
-            l->pooled[i] = nn_plan_floats(&l->plan, h * w * c->in);
-        }
-        conv_plan(c, &l->plan, 1, h, w);
-        h = c->oh;
-        w = c->ow;
-        for (int k = 0; k < 2; k++)
-            l->out[k][i] = nn_plan_floats(&l->plan, h * w * c->out);
-        max = h * w * c->out > max ? h * w * c->out : max;
+        lpips_stage(&n, l, i);
+        l->first[i] = arena_take(a, n, sizeof *l->first[i]);
+        l->d[i] = arena_take(a, l->learns ? n : 0, sizeof *l->d[i]);
     }
-    for (int k = 0; k < 2; k++)
-        l->d[k] = nn_plan_floats(&l->plan, l->learns ? max : 1);
-    if (nn_plan_finish(&l->plan, err))
+    if (arena_check(a, "features", err))
         return -1;
     l->H = H;
     l->W = W;
@@ -103,14 +109,8 @@ static size_t lpips_place(const struct lpips *l, size_t i)
     return 3 * ((i / l->W + BORDER) * (l->W + 2 * BORDER) + i % l->W + BORDER);
 }
 
-/* What stage i takes, of the picture that was looked at last. */
-static const float *lpips_stage_input(const struct lpips *l, int which, int i)
-{
-    return stage[i].pool ? l->pooled[i] : i ? l->out[which][i - 1] : l->in;
-}
-
-/* The five feature maps of a picture into l->out[which]. */
-static void lpips_features(struct lpips *l, int which, const float *rgb)
+/* Every stage of a picture. */
+static void lpips_look(struct lpips *l, const float *rgb)
 {
     const size_t n = l->H * l->W;
 
@@ -118,12 +118,7 @@ static void lpips_features(struct lpips *l, int which, const float *rgb)
         for (size_t c = 0; c < 3; c++)
             l->in[lpips_place(l, i) + c] =
                 (2 * rgb[c * n + i] - 1 - lpips_shift[c]) / lpips_scale[c];
-    for (int i = 0; i < LPIPS_STAGES; i++) {
-        if (stage[i].pool)
-            max_pool_forward(l->pooled[i], l->out[which][i - 1], &l->pool[i]);
-        conv_forward(l->out[which][i], lpips_stage_input(l, which, i),
-                     &l->conv[i]);
-    }
+    tape_forward(l->in, &l->tape);
 }
 
 /* One over the length of x (C), a pixel's features. */
@@ -168,21 +163,31 @@ double lpips_feature_distance(float *g, const float *a, const float *b,
 /* Of stage i; g (NULL: not wanted) += its gradient by the second picture. */
 static double lpips_stage_distance(float *g, const struct lpips *l, int i)
 {
-    return lpips_feature_distance(g, l->out[0][i], l->out[1][i],
+    size_t n;
+    const float *x = lpips_stage(&n, l, i);
+
+    return lpips_feature_distance(g, l->first[i], x,
                                   param_w(&l->ps, l->lin[i]),
-                                  l->conv[i].oh * l->conv[i].ow, stage[i].out);
+                                  n / stage[i].out, stage[i].out);
 }
 
 int lpips_distance(double *distance, struct lpips *l, const float *a,
                    const float *b, size_t H, size_t W, struct error *err)
 {
+    size_t n;
+
     if (H < 64 || W < 64)
         return error_set(err, EX_DATAERR, "lpips of %zux%zu pixels (expected "
                          "sides of 64 or more)", W, H);
     if ((H != l->H || W != l->W) && lpips_plan(l, H, W, err))
         return -1;
-    lpips_features(l, 0, a);
-    lpips_features(l, 1, b);
+    lpips_look(l, a);
+    for (int i = 0; i < LPIPS_STAGES; i++) {
+        const float *x = lpips_stage(&n, l, i);
+
+        memcpy(l->first[i], x, n * sizeof *x);
+    }
+    lpips_look(l, b);
     *distance = 0;
     for (int i = 0; i < LPIPS_STAGES; i++)
         *distance += lpips_stage_distance(NULL, l, i);
@@ -193,26 +198,18 @@ int lpips_distance(double *distance, struct lpips *l, const float *a,
 
 void lpips_backward(float *db, struct lpips *l)
 {
-    const struct conv *last = &l->conv[LPIPS_STAGES - 1];
-    float *d = l->d[0], *din = l->d[1];
     const size_t n = l->H * l->W;
+    struct tape_seed seed[LPIPS_STAGES];
+    size_t count;
 
-    memset(d, 0, last->oh * last->ow * last->out * sizeof *d);
-    for (int i = LPIPS_STAGES - 1; i >= 0; i--) {
-        struct conv *c = &l->conv[i];
-
-        lpips_stage_distance(d, l, i);
-        conv_backward(din, d, l->out[1][i], lpips_stage_input(l, 1, i), c);
-        if (stage[i].pool) {
-            max_pool_backward(d, din, &l->pool[i]);
-        } else {
-            float *swap = d;
-
-            d = din;
-            din = swap;
-        }
+    for (int i = 0; i < LPIPS_STAGES; i++) {
+        lpips_stage(&count, l, i);
+        memset(l->d[i], 0, count * sizeof *l->d[i]);
+        lpips_stage_distance(l->d[i], l, i);
+        seed[i] = (struct tape_seed){l->map[i], l->d[i]};
     }
+    tape_backward(l->din, seed, LPIPS_STAGES, &l->tape);
     for (size_t i = 0; i < n; i++)
         for (size_t c = 0; c < 3; c++)
-            db[c * n + i] = d[lpips_place(l, i) + c] * 2 / lpips_scale[c];
+            db[c * n + i] = l->din[lpips_place(l, i) + c] * 2 / lpips_scale[c];
 }

@@ -7,26 +7,24 @@
 #include <stdbool.h>
 #include <stddef.h>
 
+#include "lib/base/arena.h"
 #include "lib/base/error.h"
-#include "lib/lab/eval/max_pool.h"
-#include "lib/nn/conv.h"
-#include "lib/nn/params.h"
+#include "lib/lab/eval/tape.h"
 
 #define LPIPS_STAGES 5
 
 struct lpips {
     struct params ps;
-    struct nn_plan plan;
-    struct conv conv[LPIPS_STAGES];
-    struct max_pool pool[LPIPS_STAGES]; /* before some of them */
+    struct tape tape;
+    int map[LPIPS_STAGES];              /* what each stage makes */
     size_t lin[LPIPS_STAGES];           /* tensors: (1,C,1,1) */
     size_t H, W;                        /* as planned; 0: not yet */
-    float *in;                          /* a picture with a border */
-    float *pooled[LPIPS_STAGES], *out[2][LPIPS_STAGES];
     bool learns;                        /* planned for a gradient: set before
                                          * the first distance */
-    float *d[2];                        /* when learns: gradients by a stage's
-                                         * output and input, in turn */
+    float *in, *din;                    /* a picture with a border */
+    float *first[LPIPS_STAGES];         /* features of the first picture */
+    float *d[LPIPS_STAGES];             /* gradients by the second's */
+    struct arena memory;                /* of these */
 };
 
 /* Declare the tensors, by torchvision's and LPIPS's names. */

@@ -6,8 +6,7 @@
 #ifndef SPID_LAB_EVAL_SQUEEZENET_H
 #define SPID_LAB_EVAL_SQUEEZENET_H
 
-#include "lib/lab/eval/max_pool.h"
-#include "lib/nn/conv.h"
+#include "lib/lab/eval/tape.h"
 
 #define SQUEEZENET_FIRES 8
 #define SQUEEZENET_MIN 15     /* pixels of a side, for the last pool */
@@ -20,26 +19,9 @@ enum squeezenet_layer {
     SQUEEZENET_FIRE9, SQUEEZENET_LAYERS
 };
 
-/* s = relu(squeeze x); out = [relu(expand1 s), relu(expand3 s)] */
-struct squeezenet_fire {
-    struct conv squeeze, expand1, expand3;
-    bool pooled;                  /* x is the pool of the layer before */
-    struct max_pool pool;
-    size_t h, w;                  /* of x and out */
-    float *x;                     /* (h,w,in) where pooled */
-    float *s, *e1, *e3;           /* (h,w,few), and out's two halves */
-    float *out;                   /* (h,w,2 * expand1.out) */
-};
-
 struct squeezenet {
-    struct params *ps;
-    struct nn_plan plan;
-    struct conv first;            /* 7x7 stride 2 without padding, 3 -> 96 */
-    struct squeezenet_fire fire[SQUEEZENET_FIRES];
-    size_t height, width;
-    const float *rgb;
-    float *relu1;                 /* (h,w,96) */
-    float *g[4];                  /* gradients on their way */
+    struct tape tape;
+    int layer[SQUEEZENET_LAYERS];           /* their maps */
 };
 
 /* Declare the tensors, "features.0.weight" and on, all frozen. */
