@@ -143,13 +143,17 @@ static void *module_run(void *module)
     return NULL;
 }
 
-/* The libraries' ends must not run while they still begin. */
+/* The libraries' ends must not run while they still begin.  Called once for each
+ * time that modules were loaded ahead. */
 static void module_wait(void)
 {
-    if (module_pictures.thread)
-        pthread_join(module_pictures.thread, NULL);
-    if (module_videos.thread)
-        pthread_join(module_videos.thread, NULL);
+    struct module *const each[] = {&module_pictures, &module_videos};
+
+    for (size_t i = 0; i < sizeof each / sizeof *each; i++) {
+        if (each[i]->thread)
+            pthread_join(each[i]->thread, NULL);
+        each[i]->thread = 0;
+    }
 }
 
 void module_preload(const char *const paths[], size_t count)

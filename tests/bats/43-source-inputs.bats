@@ -48,6 +48,13 @@ plain() {
     done
 }
 
+@test "photograph and clip may want a library each" {
+    ffmpeg -v error -i source.png source.tiff
+    ffmpeg -v error -i drive.y4m drive.mp4
+    spid-animate -q -m model -s $crop source.tiff drive.mp4 -o out.mp4
+    [ -s out.mp4 ]
+}
+
 @test "a photograph that its camera held on its side is upright" {
     plain
     ffmpeg -v error -i source.png -vf transpose=2 -q:v 1 -pix_fmt yuvj444p side.jpg
