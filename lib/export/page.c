@@ -78,6 +78,17 @@ void page_row(float *to, const struct motion *m, size_t nexp)
     memcpy(to + PAGE_POSE, m->exp, nexp * sizeof *m->exp);
 }
 
+void page_motion(struct motion *m, const float *row, size_t nexp)
+{
+    memset(m, 0, sizeof *m);
+    memcpy(m->R, row, sizeof m->R);
+    memcpy(m->t, row + 9, sizeof m->t);
+    memcpy(m->pose.jaw, row + 12, sizeof m->pose.jaw);
+    memcpy(m->pose.lid, row + 15, sizeof m->pose.lid);
+    memcpy(m->pose.eye, row + 17, sizeof m->pose.eye);
+    memcpy(m->exp, row + PAGE_POSE, nexp * sizeof *m->exp);
+}
+
 /* A frame of the drive. */
 static int page_take_motion(struct page *p, const struct record *rec,
                             struct error *err)
@@ -198,7 +209,7 @@ static void page_pack_motion(struct pack *k, const struct page *p,
         return;
     float *to = page_pack_add(k, "source", ST_F32, 1, width, NULL);
     if (to)
-        page_row(to, &person->source, p->nexp);
+        page_row(to, &person->calm, p->nexp);
 }
 
 /* Number, home, reach of the Gaussians that the photograph shows only near

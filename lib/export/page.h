@@ -39,6 +39,8 @@ struct page {
 
 /* m in PAGE_POSE + nexp numbers. */
 void page_row(float *to, const struct motion *m, size_t nexp);
+/* And back; what they do not say is 0. */
+void page_motion(struct motion *m, const float *row, size_t nexp);
 
 /* nexp: expression directions of the head.  A zeroed page may be released. */
 void page_init(struct page *p, size_t nexp);

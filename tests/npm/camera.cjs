@@ -52,8 +52,6 @@ async function driven(page) {
   await page.waitForFunction(() => Math.abs(spid.values()[6] - 0.221) < 1e-3);
   await page.click("#release");
   await page.click("#rest");
-  check(await page.evaluate(() => spid.live.neutral === spid.live.last ||
-                                  Boolean(spid.live.neutral)), "a new neutral");
   const costs = await page.textContent("#meter");
   for (const stage of ["grab", "read", "find", "crop", "network", "head", "pose", "draw"])
     check(costs.includes(` ${stage} `), `the meter says ${stage}`);

@@ -1,13 +1,13 @@
-// node motions.cjs PAGE.json OURS.json: motions that a page found (live.cjs)
+// node motions.cjs PAGE.json found|driven OURS.json: motions of a page (live.cjs)
 // against those of spid-dump --json --values: for every number that varies, the
 // difference as a share of its range over the clip, at the worst frame.  The first
 // crop comes from another face finder here than there; what differs because of
 // that is gone after a few frames, which are left out.
 const fs = require("fs");
 
-const LIMIT = 0.02, SETTLED = 4;
-const [page, ours] = process.argv.slice(2);
-const { found } = JSON.parse(fs.readFileSync(page));
+const LIMIT = 0.02, SETTLED = 5;
+const [page, which, ours] = process.argv.slice(2);
+const found = JSON.parse(fs.readFileSync(page))[which];
 const rows = fs.readFileSync(ours, "utf8").trim().split("\n").map((l) => JSON.parse(l))
   .filter((r) => r.type === "MOTN").map(({ arrays }) =>
     ["rot", "trans", "jaw", "lid", "eye", "exp"].flatMap((name) =>

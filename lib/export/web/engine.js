@@ -3,11 +3,12 @@
 // thread: no page needs to be isolated for it).  The first guess of where a
 // face is comes from tracking.js's cascade.
 //   in   {setup: {code, model, head, smooth}}, then {frame: VideoFrame or
-//        ImageBitmap, time, mirror}, {restart: true} or {photo: ImageBitmap}
-//   out  {ready: true}; of a frame {row} or {lost, why}, with window, time and
-//        the times spent (ms: read, detect, crop, network, head); of a photograph
-//        {progress, share}, then {avatar: {meta, arrays}, ms} or {refused: why};
-//        {failed: why}
+//        ImageBitmap, time, mirror}, {restart: true}, {source: who is driven, a
+//        row}, {rest: true} (the last frame is neutral) or {photo: ImageBitmap}
+//   out  {ready: true}; of a frame {row, driven} (lib/track/relative.h) or {lost,
+//        why}, with window, time and the times spent (ms: read, detect, crop,
+//        network, head); of a photograph {progress, share}, then {avatar: {meta,
+//        arrays}, ms} or {refused: why}; {failed: why}
 import glue from "./glue.mjs";
 import "tracking";
 import "tracking/build/data/face.js";
@@ -109,13 +110,13 @@ async function frame({ frame: picture, time, mirror }) {
   const found = engine._motion_step(W, H, time, mirror), at = engine._motion_found();
   if (found < 0) throw new Error(why());
   const [detect, crop, network, head, x, y, size] = engine.HEAPF64.slice(at / 8, at / 8 + 7);
-  const row = (at + ROW) / 4;
+  const rowAt = (at) => engine.HEAPF32.slice(at / 4, at / 4 + width);
   const spent = { read: 0, detect: 1e3 * detect, crop: 1e3 * crop, network: 1e3 * network,
                   head: 1e3 * head };
   spent.read = Object.values(spent).reduce((left, ms) => left - ms, performance.now() - began);
   postMessage({
     time, window: { x, y, size }, spent,
-    ...found ? { row: engine.HEAPF32.slice(row, row + width) }
+    ...found ? { row: rowAt(at + ROW), driven: rowAt(engine._motion_driven()) }
              : { lost: true, why: engine.UTF8ToString(engine._motion_why()) } });
 }
 
@@ -140,6 +141,8 @@ onmessage = ({ data }) => {
   last = last.then(async () => {
     if (data.setup) await setup(data.setup);
     else if (data.restart) engine._motion_restart();
+    else if (data.rest) engine._motion_rest();
+    else if (data.source) engine.HEAPF32.set(data.source, engine._motion_source() / 4);
     else if (data.photo) photo(data);
     else await frame(data);
   }).catch((error) => postMessage({ failed: error.message }));

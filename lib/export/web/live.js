@@ -4,7 +4,6 @@
 import engineCode from "engine";
 import { Archive, bytesOf, inflate } from "./archive.js";
 import { Recorder } from "./record.js";
-import { relative } from "./relative.js";
 
 const $ = (id) => document.getElementById(id);
 const SMOOTH = 1.5;             // Hz at rest
@@ -21,7 +20,6 @@ const REFUSED = {
 export class Live {
   constructor(player, archive) {
     this.player = player;
-    this.arkit = JSON.parse(archive.meta.names).length > 0;
     this.source = archive.array("source");
     this.spent = {};
     this.video = $("eye");
@@ -49,7 +47,7 @@ export class Live {
       if (file) this.openPhoto(file);
       $("photo-picked").value = "";
     };
-    $("rest").onclick = () => { this.neutral = this.last; };
+    $("rest").onclick = () => this.worker.postMessage({ rest: true });
     $("record").onclick = () => this.recorder.on ? this.recorder.stop() : this.record();
     $("mirror").onchange = () => this.restart();
     const click = (id) => () => $(id).click();
@@ -91,6 +89,7 @@ export class Live {
       const code = inflate(bytesOf($("engine").textContent)).buffer;
       $("engine").remove();
       this.worker.postMessage({ setup: { code, smooth: this.smooth, ...this.files } }, [code]);
+      if (this.source) this.worker.postMessage({ source: this.source });
       this.files = null;
     });
     try {
@@ -104,21 +103,18 @@ export class Live {
   }
 
   restart() {
-    this.neutral = null;
     this.video.classList.toggle("mirror", $("mirror").checked);
     this.worker?.postMessage({ restart: true });
   }
 
   // A frame's answer.
-  take({ row, lost, why, window, spent, time, failed }) {
+  take({ row, driven, lost, why, window, spent, time, failed }) {
     this.busy = false;
-    this.found = { row, lost, window, time };
+    this.found = { row, driven, lost, window, time };
     if (failed) this.refuse(`That failed: ${failed}.`);
     if (row) {
-      this.last = row;
-      this.neutral ??= this.last;
       $("rest").disabled = false;
-      if (this.open) this.drive();
+      if (this.open) this.drive(driven);
     }
     for (const [k, v] of Object.entries(spent ?? {})) this.cost(k, v);
     if (this.open && Boolean(lost) !== this.wasLost) {
@@ -128,8 +124,8 @@ export class Live {
     this.waiting.splice(0).forEach((resolve) => resolve(this.found));
   }
 
-  drive() {
-    this.player.live(relative(this.last, this.neutral, this.source, this.arkit));
+  drive(row) {
+    this.player.live(row);
     this.frames = (this.frames ?? 0) + 1;
   }
 
@@ -161,7 +157,7 @@ export class Live {
     } else {
       this.refuse(`A new face, made in ${(ms / 1000).toFixed(1)} seconds.`);
       const archive = new Archive(avatar);
-      this.source = archive.array("source");
+      this.worker.postMessage({ source: archive.array("source") });
       this.window = archive.meta.window;
       this.player.load(archive);
     }

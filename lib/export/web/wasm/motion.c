@@ -1,4 +1,5 @@
-/* A camera's motion in the page: spid-motion's tracker. */
+/* A camera's motion in the page: spid-motion's tracker, and what it has done since
+ * its neutral frame, done from where the source is. */
 #include <emscripten.h>
 #include <stdlib.h>
 #include <string.h>
@@ -6,7 +7,10 @@
 
 #include "lib/export/page.h"
 #include "lib/export/web/wasm/engine.h"
+#include "lib/track/relative.h"
 #include "lib/track/track.h"
+
+#define ROW (PAGE_POSE + MOTION_JAW - MOTION_EXP)
 
 static struct track track;
 static bool started;            /* the portrait window is known */
@@ -16,9 +20,12 @@ static struct y4m colours;
 static struct {
     double spent[4];            /* seconds: find, crop, network, head */
     double window[3];           /* the portrait's: x, y, size */
-    float row[PAGE_POSE + MOTION_JAW - MOTION_EXP];
+    float row[ROW], driven[ROW];        /* as it is, and relative */
     const char *why;            /* there is no face */
 } found;
+static struct motion last, neutral;
+static float source[ROW];       /* the page's person, the face at rest */
+static bool has_source, rested; /* it was said; neutral is known */
 
 /* With a cut-off in Hz at rest; 0: as E_m says it.  How many numbers a row
  * has, or -1. */
@@ -40,7 +47,42 @@ int motion_open(double smooth)
 EMSCRIPTEN_KEEPALIVE
 void motion_restart(void)
 {
-    started = false;
+    started = rested = false;
+}
+
+/* Where the row of the person who is driven goes. */
+EMSCRIPTEN_KEEPALIVE
+float *motion_source(void)
+{
+    has_source = true;
+    return source;
+}
+
+/* The last frame's face is the driver's at rest. */
+EMSCRIPTEN_KEEPALIVE
+void motion_rest(void)
+{
+    neutral = last;
+    calm_face(&neutral, &track.calm);
+    rested = true;
+}
+
+/* What was found, as it is and as the page's person does it. */
+static void motion_say(const struct motion *m)
+{
+    const size_t nexp = engine.head.nexp;
+    struct motion from, driven = *m;
+    struct relative relative;
+
+    last = *m;
+    if (!rested)
+        motion_rest();
+    page_motion(&from, source, nexp);
+    relative_init(&relative, &from, &neutral, nexp);
+    if (has_source)
+        relative_apply(&driven, &relative);
+    page_row(found.row, m, nexp);
+    page_row(found.driven, &driven, nexp);
 }
 
 /* What the frames in engine_room are from now on: planes of this kind
@@ -110,7 +152,7 @@ int motion_step(size_t W, size_t H, double time, bool mirror)
                                    r.heads_s}, sizeof found.spent);
     memcpy(found.window, &track.window, sizeof found.window);
     if (rc > 0)
-        page_row(found.row, &r.motion, engine.head.nexp);
+        motion_say(&r.motion);
     return rc;
 }
 
@@ -119,6 +161,12 @@ EMSCRIPTEN_KEEPALIVE
 const void *motion_found(void)
 {
     return &found;
+}
+
+EMSCRIPTEN_KEEPALIVE
+const float *motion_driven(void)
+{
+    return found.driven;
 }
 
 EMSCRIPTEN_KEEPALIVE
