@@ -139,6 +139,21 @@ static int prepare_cut_out(struct source *src, const struct image *picture,
     return rc;
 }
 
+/* E_m as the source's tracker has it, planned before it is asked for; what is
+ * wrong is said then. */
+static void *prepare_run_plan(void *prepare)
+{
+    struct prepare *p = prepare;
+    struct motion_tta t;
+    struct error none;
+
+    if (prepare_await_head(p, &none) == 0 &&
+        motion_tta_init(&t, &p->nets.motion, 1, &p->head, !p->look.no_tta,
+                        false, &none) == 0)
+        motion_tta_release(&t);
+    return NULL;
+}
+
 /* The picture's face, shape, motion and matte, as spid-shape makes them. */
 static int prepare_read_picture(struct prepared *s, struct prepare *p,
                                 const char *path, const char *mask_path,
@@ -148,13 +163,18 @@ static int prepare_read_picture(struct prepared *s, struct prepare *p,
     struct track_options opt = p->look;
     struct image mask = {0}, *given = mask_path ? &mask : NULL;
     struct source src = {0};
-    int rc = -1;
+    const struct prepare_beside plan = {prepare_run_plan, p};
+    pthread_t thread;
+    const bool planning = prepare_start_beside(&thread, &plan);
+    int rc = image_read(&s->picture, path, err) ||
+             (given && image_read(given, mask_path, err)) ? -1 : 0;
 
-    opt.size = (double)p->model.config.size;
-    if (image_read(&s->picture, path, err) ||
-        (given && image_read(given, mask_path, err)) ||
-        prepare_await_head(p, err))
+    if (planning)
+        pthread_join(thread, NULL);
+    if (rc || prepare_await_head(p, err))
         goto out;
+    rc = -1;
+    opt.size = (double)p->model.config.size;
     if (source_find(&src, &s->picture, given, &p->head, &p->nets, &opt,
                     err) ||
         prepare_cut_out(&src, &s->picture, given, p, beside, err)) {
