@@ -4,48 +4,15 @@
 #include <string.h>
 
 #include "lib/lab/people/scan_stage.h"
-#include "lib/lab/people/tri.h"
 #include "lib/base/vec3.h"
 
 #define REACH 1.3f              /* half the width of what a map covers */
 #define SHARP 34.0f
 
-/* Opacity of a part at the first corner of a face: cheap, and enough here. */
-static bool shadow_is_hole(const struct figure *f, const struct figure_part *p,
-                           const int32_t *v, const float w[3])
+/* What has holes: hair, lashes, veils. */
+static const struct bitmap *shadow_picture(const struct figure_part *p)
 {
-    float c[4], u = 0, t = 0;
-
-    if (!p->piece || !p->piece->picture.rgba || p->stuff < STUFF_VEIL)
-        return false;
-    for (int k = 0; k < 3; k++) {
-        u += w[k] * f->uv[2 * v[k]];
-        t += w[k] * f->uv[2 * v[k] + 1];
-    }
-    bitmap_sample(c, &p->piece->picture, u, t);
-    return c[3] < 0.45f;
-}
-
-/* The nearest depths to the lamp, but for what pictures leave clear. */
-static void shadow_draw_face(struct scan_stage *s, float *map, size_t i)
-{
-    const struct figure *f = s->figure;
-    const int32_t *v = f->faces + 3 * i;
-    struct tri t;
-    int x0, x1, n = SCAN_SHADOW;
-
-    if (!tri_setup(&t, &s->sun[v[0]], &s->sun[v[1]], &s->sun[v[2]], n, n))
-        return;
-    for (int y = t.y0; y <= t.y1; y++) {
-        if (!tri_row(&t, y, n, &x0, &x1))
-            continue;
-        for (int x = x0; x <= x1; x++) {
-            float w[3], q = tri_at(w, &t, x, y);
-            if (q > map[y * n + x]
-                && !shadow_is_hole(f, &f->parts[f->part[i]], v, w))
-                map[y * n + x] = q;
-        }
-    }
+    return p->piece && p->stuff >= STUFF_VEIL ? &p->piece->picture : NULL;
 }
 
 /* Row a of a map, or the nearest that there is. */
@@ -101,12 +68,9 @@ static void shadow_make(struct scan_stage *s, struct scan_shadow *w,
                         const struct lamp *l)
 {
     const struct figure *f = s->figure;
-    float up[3] = {0, -1, 0};
     size_t n = (size_t)SCAN_SHADOW * SCAN_SHADOW;
 
-    if (fabsf(l->dir[1]) > 0.97f)
-        up[0] = 1, up[1] = 0;
-    sun_aim(&w->sun, l->dir, up, SCAN_SHADOW, REACH);
+    sun_aim(&w->sun, l->dir, -1, SCAN_SHADOW, REACH);
     sun_centre(&w->sun, s->place, f->parts[0].c1, 64);
     for (size_t i = 0; i < f->nc; i++)
         s->sun[i] = sun_place(&w->sun, s->place + 3 * i);
@@ -116,7 +80,8 @@ static void shadow_make(struct scan_stage *s, struct scan_shadow *w,
         if (k == STUFF_BROW || k == STUFF_LASH || k == STUFF_TEAR
             || k == STUFF_GLASS || k == STUFF_TEETH || k == STUFF_GUM)
             continue;
-        shadow_draw_face(s, w->map, i);
+        sun_draw(w->map, SCAN_SHADOW, s->sun, f->faces + 3 * i, 1, f->uv,
+                 shadow_picture(&f->parts[f->part[i]]));
     }
     for (size_t i = 0; i < n; i++) {
         float h = w->map[i] > 0 ? w->map[i] - SUN_FAR : -2;

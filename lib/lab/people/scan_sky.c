@@ -5,7 +5,7 @@
 
 #include "lib/base/parallel.h"
 #include "lib/lab/people/scan.h"
-#include "lib/lab/people/tri.h"
+#include "lib/lab/people/sun.h"
 #include "lib/base/vec3.h"
 
 #define MAP 176                 /* side of a depth map */
@@ -46,66 +46,6 @@ void sky_direction(float d[3], int k)
     copy3(d, sky[k]);
 }
 
-struct view {
-    float u[3], v[3], w[3];
-};
-
-/* Axes of a parallel projection along direction k. */
-static void sky_view_make(struct view *o, int k)
-{
-    float up[3] = {0, 1, 0};
-
-    sky_direction(o->w, k);
-    if (fabsf(o->w[1]) > 0.95f)
-        up[0] = 1, up[1] = 0;
-    cross3(o->u, up, o->w);
-    unit3(o->u);
-    cross3(o->v, o->w, o->u);
-}
-
-static struct raster_vertex sky_view_place(const struct view *o,
-                                           const float p[3])
-{
-    return (struct raster_vertex){
-        (dot3(p, o->u) / REACH + 1) * (0.5f * MAP),
-        (dot3(p, o->v) / REACH + 1) * (0.5f * MAP), dot3(p, o->w) + 8
-    };
-}
-
-/* Faces into a depth map; texels whose alpha is low are holes. */
-static void sky_draw_depth(float *map, const struct raster_vertex *at,
-                           const int32_t *faces, size_t nf, const float *uv,
-                           const struct bitmap *picture)
-{
-    for (size_t i = 0; i < nf; i++) {
-        const int32_t *v = faces + 3 * i;
-        struct tri t;
-        int x0, x1;
-        if (!tri_setup(&t, &at[v[0]], &at[v[1]], &at[v[2]], MAP, MAP))
-            continue;
-        for (int y = t.y0; y <= t.y1; y++) {
-            if (!tri_row(&t, y, MAP, &x0, &x1))
-                continue;
-            for (int x = x0; x <= x1; x++) {
-                float w[3], q = tri_at(w, &t, x, y), c[4];
-                if (q <= map[y * MAP + x])
-                    continue;
-                if (picture && picture->rgba) {
-                    bitmap_sample(c, picture,
-                                  w[0] * uv[2 * v[0]] + w[1] * uv[2 * v[1]]
-                                  + w[2] * uv[2 * v[2]],
-                                  w[0] * uv[2 * v[0] + 1]
-                                  + w[1] * uv[2 * v[1] + 1]
-                                  + w[2] * uv[2 * v[2] + 1]);
-                    if (c[3] < 0.5f)
-                        continue;
-                }
-                map[y * MAP + x] = q;
-            }
-        }
-    }
-}
-
 /* Whether the map leaves a point free. */
 static bool sky_is_free(const float *map, const struct raster_vertex *p)
 {
@@ -116,7 +56,7 @@ static bool sky_is_free(const float *map, const struct raster_vertex *p)
 }
 
 struct look {
-    struct view view;
+    struct sun sun;
     float *bald, *map;
     struct raster_vertex *face, *worn;
 };
@@ -127,9 +67,9 @@ static void sky_look_at_piece(struct look *l, struct piece *p, int k)
     uint64_t bit = (uint64_t)1 << k;
 
     for (size_t i = 0; i < p->nc; i++)
-        l->worn[i] = sky_view_place(&l->view, p->place + 3 * i);
+        l->worn[i] = sun_place(&l->sun, p->place + 3 * i);
     memset(l->map, 0, MAP * MAP * sizeof *l->map);
-    sky_draw_depth(l->map, l->worn, p->faces, p->nf, p->uv, &p->picture);
+    sun_draw(l->map, MAP, l->worn, p->faces, p->nf, p->uv, &p->picture);
     for (int i = 0; i < FACE_VERTICES; i++)
         if (!sky_is_free(l->map, &l->face[i]))
             __atomic_fetch_or(&p->shade[i], bit, __ATOMIC_RELAXED);
@@ -146,13 +86,13 @@ static void sky_look_along(struct look *l, struct scan_assets *a,
     const struct scan_face *f = &a->face;
     uint64_t bit = (uint64_t)1 << k;
 
-    sky_view_make(&l->view, k);
+    sun_aim(&l->sun, sky[k], 1, MAP, REACH);
     for (int i = 0; i < FACE_VERTICES; i++)
-        l->face[i] = sky_view_place(&l->view, f->neutral + 3 * i);
+        l->face[i] = sun_place(&l->sun, f->neutral + 3 * i);
     memset(l->bald, 0, MAP * MAP * sizeof *l->bald);
     for (size_t i = 0; i < f->nf; i++)      /* skin and neck are opaque */
         if (f->raw[3 * i] < FACE_NECK_END)
-            sky_draw_depth(l->bald, l->face, f->raw + 3 * i, 1, NULL, NULL);
+            sun_draw(l->bald, MAP, l->face, f->raw + 3 * i, 1, NULL, NULL);
     for (int i = 0; i < FACE_VERTICES; i++)
         if (sky_is_free(l->bald, &l->face[i]))
             __atomic_fetch_or(&a->seen[i], bit, __ATOMIC_RELAXED);

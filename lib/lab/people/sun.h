@@ -1,12 +1,13 @@
-/* How a lamp infinitely far away sees the head: the orthographic view of a
- * shadow map. */
+/* How a lamp infinitely far away, or a direction of the sky, sees the head: an
+ * orthographic view and its map of heights. */
 #ifndef SPID_LAB_PEOPLE_SUN_H
 #define SPID_LAB_PEOPLE_SUN_H
 
 #include <stddef.h>
 
-#include "lib/lab/people/tri.h"
 #include "lib/base/vec3.h"
+#include "lib/lab/people/scan_piece.h"
+#include "lib/lab/people/tri.h"
 
 #define SUN_FAR 8       /* added to heights: positive for the z-buffer */
 
@@ -17,11 +18,15 @@ struct sun {
     float half;                 /* of the map's side, texels */
 };
 
-/* A view along dir, turned by up, that reaches so far about its centre on a map
- * of n by n. */
-static inline void sun_aim(struct sun *s, const float dir[3],
-                           const float up[3], int n, float reach)
+/* A view along dir about the origin, on a map of n by n that reaches so far; up
+ * is where y is 1 or -1, or for what comes from there about, x. */
+static inline void sun_aim(struct sun *s, const float dir[3], float y, int n,
+                           float reach)
 {
+    const bool steep = fabsf(dir[1]) > 0.96f;
+    const float up[3] = {steep ? 1 : 0, steep ? 0 : y, 0};
+
+    *s = (struct sun){.centre = {0, 0, 0}};
     copy3(s->w, dir);
     cross3(s->u, up, s->w);
     unit3(s->u);
@@ -51,5 +56,12 @@ static inline struct raster_vertex sun_place(const struct sun *s,
                                   dot3(d, s->v) * s->scale + s->half,
                                   dot3(d, s->w) + SUN_FAR};
 }
+
+/* The greatest heights of faces (nf,3), whose corners lie at `at`, into map
+ * (n,n); where the picture (NULL or empty: none) is clear at uv they have
+ * holes. */
+void sun_draw(float *map, int n, const struct raster_vertex *at,
+              const int32_t *faces, size_t nf, const float *uv,
+              const struct bitmap *picture);
 
 #endif
