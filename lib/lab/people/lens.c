@@ -65,6 +65,52 @@ void lens_soften(float *img, float *tmp, int n, float sigma)
     }
 }
 
+/* Row i of img (n,n), or the nearest that there is. */
+static const float *lens_row(const float *img, int i, int n)
+{
+    return img + (i < 0 ? 0 : i < n ? i : n - 1) * n;
+}
+
+/* The mean of 2 r + 1 rows; the sums of all columns go down side by side. */
+static void lens_box_down(float *out, const float *in, int n, int r)
+{
+    float sum[LENS_BOX] = {0}, w = 1 / (float)(2 * r + 1);
+
+    for (int i = -r; i <= r; i++)
+        for (int j = 0; j < n; j++)
+            sum[j] += lens_row(in, i, n)[j];
+    for (int i = 0; i < n; i++) {
+        const float *next = lens_row(in, i + r + 1, n);
+        const float *last = lens_row(in, i - r, n);
+
+        for (int j = 0; j < n; j++) {
+            out[i * n + j] = sum[j] * w;
+            sum[j] += next[j] - last[j];
+        }
+    }
+}
+
+/* Rows become columns. */
+static void lens_turn(float *out, const float *in, int n)
+{
+    enum { TILE = 16 };
+
+    for (int t = 0; t < n * n / TILE; t += TILE)
+        for (int y = t / n * TILE; y < t / n * TILE + TILE; y++)
+            for (int x = t % n; x < t % n + TILE; x++)
+                out[x * n + y] = in[y * n + x];
+}
+
+void lens_box(float *img, float *tmp, int n, int r)
+{
+    for (int axis = 0; axis < 2; axis++) {      /* across, then down */
+        lens_turn(tmp, img, n);
+        lens_box_down(img, tmp, n, r);
+        lens_box_down(tmp, img, n, r);
+        memcpy(img, tmp, (size_t)(n * n) * sizeof *img);
+    }
+}
+
 void lens_smear(float *img, float *tmp, int n, float dx, float dy)
 {
     const size_t bytes = (size_t)(n * n) * sizeof *img;

@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "lib/lab/people/lens.h"
 #include "lib/lab/people/scan_stage.h"
 #include "lib/base/vec3.h"
 
@@ -13,54 +14,6 @@
 static const struct bitmap *shadow_picture(const struct figure_part *p)
 {
     return p->piece && p->stuff >= STUFF_VEIL ? &p->piece->picture : NULL;
-}
-
-/* Row a of a map, or the nearest that there is. */
-static const float *shadow_row(const float *map, int a)
-{
-    return map + (a < 0 ? 0 : a < SCAN_SHADOW ? a : SCAN_SHADOW - 1)
-                     * SCAN_SHADOW;
-}
-
-/* The mean of 2 r + 1 rows; the sums of all columns go down side by side. */
-static void shadow_blur_down(float *out, const float *in, int r)
-{
-    float sum[SCAN_SHADOW] = {0}, w = 1 / (float)(2 * r + 1);
-
-    for (int i = -r; i <= r; i++)
-        for (int j = 0; j < SCAN_SHADOW; j++)
-            sum[j] += shadow_row(in, i)[j];
-    for (int i = 0; i < SCAN_SHADOW; i++) {
-        const float *next = shadow_row(in, i + r + 1);
-        const float *last = shadow_row(in, i - r);
-
-        for (int j = 0; j < SCAN_SHADOW; j++) {
-            out[i * SCAN_SHADOW + j] = sum[j] * w;
-            sum[j] += next[j] - last[j];
-        }
-    }
-}
-
-/* Rows become columns. */
-static void shadow_turn(float *out, const float *in)
-{
-    enum { N = SCAN_SHADOW, TILE = 16 };
-
-    for (int t = 0; t < N * N / TILE; t += TILE)
-        for (int y = t / N * TILE; y < t / N * TILE + TILE; y++)
-            for (int x = t % N; x < t % N + TILE; x++)
-                out[x * N + y] = in[y * N + x];
-}
-
-/* A box of 2 r + 1 texels, twice along each axis. */
-static void shadow_blur(float *map, float *tmp, int r)
-{
-    for (int axis = 0; axis < 2; axis++) {      /* across, then down */
-        shadow_turn(tmp, map);
-        shadow_blur_down(map, tmp, r);
-        shadow_blur_down(tmp, map, r);
-        memcpy(map, tmp, SCAN_SHADOW * SCAN_SHADOW * sizeof *map);
-    }
 }
 
 /* An orthographic map about the head, then blurred as wide as the lamp is. */
@@ -87,7 +40,7 @@ static void shadow_make(struct scan_stage *s, struct scan_shadow *w,
         float h = w->map[i] > 0 ? w->map[i] - SUN_FAR : -2;
         w->map[i] = expf(SHARP * clampf(h, -2, 2));
     }
-    shadow_blur(w->map, s->flat, 1 + (int)(l->size * 18));
+    lens_box(w->map, s->flat, SCAN_SHADOW, 1 + (int)(l->size * 18));
 }
 
 void scan_shadows(struct scan_stage *s)

@@ -10,6 +10,7 @@
 #include "lib/base/cholesky.h"
 #include "lib/base/parallel.h"
 #include "lib/base/vec3.h"
+#include "lib/lab/people/lens.h"
 
 #define N SKIN_SIZE
 #define M SKIN_SLOW
@@ -31,41 +32,6 @@ int skin_fit_init(struct skin_fit *t, size_t n, struct arena *memory,
 
 /* ---- one photograph ----------------------------------------------------- */
 
-/* Texel i of a side, or the nearest there is. */
-static int skin_clamp(int i)
-{
-    return i < 0 ? 0 : i >= N ? N - 1 : i;
-}
-
-/* Box sums of v (N,N) over 2 r + 1 texels along both axes, in place: along
- * rows, then of all columns at once. */
-static void skin_box(float *v, float *tmp, int r)
-{
-    float sum[N] = {0};
-
-    for (int j = 0; j < N; j++) {
-        const float *in = v + j * N;
-        float one = 0;
-        for (int i = -r; i <= r; i++)
-            one += in[skin_clamp(i)];
-        for (int i = 0; i < N; i++) {
-            tmp[j * N + i] = one;
-            one += in[skin_clamp(i + r + 1)] - in[skin_clamp(i - r)];
-        }
-    }
-    for (int i = -r; i <= r; i++)
-        for (int j = 0; j < N; j++)
-            sum[j] += tmp[skin_clamp(i) * N + j];
-    for (int i = 0; i < N; i++) {
-        const float *below = tmp + skin_clamp(i + r + 1) * N;
-        const float *above = tmp + skin_clamp(i - r) * N;
-        for (int j = 0; j < N; j++) {
-            v[i * N + j] = sum[j];
-            sum[j] += below[j] - above[j];
-        }
-    }
-}
-
 /* What is finer than about a centimetre in the luminance; room (3,N,N). */
 static void skin_take_grain(int8_t *grain, float *room,
                             const struct skin_sample *o)
@@ -77,14 +43,12 @@ static void skin_take_grain(int8_t *grain, float *room,
         w[i] = o->weight[i];
         v[i] = w[i] * (0.3f * l[0] + 0.5f * l[1] + 0.2f * l[2]);
     }
-    for (int k = 0; k < 2; k++) {
-        skin_box(v, tmp, 5);
-        skin_box(w, tmp, 5);
-    }
+    lens_box(v, tmp, N, 5);
+    lens_box(w, tmp, N, 5);
     for (int i = 0; i < N * N; i++) {
         const float *l = o->log + 3 * i;
         float g = 0.3f * l[0] + 0.5f * l[1] + 0.2f * l[2];
-        g = o->weight[i] > 0 && w[i] > 1e-3f
+        g = o->weight[i] > 0 && w[i] > 1e-7f
             ? (g - v[i] / w[i]) * ramp(0.3f, 0.9f, o->weight[i]) : 0;
         grain[i] = (int8_t)lrintf(clampf(g, -0.49f, 0.49f) * 256);
     }
