@@ -326,22 +326,27 @@ void dynamic_branch_meet(float *relief, const struct source_picture *picture,
                 mesh, b->dense, rim + b->dense->V);
 }
 
+PARALLEL(dynamic_branch_relight_part, k, float *, color, size_t, stride,
+         const float *, from, const float *, to,
+         const struct dynamic_branch *, b)
+{
+    float n[3];
+
+    lip_lining_bend(n, b->normals + 3 * k, b->seam[k]);
+    const float gain = sqrtf(gaussian_light(n, to) / gaussian_light(n, from));
+
+    for (size_t c = stride * k; c < stride * k + 3; c++)
+        color[c] *= gain;
+}
+
 /* color (D,stride: red, green, blue and others) of a head that light `from` falls
  * on, (3) in its frame, as under light `to`. */
 static void dynamic_branch_relight(float *color, size_t stride,
                                    const float from[3], const float to[3],
                                    const struct dynamic_branch *b)
 {
-    for (size_t k = 0; k < b->count; k++) {
-        float n[3];
-
-        lip_lining_bend(n, b->normals + 3 * k, b->seam[k]);
-        const float gain = sqrtf(gaussian_light(n, to) /
-                                 gaussian_light(n, from));
-
-        for (size_t c = stride * k; c < stride * k + 3; c++)
-            color[c] *= gain;
-    }
+    parallel_each(dynamic_branch_relight_part, b->count, 1, color, stride, from,
+                  to, b);
 }
 
 void dynamic_branch_add(const struct source_picture *picture,
@@ -358,6 +363,16 @@ void dynamic_branch_add(const struct source_picture *picture,
     further_add(b->more, &p, gain, b->count);
 }
 
+PARALLEL(dynamic_branch_log_part, i, float *, rgb)
+{
+    rgb[i] = log1pf(rgb[i] / SOURCE_PICTURE_DARK);
+}
+
+PARALLEL(dynamic_branch_exp_part, i, float *, rgb)
+{
+    rgb[i] = fmaxf(SOURCE_PICTURE_DARK * expm1f(rgb[i]), 0);
+}
+
 /* rgb (D,3), the picture's colours, completed without the light on them: it
  * falls otherwise on what the source's camera does not see.  By their logarithms,
  * since what is left of light and shade multiplies them, too. */
@@ -367,12 +382,10 @@ static void dynamic_branch_complete(float *rgb, const struct source_mesh *mesh,
     static const float none[3] = {0};
 
     dynamic_branch_relight(rgb, 3, b->light, none, b);
-    for (size_t i = 0; i < 3 * b->count; i++)
-        rgb[i] = log1pf(rgb[i] / SOURCE_PICTURE_DARK);
+    parallel_each(dynamic_branch_log_part, 3 * b->count, 1, rgb);
     completion_solve(rgb, b->as, b->chance, mesh->weights->mirror, b->dense,
                      b->tmp);
-    for (size_t i = 0; i < 3 * b->count; i++)
-        rgb[i] = fmaxf(SOURCE_PICTURE_DARK * expm1f(rgb[i]), 0);
+    parallel_each(dynamic_branch_exp_part, 3 * b->count, 1, rgb);
     dynamic_branch_relight(rgb, 3, none, b->light, b);
     for (size_t i = 0; i < 3 * b->count; i++)
         rgb[i] = fminf(rgb[i], 1);

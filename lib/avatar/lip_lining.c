@@ -95,7 +95,8 @@ static void lip_lining_grow(float *on, const float *may, bool through,
         const size_t i = (size_t)d->edge[e], j = (size_t)d->edge[e ^ 1];
         const float way = through ? may[d->V + e / 2] : 1;
 
-        tmp[i] = fmaxf(tmp[i], fminf(on[j], fminf(may[i], way)));
+        if (may[i] > 0)         /* few do */
+            tmp[i] = fmaxf(tmp[i], fminf(on[j], fminf(may[i], way)));
     }
     memcpy(on, tmp, d->V * sizeof *tmp);
 }
@@ -109,7 +110,9 @@ void lip_lining_on_teeth(float *on, const float *pixel,
     float *tooth = tmp + d->V;
 
     for (size_t k = 0; k < d->V + d->E; k++)
-        tooth[k] = open * lips[k] * lip_lining_tooth(pixel + 4 * k, white);
+        tooth[k] = open * lips[k] > 0 ? open * lips[k] *
+                                        lip_lining_tooth(pixel + 4 * k, white)
+                                      : 0;
     for (size_t v = 0; v < d->V; v++)
         on[v] = tooth[v] * seam[v];
     for (int ring = 0; ring < LIP_RINGS; ring++)

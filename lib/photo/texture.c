@@ -39,17 +39,21 @@ PARALLEL(texture_cut_row, y, uint8_t *, out, const uint8_t *, rgb,
     texture_cut(out + 4 * i, rgb + 3 * i, matte + i, back + 3 * i, n);
 }
 
+PARALLEL(texture_straight_pixel, i, uint8_t *, out, const uint8_t *, rgb,
+         const uint8_t *, matte, const uint8_t *, back)
+{
+    uint8_t own[4];
+
+    texture_cut(own, rgb + 3 * i, matte + i, back + 3 * i, 1);
+    for (size_t c = 0; c < 3; c++)
+        out[3 * i + c] = matte[i] ? (uint8_t)(255 * own[c] / matte[i])
+                                  : rgb[3 * i + c];
+}
+
 void texture_straight(uint8_t *out, const uint8_t *rgb, const uint8_t *matte,
                       const uint8_t *back, size_t n)
 {
-    for (size_t i = 0; i < n; i++) {
-        uint8_t own[4];
-
-        texture_cut(own, rgb + 3 * i, matte + i, back + 3 * i, 1);
-        for (size_t c = 0; c < 3; c++)
-            out[3 * i + c] = matte[i] ? (uint8_t)(255 * own[c] / matte[i])
-                                      : rgb[3 * i + c];
-    }
+    parallel_each(texture_straight_pixel, n, 1, out, rgb, matte, back);
 }
 
 /* Row y of out (s,s,4): means of two by two pixels of in (2s,2s,4). */
