@@ -95,7 +95,7 @@ static void *animation_run_read_to_face(void *a)
 int animation_open_source(struct animation *a, const char *path,
                           const char *driver, struct error *err)
 {
-    const struct prepare_beside look = {animation_run_read_to_face, a};
+    struct prepare_beside look = {.run = animation_run_read_to_face, .ctx = a};
     const struct prepared *s = &a->source;
     const bool clip = driver && strcmp(driver, "-") &&
                       !stream_probe(driver) && !livelink_probe(driver);

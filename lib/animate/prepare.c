@@ -116,27 +116,18 @@ static int prepare_read_stream(struct prepared *s, struct prepare *p,
            stream_load(path, prepare_take_baked, &b, err) < 0 ? -1 : 0;
 }
 
-/* Whether a thread does it. */
-static bool prepare_start_beside(pthread_t *thread,
-                                 const struct prepare_beside *beside)
+/* By a thread, if there may be one; NULL: there is nothing to do. */
+static void prepare_start(struct prepare_beside *beside)
 {
-    return beside && parallel_width() > 1 &&
-           !pthread_create(thread, NULL, beside->run, beside->ctx);
+    if (beside && parallel_width() > 1)
+        beside->running = !pthread_create(&beside->thread, NULL, beside->run,
+                                          beside->ctx);
 }
 
-/* The person cut out of the picture, beside whatever. */
-static int prepare_cut_out(struct source *src, const struct image *picture,
-                           const struct image *mask, struct prepare *p,
-                           const struct prepare_beside *beside,
-                           struct error *err)
+static void prepare_await(struct prepare_beside *beside)
 {
-    pthread_t thread;
-    const bool two = prepare_start_beside(&thread, beside);
-    int rc = source_cut_out(src, picture, mask, &p->head, &p->nets, err);
-
-    if (two)
-        pthread_join(thread, NULL);
-    return rc;
+    if (beside && beside->running)
+        pthread_join(beside->thread, NULL);
 }
 
 /* E_m as the source's tracker has it, planned before it is asked for; what is
@@ -157,27 +148,28 @@ static void *prepare_run_plan(void *prepare)
 /* The picture's face, shape, motion and matte, as spid-shape makes them. */
 static int prepare_read_picture(struct prepared *s, struct prepare *p,
                                 const char *path, const char *mask_path,
-                                const struct prepare_beside *beside,
+                                struct prepare_beside *beside,
                                 struct error *err)
 {
     struct track_options opt = p->look;
     struct image mask = {0}, *given = mask_path ? &mask : NULL;
     struct source src = {0};
-    const struct prepare_beside plan = {prepare_run_plan, p};
-    pthread_t thread;
-    const bool planning = prepare_start_beside(&thread, &plan);
+    struct prepare_beside plan = {.run = prepare_run_plan, .ctx = p};
+
+    prepare_start(&plan);
     int rc = image_read(&s->picture, path, err) ||
              (given && image_read(given, mask_path, err)) ? -1 : 0;
 
-    if (planning)
-        pthread_join(thread, NULL);
+    prepare_await(&plan);
     if (rc || prepare_await_head(p, err))
         goto out;
-    rc = -1;
     opt.size = (double)p->model.config.size;
-    if (source_find(&src, &s->picture, given, &p->head, &p->nets, &opt,
-                    err) ||
-        prepare_cut_out(&src, &s->picture, given, p, beside, err)) {
+    rc = source_find(&src, &s->picture, given, &p->head, &p->nets, &opt, err);
+    if (rc == 0) {
+        prepare_start(beside);
+        rc = source_cut_out(&src, &s->picture, given, &p->head, &p->nets, err);
+    }
+    if (rc) {
         error_prefix(err, "%s", path);
         goto out;
     }
@@ -185,7 +177,6 @@ static int prepare_read_picture(struct prepared *s, struct prepare *p,
     s->faces = src.faces;
     s->person = source_move_person(&src);
     s->damaged = s->picture.damaged;
-    rc = 0;
 out:
     source_release(&src);
     image_release(&mask);
@@ -263,23 +254,23 @@ fail:
 /* A picture, while another thread loads what bakes it. */
 static int prepare_from_picture(struct prepared *s, struct prepare *p,
                                 const char *path, const char *mask,
-                                const struct prepare_beside *beside,
+                                struct prepare_beside *beside,
                                 struct error *err)
 {
-    pthread_t thread;
-    const bool opening = parallel_width() > 1 && !p->has_baker &&
-        !pthread_create(&thread, NULL, prepare_run_open_baker, p);
-    int rc = prepare_read_picture(s, p, path, mask, beside, err);
+    struct prepare_beside opening = {.run = prepare_run_open_baker, .ctx = p};
 
-    if (opening)
-        pthread_join(thread, NULL);
+    if (!p->has_baker)
+        prepare_start(&opening);
+    const int rc = prepare_read_picture(s, p, path, mask, beside, err);
+
+    prepare_await(&opening);
     return rc;
 }
 
 /* The source at path, and the Gaussians and whatever else is made of it. */
 static int prepare_all(struct prepared *s, struct prepare *p, bool stream,
                        const char *path, const char *mask,
-                       const struct prepare_beside *beside, struct error *err)
+                       struct prepare_beside *beside, struct error *err)
 {
     double begun = cpu_seconds();
 
@@ -302,12 +293,11 @@ static int prepare_all(struct prepared *s, struct prepare *p, bool stream,
 }
 
 int prepare_source(struct prepared *s, struct prepare *p, const char *path,
-                   const char *mask, const struct prepare_beside *beside,
+                   const char *mask, struct prepare_beside *beside,
                    struct error *err)
 {
     struct kept kept;
     const char *file = kept_open(&kept, path, IMAGE_MAX_BYTES, err);
-    pthread_t thread;
 
     memset(s, 0, sizeof *s);
     if (!file)
@@ -315,10 +305,10 @@ int prepare_source(struct prepared *s, struct prepare *p, const char *path,
     const bool stream = stream_probe(file);
     if (stream && prepare_await_head(p, err))
         return kept_close(&kept, -1, err);
-    const bool two = stream && prepare_start_beside(&thread, beside);
+    if (stream)
+        prepare_start(beside);
     int rc = prepare_all(s, p, stream, file, mask, beside, err);
-    if (two)
-        pthread_join(thread, NULL);
+    prepare_await(beside);
     return kept_close(&kept, rc, err);
 }
 

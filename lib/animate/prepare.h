@@ -73,18 +73,19 @@ int prepare_open(struct prepare *p, const char *model, const char *head,
 /* Free what it holds; zeroed then. */
 void prepare_release(struct prepare *p);
 
-/* What another thread may do while the person is cut out of a picture or read
- * from a stream, which leaves E_m and most processors idle.  It may be left
- * undone. */
+/* What another thread may do once the face is found in a picture, or while a stream
+ * is read, when E_m has nothing to do.  It may be left undone. */
 struct prepare_beside {
     void *(*run)(void *ctx);
     void *ctx;
+    pthread_t thread;           /* that does it, while it is */
+    bool running;
 };
 
 /* From a picture (mask: path or NULL), an identity or an avatar (a stream,
  * told by its magic).  beside: NULL for nothing. */
 int prepare_source(struct prepared *s, struct prepare *p, const char *path,
-                   const char *mask, const struct prepare_beside *beside,
+                   const char *mask, struct prepare_beside *beside,
                    struct error *err);
 /* From s->person, whose parts were set and all else is 0: folded, baked and
  * textured.  On an error s is released. */
