@@ -76,7 +76,7 @@ static int render_exact(struct render *r, const struct splat_camera *cam,
 /* Whether the pictures show the photograph. */
 static bool render_shows_photo(const struct render *r)
 {
-    return r->texture.levels && r->scene.uv && r->opt.splat.place;
+    return r->texture.levels && r->scene.g.uv && r->opt.splat.place;
 }
 
 /* The stream's camera: the last, or the source's own of an avatar that
@@ -84,7 +84,7 @@ static bool render_shows_photo(const struct render *r)
 static const float *render_camera(const struct render *r)
 {
     return r->scene.has_cam ? r->scene.cam
-                            : r->scene.uv ? r->scene.view : NULL;
+                            : r->scene.g.uv ? r->scene.view : NULL;
 }
 
 /* What places are relative to.  Shoulders stay before the stream's camera, also
@@ -92,7 +92,7 @@ static const float *render_camera(const struct render *r)
 static void render_set_view(struct render *r, const struct splat_camera *cam)
 {
     const struct scene *s = &r->scene;
-    const bool blended = s->uv && s->has_source && s->blended_count;
+    const bool blended = s->g.uv && s->has_source && s->blended_count;
     struct drive d = {.view = s->view};
     struct drive_frame f;
     const struct place_shoulders shoulders = {f.plane, s->pivot};
@@ -113,7 +113,7 @@ static int render_fast(struct render *r, const struct splat_camera *cam,
     render_set_view(r, cam);
     r->texture.grain = r->scene.grain;
     r->texture.grain_size = r->scene.grain_size;
-    r->canvas.lit = r->scene.normal && render_camera(r);
+    r->canvas.lit = r->scene.g.normal && render_camera(r);
     if (r->canvas.lit)
         relative_light(r->canvas.light, r->scene.lamp, render_camera(r));
     return canvas_draw(&r->canvas, &r->splat, cam,

@@ -68,7 +68,7 @@ static int export_flat_init(struct flat *f, const struct scene *s, float unit,
         return -1;
     for (size_t i = 0; i < 3 * n; i++) {
         f->mean[i] = s->mean[i] * unit;
-        f->scale[i] = s->scale[i] * unit;
+        f->scale[i] = s->g.scale[i] * unit;
     }
     for (size_t i = 0; i < n; i++)
         scene_rgb(f->color + 3 * i, s, i);
@@ -95,10 +95,11 @@ static int export_write_splat(struct export *x, const char *path,
 {
     struct flat f = {0};
     int rc = export_flat_init(&f, &x->scene, 1, err);
+    const struct gaussians *g = &x->scene.g;
 
     if (!rc)
-        rc = splatfile_write(path, x->scene.g.n, f.mean, f.scale, x->scene.quat,
-                             x->scene.opacity, f.color, err);
+        rc = splatfile_write(path, g->n, f.mean, f.scale, g->quat, g->opacity,
+                             f.color, err);
     arena_release(&f.memory);
     return rc;
 }
@@ -118,7 +119,7 @@ static int export_write_glb(struct export *x, const char *path,
 
     if (!rc) {
         const struct glb_splats g = {x->scene.g.n, 3, f.mean, f.scale,
-                                     x->scene.quat, x->scene.opacity,
+                                     x->scene.g.quat, x->scene.g.opacity,
                                      f.color};
 
         rc = glb_write_splats(path, &g, err);

@@ -17,67 +17,20 @@ enum { STATIC = 1, MOUTH = 2 };
 void scene_release(struct scene *s)
 {
     free(s->mean);
-    free(s->loaded);
-    free(s->scale);
-    free(s->quat);
-    free(s->opacity);
-    free(s->neck);
-    free(s->jaw);
-    free(s->color);
-    free(s->color_half);
-    free(s->branch);
-    free(s->uv);
-    free(s->seen);
-    free(s->reach);
-    free(s->tilt);
-    free(s->normal);
-    free(s->around);
-    free(s->grain);
+    free(s->block);
     memset(s, 0, sizeof *s);
-}
-
-/* A copy of n bytes; a scene without Gaussians still has its arrays. */
-static void *scene_copy(const void *p, size_t n)
-{
-    void *out = malloc(n + 1);
-    if (out && n)
-        memcpy(out, p, n);
-    return out;
-}
-
-/* Required colours in either precision, copied. */
-static int scene_take_color(struct scene *s, const struct gaus *g,
-                            struct error *err)
-{
-    const size_t count = g->n * g->channels;
-    void *p;
-
-    if (g->channels > SPLAT_MAX_CHANNELS)
-        return error_set(err, EX_DATAERR, "GAUS color has %zu channels "
-                         "(expected 1 to %d)", g->channels,
-                         SPLAT_MAX_CHANNELS);
-    p = g->color ? scene_copy(g->color, count * sizeof *g->color)
-                 : scene_copy(g->color_half, count * sizeof *g->color_half);
-    if (!p)
-        return error_set(err, EX_OSERR, "out of memory for the colours");
-    s->g.channels = (int)g->channels;
-    if (g->color)
-        s->g.color = s->color = p;
-    else
-        s->g.color_half = s->color_half = p;
-    return 0;
 }
 
 /* The mouth moves as one block, so its Gaussians must be one range. */
 static int scene_find_mouth(struct scene *s, struct error *err)
 {
     s->mouth = s->mouth_count = 0;
-    for (size_t i = 0; s->branch && i < s->g.n; i++) {
-        if (s->branch[i] > MOUTH)
+    for (size_t i = 0; s->g.branch && i < s->g.n; i++) {
+        if (s->g.branch[i] > MOUTH)
             return error_set(err, EX_DATAERR,
                              "GAUS branch is %d at index %zu (expected 0, 1 "
-                             "or 2)", s->branch[i], i);
-        if (s->branch[i] != MOUTH)
+                             "or 2)", s->g.branch[i], i);
+        if (s->g.branch[i] != MOUTH)
             continue;
         if (s->mouth_count && i != s->mouth + s->mouth_count)
             return error_set(err, EX_DATAERR,
@@ -104,20 +57,17 @@ static int scene_check_jaw(const struct scene *s, const struct gaus *g,
  * they are has none. */
 static void scene_find_blended(struct scene *s)
 {
-    size_t n = s->neck && s->branch ? s->g.n : 0;
+    size_t n = s->neck && s->g.branch ? s->g.n : 0;
 
     for (size_t i = 0; i < n; i++)
-        if (s->branch[i] != STATIC)
+        if (s->g.branch[i] != STATIC)
             s->neck[i] = 0;
     neck_blend_range(&s->blended, &s->blended_count, s->neck, 0, n);
 }
 
-/* Copies of the arrays of a GAUS record. */
-static int scene_copy_arrays(struct scene *s, const struct gaus *g,
-                             struct error *err)
+/* What GAUS says of camera, light and shoulders. */
+static void scene_take_frame(struct scene *s, const struct gaus *g)
 {
-    const size_t n = s->g.n = g->n;
-
     if (g->cam) {
         memcpy(s->cam, g->cam, sizeof s->cam);
         s->has_cam = 1;
@@ -130,50 +80,44 @@ static int scene_copy_arrays(struct scene *s, const struct gaus *g,
     }
     if (s->has_source && g->lamp)
         memcpy(s->lamp, g->lamp, sizeof s->lamp);
-    s->g.mean = s->mean = scene_copy(g->mean, 3 * n * sizeof *g->mean);
-    s->loaded = scene_copy(g->mean, 3 * n * sizeof *g->mean);
-    s->g.scale = s->scale = scene_copy(g->scale, 3 * n * sizeof *g->scale);
-    s->g.quat = s->quat = scene_copy(g->quat, 4 * n * sizeof *g->quat);
-    s->g.opacity = s->opacity = scene_copy(g->opacity, n * sizeof *g->opacity);
-    if (g->bend)
-        s->neck = scene_copy(g->bend, n * sizeof *g->bend);
     if (g->pivot)
         memcpy(s->pivot, g->pivot, sizeof s->pivot);
-    if (g->jaw)
-        s->jaw = scene_copy(g->jaw, 3 * g->jaws * sizeof *g->jaw);
-    if (g->branch)
-        s->g.branch = s->branch = scene_copy(g->branch, n);
-    if (g->view) {
+    if (g->view)
         memcpy(s->view, g->view, sizeof s->view);
-        s->g.uv = s->uv = scene_copy(g->uv, 2 * n * sizeof *g->uv);
-        s->g.seen = s->seen = scene_copy(g->seen, n * sizeof *g->seen);
-    }
-    if (g->view && g->reach) {
-        s->g.reach = s->reach = scene_copy(g->reach, n * sizeof *g->reach);
-        s->g.source_mean = s->loaded;
-    }
-    if (g->view && g->tilt)
-        s->g.tilt = s->tilt = scene_copy(g->tilt, 2 * n * sizeof *g->tilt);
-    if (g->around) {
-        s->g.around = s->around = scene_copy(g->around,
-                                             2 * n * sizeof *g->around);
-        s->grain_size = g->grain_size;
-        s->grain = scene_copy(g->grain, g->grain_size * g->grain_size);
-    }
-    if (s->has_source && g->normal) {
-        s->g.normal = s->normal = scene_copy(g->normal,
-                                             3 * n * sizeof *g->normal);
-        memcpy(s->g.light, s->light, sizeof s->light);
-    }
-    if (!s->mean || !s->loaded || !s->scale || !s->quat || !s->opacity ||
-        (g->bend && !s->neck) || (g->jaw && !s->jaw) ||
-        (g->branch && !s->branch) ||
-        (g->view && (!s->uv || !s->seen || (g->reach && !s->reach) ||
-                      (g->tilt && !s->tilt))) ||
-        (g->around && (!s->around || !s->grain)) ||
-        (s->has_source && g->normal && !s->normal))
+}
+
+/* g's Gaussians, in s->block; what moves or is changed gets memory of its own. */
+static int scene_take(struct scene *s, const struct gaus *g, struct error *err)
+{
+    const size_t n = g->n;
+
+    if (g->channels > SPLAT_MAX_CHANNELS)
+        return error_set(err, EX_DATAERR, "GAUS color has %zu channels "
+                         "(expected 1 to %d)", g->channels,
+                         SPLAT_MAX_CHANNELS);
+    s->mean = malloc((4 * n + 1) * sizeof *s->mean);
+    if (!s->mean)
         return error_set(err, EX_OSERR, "out of memory for %zu Gaussians", n);
-    return scene_take_color(s, g, err);
+    memcpy(s->mean, g->mean, 3 * n * sizeof *s->mean);
+    s->neck = g->bend ? s->mean + 3 * n : NULL;
+    if (s->neck)
+        memcpy(s->neck, g->bend, n * sizeof *s->neck);
+    scene_take_frame(s, g);
+    s->loaded = g->mean;
+    s->jaw = g->jaw;
+    s->grain = g->grain;
+    s->grain_size = g->grain_size;
+    s->g = (struct gaussians){
+        .n = n, .channels = (int)g->channels, .mean = s->mean,
+        .scale = g->scale, .quat = g->quat, .opacity = g->opacity,
+        .color = g->color, .color_half = g->color_half, .branch = g->branch,
+        .uv = g->uv, .seen = g->seen, .reach = g->view ? g->reach : NULL,
+        .source_mean = g->view && g->reach ? g->mean : NULL,
+        .tilt = g->view ? g->tilt : NULL, .around = g->around,
+        .normal = s->has_source ? g->normal : NULL,
+        .light = {s->light[0], s->light[1], s->light[2]}
+    };
+    return 0;
 }
 
 /* A GAUS record in place of all the scene holds but its camera. */
@@ -181,12 +125,13 @@ static int scene_load(struct scene *s, const struct record *rec,
                       struct error *err)
 {
     struct scene next = {.has_cam = s->has_cam};
+    struct record kept;
     struct gaus g;
 
     memcpy(next.cam, s->cam, sizeof next.cam);
-    if (gaus_read(&g, rec, err))
-        return -1;
-    if (scene_copy_arrays(&next, &g, err) || scene_find_mouth(&next, err) ||
+    next.block = record_keep(&kept, rec, err);
+    if (!next.block || gaus_read(&g, &kept, err) ||
+        scene_take(&next, &g, err) || scene_find_mouth(&next, err) ||
         scene_check_jaw(&next, &g, err)) {
         scene_release(&next);
         return -1;
@@ -308,6 +253,7 @@ void scene_rgb(float rgb[3], const struct scene *s, size_t i)
 
     for (size_t k = 0; k < 3; k++) {
         size_t at = c * i + (k < c ? k : c - 1);
-        rgb[k] = s->color ? s->color[at] : half_to_float(s->color_half[at]);
+        rgb[k] = s->g.color ? s->g.color[at]
+                            : half_to_float(s->g.color_half[at]);
     }
 }

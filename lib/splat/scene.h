@@ -35,17 +35,16 @@ struct scene {
     float view[12];     /* the source's camera, which saw g.uv; when it has
                          * them */
 
-    /* owned */
-    float *mean, *loaded, *scale, *quat, *opacity, *color, *uv, *seen,
-          *reach, *tilt, *normal, *around;
-    uint8_t *grain;     /* (grain_size,grain_size), or NULL: none */
-    size_t grain_size;
-    float *jaw;         /* (mouth_count,3) how the mouth goes with the chin, or
-                         * NULL */
+    float *mean;        /* (N,3) g's, owned */
     float *neck;        /* (N) neck blend weights, 0 but in the static
-                         * branch (GAUS "bend"), or NULL */
-    uint16_t *color_half;
-    uint8_t *branch;
+                         * branch (GAUS "bend"), or NULL; part of mean's
+                         * memory */
+    void *block;        /* the last GAUS, owned, in which the other arrays lie: */
+    const float *loaded;        /* (N,3) its centres */
+    const float *jaw;   /* (mouth_count,3) how the mouth goes with the chin, or
+                         * NULL */
+    const uint8_t *grain;       /* (grain_size,grain_size), or NULL: none */
+    size_t grain_size;
 };
 
 /* A zeroed struct scene is empty and valid. */

@@ -2,8 +2,11 @@
 #include "lib/stream/stream.h"
 
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
+
+#include "lib/stream/layout.h"
 
 static const struct {
     const char *name;
@@ -121,6 +124,32 @@ int record_others(struct array *out, int used, const struct record *rec,
             out[n++] = rec->array[i];
     }
     return n;
+}
+
+void *record_keep(struct record *to, const struct record *rec,
+                  struct error *err)
+{
+    size_t bytes = 0;
+    char *block, *at;
+
+    for (int i = 0; i < rec->count; i++)
+        bytes += layout_align(array_bytes(&rec->array[i]));
+    at = block = aligned_alloc(STREAM_ALIGN, bytes + STREAM_ALIGN);
+    if (!block) {
+        error_set(err, EX_OSERR, "no memory for %s of %zu bytes", rec->type,
+                  bytes);
+        return NULL;
+    }
+    *to = *rec;
+    to->payload = NULL;
+    for (int i = 0; i < rec->count; i++) {
+        bytes = array_bytes(&rec->array[i]);
+        if (bytes)
+            memcpy(at, rec->array[i].data, bytes);
+        to->array[i].data = at;
+        at += layout_align(bytes);
+    }
+    return block;
 }
 
 /* Index of the first element whose exponent is all ones, or n.  Whole blocks

@@ -74,6 +74,11 @@ const void *record_get(const struct record *rec, const char *name,
                        enum dtype dtype, int ndim, const size_t *dims,
                        struct error *err);
 
+/* *to: rec with its data in the block that is returned, which the caller frees;
+ * NULL without memory. */
+void *record_keep(struct record *to, const struct record *rec,
+                  struct error *err);
+
 /* Copy to out the arrays of rec whose names are not in known (NULL ends the
  * list): what a stage hands on although it does not know it.  out has room for
  * STREAM_MAX_ARRAYS - used more; returns how many were copied. */
