@@ -340,80 +340,54 @@ static void head_hash_end(struct head *h, XXH64_state_t *s,
 
 /* ---- making and freeing ------------------------------------------------ */
 
-/* n floats, zeroed, 64-byte aligned; NULL sets *failed. */
-static float *head_zeroed(size_t n, int *failed)
-{
-    size_t bytes = ((n ? n : 1) * sizeof(float) + 63) / 64 * 64;
-    float *p = aligned_alloc(64, bytes);
-
-    if (p)
-        memset(p, 0, bytes);
-    else
-        *failed = 1;
-    return p;
-}
-
 /* A copy to own; NULL stays NULL. */
-static void *head_copy(const void *from, size_t bytes, int *failed)
+static void *head_copy(struct head *h, const void *from, size_t bytes)
 {
-    void *p = from ? malloc(bytes ? bytes : 1) : NULL;
+    void *p = from ? arena_take(&h->memory, bytes, 1) : NULL;
 
-    if (p)
-        memcpy(p, from, bytes);
-    else if (from)
-        *failed = 1;
-    return p;
+    return p ? memcpy(p, from, bytes) : NULL;
 }
 
 /* Copies of the arrays, and zeros up to whole blocks of the kernels. */
 static int head_allocate(struct head *h, const struct head_arrays *a,
                          struct error *err)
 {
-    size_t V = a->V, B = h->blocks;
-    int failed = 0;
-    const struct slice directions[] = {
+    const size_t V = a->V, B = h->blocks, lids = a->nlid * sizeof(int32_t);
+    struct arena *m = &h->memory;
+    const struct slice floats[] = {
         {&h->shape_dirs, B * a->nshape * ROW, false},
         {&h->exp_dirs, B * a->nexp * ROW, false},
-        {&h->pose_dirs, B * HEAD_POSE_DIRS * ROW, false}
+        {&h->pose_dirs, B * HEAD_POSE_DIRS * ROW, false},
+        {&h->v_template, 3 * V, false}, {&h->l_eyelid, 3 * V, false},
+        {&h->r_eyelid, 3 * V, false},
+        {&h->skin, B * HEAD_JOINTS * BLOCK, false},
+        {&h->lids, B * 2 * ROW, false}, {&h->template_blocks, B * ROW, false},
+        {&h->joint_shape, 15 * a->nshape, false},
+        {&h->joint_exp, 15 * a->nexp, false}
     };
 
-    h->v_template = head_zeroed(3 * V, &failed);
-    h->f = head_copy(a->f, 3 * a->F * sizeof *h->f, &failed);
-    h->weights = head_copy(a->weights, HEAD_JOINTS * V * sizeof(float),
-                           &failed);
-    h->l_eyelid = head_zeroed(3 * V, &failed);
-    h->r_eyelid = head_zeroed(3 * V, &failed);
-    h->lip_inner = head_copy(a->lip_inner, a->nlip_inner * sizeof(int32_t),
-                             &failed);
-    h->lip_upper_outer = head_copy(a->lip_upper_outer, a->nlip_upper_outer *
-                                   sizeof(int32_t), &failed);
-    h->region = head_copy(a->region, V * sizeof(int32_t), &failed);
-    h->hair = head_copy(a->hair, V * sizeof(float), &failed);
-    h->uv = head_copy(a->uv, 2 * V * sizeof(float), &failed);
-    h->lid_vertices = head_copy(a->lid_vertices, a->nlid * sizeof(int32_t),
-                                &failed);
-    h->lid_sides = head_copy(a->lid_sides, a->nlid * sizeof(int32_t), &failed);
-    h->lid_shapedirs = head_copy(a->lid_shapedirs, 3 * a->nlid * a->nlid_shape *
-                                 sizeof(float), &failed);
-    failed |= slices_allocate(&h->directions, directions,
-                              sizeof directions / sizeof *directions, false,
-                              err) != 0;
-    h->shape_live = calloc(B * ((a->nshape + 63) / 64) + 1,
-                           sizeof *h->shape_live);
-    h->exp_live = calloc(B * HEAD_MAX_EXP / 64, sizeof *h->exp_live);
-    h->pose_live = calloc(B, sizeof *h->pose_live);
-    failed |= !h->shape_live || !h->exp_live || !h->pose_live;
-    h->skin = head_zeroed(B * HEAD_JOINTS * BLOCK, &failed);
-    h->lids = head_zeroed(B * 2 * ROW, &failed);
-    h->template_blocks = head_zeroed(B * ROW, &failed);
-    h->joint_shape = head_zeroed(15 * a->nshape, &failed);
-    h->joint_exp = head_zeroed(15 * a->nexp, &failed);
-    if (failed) {
-        head_release(h);
-        return error_set(err, EX_OSERR, "no memory for a head of %zu "
-                         "vertices", V);
-    }
-    return 0;
+    h->f = head_copy(h, a->f, 3 * a->F * sizeof *h->f);
+    h->weights = head_copy(h, a->weights, HEAD_JOINTS * V * sizeof(float));
+    h->lip_inner = head_copy(h, a->lip_inner, a->nlip_inner * sizeof(int32_t));
+    h->lip_upper_outer = head_copy(h, a->lip_upper_outer,
+                                   a->nlip_upper_outer * sizeof(int32_t));
+    h->region = head_copy(h, a->region, V * sizeof(int32_t));
+    h->hair = head_copy(h, a->hair, V * sizeof(float));
+    h->uv = head_copy(h, a->uv, 2 * V * sizeof(float));
+    h->lid_vertices = head_copy(h, a->lid_vertices, lids);
+    h->lid_sides = head_copy(h, a->lid_sides, lids);
+    h->lid_shapedirs = head_copy(h, a->lid_shapedirs, 3 * a->nlid *
+                                 a->nlid_shape * sizeof(float));
+    h->shape_live = arena_take(m, B * ((a->nshape + 63) / 64),
+                               sizeof *h->shape_live);
+    h->exp_live = arena_take(m, B * HEAD_MAX_EXP / 64, sizeof *h->exp_live);
+    h->pose_live = arena_take(m, B, sizeof *h->pose_live);
+    if (!arena_check(m, "a head", err) &&
+        !slices_allocate(&h->floats, floats, sizeof floats / sizeof *floats,
+                         false, err))
+        return 0;
+    head_release(h);
+    return -1;
 }
 
 /* What has a fixed size, or is optional. */
@@ -491,22 +465,8 @@ int head_init(struct head *h, const struct head_arrays *a, struct error *err)
 
 void head_release(struct head *h)
 {
-    float *blocks[] = {h->v_template, h->weights, h->l_eyelid, h->r_eyelid,
-                       h->hair, h->uv, h->directions, h->skin, h->lids,
-                       h->template_blocks, h->joint_shape, h->joint_exp,
-                       h->lid_shapedirs};
-
-    for (size_t i = 0; i < sizeof blocks / sizeof *blocks; i++)
-        free(blocks[i]);
     head_avatar_release(&h->avatar);
-    free(h->f);
-    free(h->lip_inner);
-    free(h->lip_upper_outer);
-    free(h->region);
-    free(h->lid_vertices);
-    free(h->lid_sides);
-    free(h->shape_live);
-    free(h->exp_live);
-    free(h->pose_live);
+    arena_release(&h->memory);
+    free(h->floats);
     memset(h, 0, sizeof *h);
 }

@@ -33,6 +33,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "lib/base/arena.h"
 #include "lib/base/error.h"
 #include "lib/head/head_avatar.h"
 
@@ -112,7 +113,8 @@ struct head {
     /* Posing layout: block b holds x[32], y[32], z[32] of vertices 32b..,
      * zero beyond V; directions lie inside the block, so that one pass over
      * memory poses the head. */
-    float *directions;          /* what the next three lie in */
+    struct arena memory;        /* what the arrays lie in, but zeroed floats: */
+    float *floats;
     float *shape_dirs;          /* (blocks, nshape, 96) */
     float *exp_dirs;            /* (blocks, nexp, 96) */
     float *pose_dirs;           /* (blocks, 36, 96) */

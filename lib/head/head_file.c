@@ -8,45 +8,33 @@
 #include <sysexits.h>
 
 #include "formats/safetensors.h"
+#include "lib/base/arena.h"
 #include "lib/head/head_fill.h"
 #include "lib/head/runs.h"
 
 enum { MAX_DIRECTIONS = 4096 };     /* of a packed file, which could lie */
 
-/* What had to be converted or copied of a file's arrays, owned until
- * head_loaded_release. */
-struct loaded {
-    float *f32[16];
-    int32_t *i32[12];
-    int nf, ni;
-};
-
-static const float *head_take_f32(struct loaded *l,
+/* An array of the file; what had to be converted for it is l's. */
+static const float *head_take_f32(struct arena *l,
                                   const struct safetensors *st,
                                   const char *name, int ndim, size_t d0,
                                   size_t d1, size_t d2, struct error *err)
 {
     size_t dims[3] = {d0, d1, d2};
+    float *own = NULL;
+    const float *x = st_borrow_f32(st, name, ndim, dims, &own, err);
 
-    return st_borrow_f32(st, name, ndim, dims, &l->f32[l->nf++], err);
+    return own && !arena_keep(l, own, err) ? NULL : x;
 }
 
-static const int32_t *head_take_i32(struct loaded *l,
+static const int32_t *head_take_i32(struct arena *l,
                                     const struct safetensors *st,
                                     const char *name, int ndim, size_t d0,
                                     size_t d1, size_t *count, struct error *err)
 {
     size_t dims[2] = {d0, d1};
 
-    return l->i32[l->ni++] = st_load_i32(st, name, ndim, dims, count, err);
-}
-
-static void head_loaded_release(struct loaded *l)
-{
-    for (int i = 0; i < l->nf; i++)
-        free(l->f32[i]);
-    for (int i = 0; i < l->ni; i++)
-        free(l->i32[i]);
+    return arena_keep(l, st_load_i32(st, name, ndim, dims, count, err), err);
 }
 
 /* A number from the metadata, or the default when the key is absent. */
@@ -70,7 +58,7 @@ static int head_meta_number(double *out, const struct safetensors *st,
  * name_runs i32 [n,3] and name_values f16 [rows,3] (lib/head/runs.h), checked
  * but for being finite; the values stay in the file.  1: taken; 0: it has
  * none. */
-static int head_take_runs(struct runs_read *r, struct loaded *l,
+static int head_take_runs(struct runs_read *r, struct arena *l,
                           const struct safetensors *st, const char *name,
                           size_t V, size_t K, struct error *err)
 {
@@ -81,7 +69,7 @@ static int head_take_runs(struct runs_read *r, struct loaded *l,
     if (!st_find(st, runs))
         return 0;
     snprintf(values, sizeof values, "%s_values", name);
-    int32_t *run = l->i32[l->ni++] = st_load_i32(st, runs, 2, dims, &n, err);
+    const int32_t *run = head_take_i32(l, st, runs, 2, 0, 3, &n, err);
     const void *value = run ? st_borrow_f16(st, values, 2, dims, &rows, err)
                             : NULL;
     if (!value)
@@ -96,7 +84,7 @@ static int head_take_runs(struct runs_read *r, struct loaded *l,
 
 /* The shape directions, dense or packed. */
 static int head_take_shapes(struct head_arrays *a, struct runs_read *packed,
-                            struct loaded *l, const struct safetensors *st,
+                            struct arena *l, const struct safetensors *st,
                             struct error *err)
 {
     const size_t K = a->nshape + a->nexp;
@@ -108,7 +96,7 @@ static int head_take_shapes(struct head_arrays *a, struct runs_read *packed,
 }
 
 /* The pose correctives, which are few. */
-static const float *head_take_posedirs(struct loaded *l,
+static const float *head_take_posedirs(struct arena *l,
                                        const struct safetensors *st, size_t V,
                                        struct error *err)
 {
@@ -117,7 +105,7 @@ static const float *head_take_posedirs(struct loaded *l,
 
     if (rc == 0)
         return head_take_f32(l, st, "posedirs", 3, V, 3, HEAD_POSE_DIRS, err);
-    return rc < 0 ? NULL : (l->f32[l->nf++] = runs_unpack(&r, err));
+    return rc < 0 ? NULL : arena_keep(l, runs_unpack(&r, err), err);
 }
 
 /* K, the number of directions: of the tensor or, when it is packed, by the
@@ -183,7 +171,7 @@ static int head_read_sizes(struct head_arrays *a, const struct safetensors *st,
 }
 
 /* What shapes add to the lids. */
-static int head_read_lids(struct head_arrays *a, struct loaded *l,
+static int head_read_lids(struct head_arrays *a, struct arena *l,
                           const struct safetensors *st, struct error *err)
 {
     const struct st_tensor *t = st_find(st, "lid_shapedirs");
@@ -205,7 +193,7 @@ static int head_read_lids(struct head_arrays *a, struct loaded *l,
 }
 
 /* What a head may lack. */
-static int head_read_optional(struct head_arrays *a, struct loaded *l,
+static int head_read_optional(struct head_arrays *a, struct arena *l,
                               const struct safetensors *st, struct error *err)
 {
     const size_t V = a->V;
@@ -224,7 +212,7 @@ static int head_read_optional(struct head_arrays *a, struct loaded *l,
 
 /* Required arrays first, then those that a head may lack. */
 static int head_read_arrays(struct head_arrays *a, struct runs_read *packed,
-                            struct loaded *l, const struct safetensors *st,
+                            struct arena *l, const struct safetensors *st,
                             struct error *err)
 {
     size_t V = a->V;
@@ -264,7 +252,7 @@ int head_load(struct head *h, const char *path, struct error *err)
 {
     struct head_arrays a = {0};
     struct runs_read packed = {0};
-    struct loaded l = {0};
+    struct arena l = {0};
     int rc = -1;
 
     memset(h, 0, sizeof *h);
@@ -282,7 +270,7 @@ int head_load(struct head *h, const char *path, struct error *err)
         rc = -1;
     }
 out:
-    head_loaded_release(&l);
+    arena_release(&l);
     st_close(st);
     return rc;
 }
