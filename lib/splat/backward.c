@@ -12,6 +12,7 @@
 
 #include "lib/base/pages.h"
 #include "lib/base/parallel.h"
+#include "lib/base/slices.h"
 #include "lib/splat/kernels.h"
 #include "lib/splat/splat.h"
 
@@ -39,10 +40,7 @@ void backward_release(struct splat *s)
         return;
     pages_free(b->pair, b->pair_bytes);
     free(b->seen);
-    free(b->range);
-    free(b->inverse_length);
-    free(b->inverse_opacity);
-    free(b->rt);
+    free(b->each);
     free(b->T);
     free(b->image);
     free(b->place);
@@ -54,25 +52,20 @@ int backward_load(struct splat *s, const struct gaussians *g,
                   struct error *err)
 {
     struct splat_gradient_state *b = s->state->gradient;
-    size_t n = (g->n + 15) / 16 * 16 + 16;
+    const size_t n = (g->n + 15) / 16 * 16 + 16;
+    const struct slice each[] = {
+        {&b->range, n * sizeof *b->range / sizeof(float), false},
+        {&b->inverse_length, n, false}, {&b->inverse_opacity, n, false},
+        {&b->rt, (n / GRADIENT_BATCH + 1) * 12 * sizeof *b->rt / sizeof(float),
+         false}
+    };
 
-    if (b->n != n) {
-        free(b->range);
-        free(b->inverse_length);
-        free(b->inverse_opacity);
-        free(b->rt);
-        b->n = n;
-        b->range = malloc(n * sizeof *b->range);
-        b->inverse_length = malloc(n * sizeof *b->inverse_length);
-        b->inverse_opacity = malloc(n * sizeof *b->inverse_opacity);
-        b->rt = malloc((n / GRADIENT_BATCH + 1) * 12 * sizeof *b->rt);
-        if (!b->range || !b->inverse_length || !b->inverse_opacity ||
-            !b->rt) {
-            b->n = 0;
-            return error_set(err, EX_OSERR, "%zu Gaussians: out of memory",
-                             g->n);
-        }
+    if (b->n != n && slices_allocate(&b->each, each, sizeof each / sizeof *each,
+                                     false, err)) {
+        b->n = 0;
+        return -1;
     }
+    b->n = n;
     for (size_t i = 0; i < n; i++) {
         b->inverse_length[i] = 1;
         b->inverse_opacity[i] =

@@ -30,6 +30,7 @@ struct splat_gradient_state {
     uint8_t *seen;
     size_t room;               /* pairs that fit */
     int stride;
+    float *each;               /* what the next four lie in */
     struct pair_range *range;  /* (N) */
     float *inverse_length;     /* (N) 1 / |quat as given| */
     float *inverse_opacity;    /* (N), 0 for opacity 0 */

@@ -10,27 +10,20 @@
 
 #include "lib/base/half.h"
 
-/* Rows of the picked Gaussians in double, the first `keep` of `row` numbers. */
-static double *reference_widen(const float *in, const uint32_t *pick, size_t n,
-                               size_t row, size_t keep)
+/* Rows of the picked Gaussians in double: the first `keep` of `row` numbers of
+ * `in` or, where that is NULL, of `half`. */
+static double *reference_widen(const float *in, const uint16_t *half,
+                               const uint32_t *pick, size_t n, size_t row,
+                               size_t keep)
 {
     double *out = malloc((n * keep + 1) * sizeof *out);
 
     for (size_t i = 0; out && i < n; i++)
-        for (size_t k = 0; k < keep; k++)
-            out[i * keep + k] = in[pick[i] * row + k];
-    return out;
-}
+        for (size_t k = 0; k < keep; k++) {
+            const size_t at = pick[i] * row + k;
 
-/* The same from half precision. */
-static double *reference_widen_half(const uint16_t *in, const uint32_t *pick,
-                                    size_t n, size_t row, size_t keep)
-{
-    double *out = malloc((n * keep + 1) * sizeof *out);
-
-    for (size_t i = 0; out && i < n; i++)
-        for (size_t k = 0; k < keep; k++)
-            out[i * keep + k] = half_to_float(in[pick[i] * row + k]);
+            out[i * keep + k] = in ? in[at] : half_to_float(half[at]);
+        }
     return out;
 }
 
@@ -56,15 +49,12 @@ int reference_init(struct reference *t, const struct gaussians *g,
     t->alpha_cut = 1.0 / 255;
     t->t_cut = 1e-4;
     t->n = n;
-    t->mean = reference_widen(g->mean, pick, n, 3, 3);
-    t->scale = reference_widen(g->scale, pick, n, 3, 3);
-    t->quat = reference_widen(g->quat, pick, n, 4, 4);
-    t->opacity = reference_widen(g->opacity, pick, n, 1, 1);
-    t->color =
-        g->color ? reference_widen(g->color, pick, n, (size_t)g->channels,
-                                   (size_t)channels)
-                 : reference_widen_half(g->color_half, pick, n,
-                                        (size_t)g->channels, (size_t)channels);
+    t->mean = reference_widen(g->mean, NULL, pick, n, 3, 3);
+    t->scale = reference_widen(g->scale, NULL, pick, n, 3, 3);
+    t->quat = reference_widen(g->quat, NULL, pick, n, 4, 4);
+    t->opacity = reference_widen(g->opacity, NULL, pick, n, 1, 1);
+    t->color = reference_widen(g->color, g->color_half, pick, n,
+                               (size_t)g->channels, (size_t)channels);
     free(pick);
     for (int k = 0; k < 12; k++)
         t->rt[k] = cam->rt[k];
