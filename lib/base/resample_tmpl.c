@@ -100,14 +100,6 @@ static inline void resample_grid_point(float *o, const float *x,
     }
 }
 
-/* A call of one of the three. */
-struct grid_call {
-    float *out;
-    const float *gout, *x, *grid;
-    size_t H, W, C, N;
-    bool align, border;
-};
-
 /* Items that one thread does by itself, of all numbers over `count` items. */
 static inline size_t resample_grain(size_t count, size_t C)
 {
@@ -115,13 +107,12 @@ static inline size_t resample_grain(size_t count, size_t C)
 }
 
 /* Point i. */
-static void resample_forward(void *ctx, size_t i)
+PARALLEL(resample_forward, i, float *, out, const float *, x, const float *,
+         grid, size_t, H, size_t, W, size_t, C, size_t, N, bool, align,
+         bool, border)
 {
-    const struct grid_call *c = ctx;
-
-    resample_grid_point(c->out + i * c->C, c->x + i / c->N * c->H * c->W * c->C,
-                        c->grid + 2 * i, c->H, c->W, c->C, c->align,
-                        c->border);
+    resample_grid_point(out + i * C, x + i / N * H * W * C, grid + 2 * i, H, W,
+                        C, align, border);
 }
 
 /* out (B,N,C): the picture at each point, 0 outside. */
@@ -129,66 +120,64 @@ static void resample_sample(float *out, const float *x, const float *grid,
                             size_t B, size_t H, size_t W, size_t C, size_t N,
                             bool align, bool border)
 {
-    struct grid_call c = {out, NULL, x, grid, H, W, C, N, align, border};
-
-    parallel_for(B * N, resample_grain(B * N, C), resample_forward, &c);
+    parallel_each(resample_forward, B * N, resample_grain(B * N, C), out, x,
+                  grid, H, W, C, N, align, border);
 }
 
 /* in the forward pass this was: o[c] += w(grid) * p[c] */
-static void resample_backward_grid(void *ctx, size_t i)
+PARALLEL(resample_backward_grid, i, float *, ggrid, const float *, gout,
+         const float *, x, const float *, grid, size_t, H, size_t, W, size_t,
+         C, size_t, N, bool, align, bool, border)
 {
-    const struct grid_call *c = ctx;
-    const float *xb = c->x + i / c->N * c->H * c->W * c->C;
-    const float *g = c->gout + i * c->C;
+    const float *xb = x + i / N * H * W * C;
+    const float *g = gout + i * C;
     struct taps t;
     double slope[2], sx = 0, sy = 0;
 
-    resample_grid_taps(&t, slope, c->grid + 2 * i, c->W, c->H, c->align,
-                       c->border);
+    resample_grid_taps(&t, slope, grid + 2 * i, W, H, align, border);
     for (int k = 0; k < 4; k++) {
-        const float *p = xb + (size_t)t.at[k] * c->C;
+        const float *p = xb + (size_t)t.at[k] * C;
         float dot = 0;
 
         if (t.at[k] < 0)
             continue;
-        for (size_t n = 0; n < c->C; n++)
+        for (size_t n = 0; n < C; n++)
             dot += g[n] * p[n];
         sx += (double)t.dx[k] * dot;
         sy += (double)t.dy[k] * dot;
     }
-    c->out[2 * i] += (float)(sx * slope[0]);
-    c->out[2 * i + 1] += (float)(sy * slope[1]);
+    ggrid[2 * i] += (float)(sx * slope[0]);
+    ggrid[2 * i + 1] += (float)(sy * slope[1]);
 }
 
 static void resample_dgrid(float *ggrid, const float *gout, const float *x,
                            const float *grid, size_t B, size_t H, size_t W,
                            size_t C, size_t N, bool align, bool border)
 {
-    struct grid_call c = {ggrid, gout, x, grid, H, W, C, N, align, border};
-
-    parallel_for(B * N, resample_grain(B * N, C), resample_backward_grid, &c);
+    parallel_each(resample_backward_grid, B * N, resample_grain(B * N, C),
+                  ggrid, gout, x, grid, H, W, C, N, align, border);
 }
 
 #define SLICE 16               /* channels a thread adds to */
 
 /* Slice j of all pictures' channels. */
-static void resample_backward_x(void *ctx, size_t j)
+PARALLEL(resample_backward_x, j, float *, gx, const float *, gout,
+         const float *, grid, size_t, H, size_t, W, size_t, C, size_t, N,
+         bool, align, bool, border)
 {
-    const struct grid_call *c = ctx;
-    const size_t slices = (c->C + SLICE - 1) / SLICE;
+    const size_t slices = (C + SLICE - 1) / SLICE;
     const size_t b = j / slices, c0 = j % slices * SLICE;
-    const size_t n = c->C - c0 < SLICE ? c->C - c0 : SLICE;
-    float *xb = c->out + b * c->H * c->W * c->C + c0;
+    const size_t n = C - c0 < SLICE ? C - c0 : SLICE;
+    float *xb = gx + b * H * W * C + c0;
 
-    for (size_t i = b * c->N; i < (b + 1) * c->N; i++) {
-        const float *g = c->gout + i * c->C + c0;
+    for (size_t i = b * N; i < (b + 1) * N; i++) {
+        const float *g = gout + i * C + c0;
         struct taps t;
         double slope[2];
 
-        resample_grid_taps(&t, slope, c->grid + 2 * i, c->W, c->H, c->align,
-                           c->border);
+        resample_grid_taps(&t, slope, grid + 2 * i, W, H, align, border);
         for (int k = 0; k < 4; k++) {
-            float *p = xb + (size_t)t.at[k] * c->C, w = t.w[k];
+            float *p = xb + (size_t)t.at[k] * C, w = t.w[k];
 
             if (t.at[k] < 0)
                 continue;
@@ -203,11 +192,10 @@ static void resample_dx(float *gx, const float *gout, const float *grid,
                         size_t B, size_t H, size_t W, size_t C, size_t N,
                         bool align, bool border)
 {
-    struct grid_call c = {gx, gout, NULL, grid, H, W, C, N, align, border};
     const size_t slices = B * ((C + SLICE - 1) / SLICE);
 
-    parallel_for(slices, B * N * C > FEW ? 1 : slices, resample_backward_x,
-                 &c);
+    parallel_each(resample_backward_x, slices, B * N * C > FEW ? 1 : slices,
+                  gx, gout, grid, H, W, C, N, align, border);
 }
 
 const struct grid_kernels ISA(grid_kernels) = {

@@ -438,31 +438,22 @@ void conv_onednn_reorder(struct nn_call *call, void *to, const void *from,
     nn_call_run(call);
 }
 
-/* A pass over all bands. */
-struct conv_pass {
-    struct conv_bands *bands;
-    const char *in, *out;        /* read and written; of a backward, the other
-                                  * way round */
-    const void *w;
-    const float *bias, *scale;
-    char *scratch;
-    size_t in_size, out_size;    /* bytes of a value */
-};
-
-/* Band i. */
-static void conv_onednn_run_band(void *ctx, size_t i)
+/* Band i of a pass from `in` to `out` (of a backward, the other way round),
+ * whose values are of that many bytes. */
+PARALLEL(conv_onednn_band, i, struct conv_bands *, bands, const char *, in,
+         const char *, out, size_t, in_size, size_t, out_size, const void *, w,
+         const float *, bias, const float *, scale, char *, scratch)
 {
-    const struct conv_pass *a = ctx;
-    struct conv_band *b = &a->bands->band[i];
+    struct conv_band *b = &bands->band[i];
 
-    nn_call_set(&b->call, 0, a->in + b->in_at * a->in_size);
-    nn_call_set(&b->call, 1, a->w);
-    nn_call_set(&b->call, 2, a->out + b->out_at * a->out_size);
-    nn_call_set(&b->call, 3, a->scratch + i * a->bands->scratch);
-    if (a->bias)
-        nn_call_set(&b->call, 4, a->bias);
-    if (a->scale)
-        nn_call_set(&b->call, 5, a->scale);
+    nn_call_set(&b->call, 0, in + b->in_at * in_size);
+    nn_call_set(&b->call, 1, w);
+    nn_call_set(&b->call, 2, out + b->out_at * out_size);
+    nn_call_set(&b->call, 3, scratch + i * bands->scratch);
+    if (bias)
+        nn_call_set(&b->call, 4, bias);
+    if (scale)
+        nn_call_set(&b->call, 5, scale);
     nn_call_run(&b->call);
 }
 
@@ -470,14 +461,11 @@ void conv_onednn_forward(void *out, const void *src, const float *bias,
                          const float *scale, struct conv *c)
 {
     struct conv_impl *im = c->impl;
-    struct conv_pass a = {
-        .bands = &im->fwd, .in = src, .out = out, .w = im->w_fwd, .bias = bias,
-        .scale = scale, .scratch = c->plan->scratch,
-        .in_size = im->input == dnnl_u8 ? 1 : im->input == dnnl_bf16 ? 2 : 4,
-        .out_size = c->half_out ? 2 : 4
-    };
 
-    parallel_for(im->fwd.count, 1, conv_onednn_run_band, &a);
+    parallel_each(conv_onednn_band, im->fwd.count, 1, &im->fwd, src, out,
+                  im->input == dnnl_u8 ? 1 : im->input == dnnl_bf16 ? 2 : 4,
+                  c->half_out ? 2 : 4, im->w_fwd, bias, scale,
+                  c->plan->scratch);
 }
 
 /* n values at place `at` of the backward's bfloat16 ones; or as they are, where
@@ -510,35 +498,26 @@ void conv_onednn_backward_data(void *din, const void *dout, struct conv *c)
     void *to = full && c->half_in ? c->plan->scratch + c->impl->back_at : din;
     const void *from = conv_onednn_narrow(dout, c->batch * c->oh * c->ow *
                                           c->out, 0, full || c->half_out, c);
-    struct conv_pass a = {
-        .bands = b, .in = to, .out = from, .w = c->impl->w_bwd,
-        .scratch = c->plan->scratch,
-        .in_size = c->half_in && !full ? 2 : 4,
-        .out_size = conv_onednn_half(c) && !full ? 2 : 4
-    };
 
     assert(b->count && !(full && c->half_out));
-    parallel_for(b->count, 1, conv_onednn_run_band, &a);
+    parallel_each(conv_onednn_band, b->count, 1, b, to, from,
+                  c->half_in && !full ? 2 : 4,
+                  conv_onednn_half(c) && !full ? 2 : 4, c->impl->w_bwd, NULL,
+                  NULL, c->plan->scratch);
     if (to != din)
         image_to_bf16(din, to, c->batch * c->h * c->w * c->in_data);
 }
 
-struct conv_weights_pass {
-    struct conv_impl *im;
-    const void *x, *d;
-    struct conv *c;
-};
-
-/* Part i of the gradient. */
-static void conv_onednn_run_part(void *ctx, size_t i)
+/* Part i of the weights' gradient from x and the output's gradient d. */
+PARALLEL(conv_onednn_part, i, struct conv *, c, const void *, x,
+         const void *, d)
 {
-    const struct conv_weights_pass *a = ctx;
-    struct conv_part *part = &a->im->part[i];
+    struct conv_part *part = &c->impl->part[i];
 
-    nn_call_set(&part->call, 0, conv_onednn_at(a->x, part->in_at, a->c));
-    nn_call_set(&part->call, 1, conv_onednn_at(a->d, part->out_at, a->c));
+    nn_call_set(&part->call, 0, conv_onednn_at(x, part->in_at, c));
+    nn_call_set(&part->call, 1, conv_onednn_at(d, part->out_at, c));
     nn_call_set(&part->call, 2, part->dw);
-    nn_call_set(&part->call, 3, a->c->plan->scratch + i * a->im->scratch);
+    nn_call_set(&part->call, 3, c->plan->scratch + i * c->impl->scratch);
     nn_call_run(&part->call);
 }
 
@@ -552,8 +531,7 @@ const float *conv_onednn_backward_weights(const void *dout, const void *in,
                                        c->in_data, (out + 31) & ~(size_t)31,
                                        c->half_in, c);
 
-    parallel_for(im->parts, 1, conv_onednn_run_part,
-                 &(struct conv_weights_pass){ im, x, d, c });
+    parallel_each(conv_onednn_part, im->parts, 1, c, x, d);
     float *sum = im->part[0].dw;
     for (size_t i = 1; i < im->parts; i++)
         for (size_t k = 0; k < im->dw_count; k++)

@@ -49,32 +49,27 @@ void int8_update(struct int8 *q, const struct conv *c, const float *w)
 
 #define RANGES 64               /* parts whose least and greatest are taken */
 
-struct int8_range {
-    const float *in;
-    size_t n;
-    float lo[RANGES], hi[RANGES];
-};
-
-/* Those of part k. */
-static void int8_range_part(void *ctx, size_t k)
+/* Those of part k of n numbers. */
+PARALLEL(int8_range_part, k, float *, lo, float *, hi, const float *, in,
+         size_t, n)
 {
-    struct int8_range *r = ctx;
-    const size_t at = r->n * k / RANGES, end = r->n * (k + 1) / RANGES;
+    const size_t at = n * k / RANGES, end = n * (k + 1) / RANGES;
 
-    r->lo[k] = r->hi[k] = 0;
-    nn_kernels()->range(&r->lo[k], &r->hi[k], r->in + at, end - at);
+    lo[k] = hi[k] = 0;
+    nn_kernels()->range(&lo[k], &hi[k], in + at, end - at);
 }
 
 /* Least and greatest of 0 and the input. */
 static void int8_range(float *lo, float *hi, const float *in, size_t n)
 {
-    struct int8_range r = { .in = in, .n = n };
+    float least[RANGES], greatest[RANGES];
 
-    parallel_for(RANGES, 1 + CHUNK / (n / RANGES + 1), int8_range_part, &r);
+    parallel_each(int8_range_part, RANGES, 1 + CHUNK / (n / RANGES + 1), least,
+                  greatest, in, n);
     *lo = *hi = 0;
     for (size_t k = 0; k < RANGES; k++) {
-        *lo = fminf(*lo, r.lo[k]);
-        *hi = fmaxf(*hi, r.hi[k]);
+        *lo = fminf(*lo, least[k]);
+        *hi = fmaxf(*hi, greatest[k]);
     }
 }
 
