@@ -13,21 +13,12 @@
 #define GLB_JOINTS 5          /* root, neck, jaw, left eye, right eye */
 #define GLB_MAX_TARGETS 200
 
-/* Gaussians, borrowed for the call.  Rows of color are `channels` long, the
- * first three are display sRGB. */
-struct glb_splats {
-    size_t n;
-    int channels;
-    const float *mean;        /* (N,3) metres */
-    const float *scale;       /* (N,3) standard deviations, metres */
-    const float *quat;        /* (N,4) w,x,y,z, unit */
-    const float *opacity;     /* (N) 0 to 1 */
-    const float *color;       /* (N,channels) */
-};
+struct gaussians;             /* lib/base/gaussians.h */
 
-/* Write one set of Gaussians.  The file takes its name when complete.
- * -1: EX_DATAERR when N is 0 or a number is not finite, EX_IOERR. */
-int glb_write_splats(const char *path, const struct glb_splats *s,
+/* Write one set of Gaussians, lengths multiplied by `unit` to be metres, and
+ * the first three channels as display sRGB.  The file takes its name when
+ * complete.  -1: EX_DATAERR when N is 0 or a number is not finite, EX_IOERR. */
+int glb_write_splats(const char *path, const struct gaussians *g, float unit,
                      struct error *err);
 
 /* The animated head, borrowed for the call. */
@@ -66,11 +57,11 @@ int glb_write_head(const char *path, const struct glb_head *h,
 int glb_lint(const char *path, void (*say)(void *context, const char *text),
              void *context, struct error *err);
 
-/* Read the Gaussians of the first primitive with KHR_gaussian_splatting; all
- * arrays are one block that the caller frees through *block.  color has three
- * channels of display sRGB. */
-int glb_read_splats(struct glb_splats *s, void **block, const char *path,
-                    struct error *err);
+/* Read the Gaussians of the first primitive with KHR_gaussian_splatting, metres
+ * multiplied by `unit`: three channels of display sRGB.  The arrays are one
+ * block that the caller frees through *block. */
+int glb_read_splats(struct gaussians *g, void **block, float unit,
+                    const char *path, struct error *err);
 
 /* Read the first skinned mesh as a viewer shows it in the first frame of the
  * first animation (at rest without one): verts (V,3) metres in the scene's

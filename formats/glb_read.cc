@@ -15,6 +15,7 @@ extern "C" {
 #include "formats/glb_guard.hh"
 extern "C" {
 #include "lib/base/file.h"
+#include "lib/base/gaussians.h"
 }
 
 using namespace tinygltf;
@@ -119,7 +120,7 @@ bool view_splats(splat_view *v, const Model &m, const Primitive &p)
 }
 
 /* glb_read_splats, with tinygltf's exceptions. */
-int read_splats(glb_splats *s, void **block, const char *path,
+int read_splats(gaussians *g, void **block, float unit, const char *path,
                 struct error *err)
 {
     Model m;
@@ -137,17 +138,25 @@ int read_splats(glb_splats *s, void **block, const char *path,
         return error_set(err, EX_OSERR, "%s: out of memory", path);
     float *mean = x, *scale = x + 3 * v.n, *quat = x + 6 * v.n,
           *opacity = x + 10 * v.n, *color = x + 11 * v.n;
-    std::copy(v.mean, v.mean + 3 * v.n, mean);
-    std::copy(v.scale, v.scale + 3 * v.n, scale);
     std::copy(v.opacity, v.opacity + v.n, opacity);
     for (size_t i = 0; i < v.n; i++) {
         quat[4 * i] = v.rotation[4 * i + 3];
         std::copy(v.rotation + 4 * i, v.rotation + 4 * i + 3,
                   quat + 4 * i + 1);
-        for (size_t k = 0; k < 3; k++)
-            color[3 * i + k] = float(v.sh[3 * i + k] * SH0 + 0.5);
+        for (size_t k = 3 * i; k < 3 * i + 3; k++) {
+            mean[k] = v.mean[k] * unit;
+            scale[k] = v.scale[k] * unit;
+            color[k] = float(v.sh[k] * SH0 + 0.5);
+        }
     }
-    *s = {v.n, 3, mean, scale, quat, opacity, color};
+    *g = {};
+    g->n = v.n;
+    g->channels = 3;
+    g->mean = mean;
+    g->scale = scale;
+    g->quat = quat;
+    g->opacity = opacity;
+    g->color = color;
     *block = x;
     return 0;
 }
@@ -302,8 +311,9 @@ int glb_lint(const char *path, void (*say)(void *context, const char *text),
     return guarded(path, err, [&] { return lint_file(path, l, err); });
 }
 
-int glb_read_splats(struct glb_splats *s, void **block, const char *path,
-                    struct error *err)
+int glb_read_splats(struct gaussians *g, void **block, float unit,
+                    const char *path, struct error *err)
 {
-    return guarded(path, err, [&] { return read_splats(s, block, path, err); });
+    return guarded(path, err,
+                   [&] { return read_splats(g, block, unit, path, err); });
 }

@@ -18,6 +18,7 @@ extern "C" {
 #include "formats/glb_guard.hh"
 extern "C" {
 #include "formats/outfile.h"
+#include "lib/base/gaussians.h"
 }
 
 using namespace tinygltf;
@@ -142,36 +143,40 @@ double to_linear(double c)
 
 /* ---- Gaussians ---------------------------------------------------------- */
 
-/* Rotations x,y,z,w, colours as degree 0, and COLOR_0 for other viewers. */
-void splat_attributes(Model &m, Primitive &p, const glb_splats *s)
+/* Lengths in metres, rotations x,y,z,w, colours as degree 0, and COLOR_0 for
+ * other viewers. */
+void splat_attributes(Model &m, Primitive &p, const gaussians *g, float unit)
 {
-    std::vector<float> rotation(4 * s->n), sh(3 * s->n), rgba(4 * s->n);
-    for (size_t i = 0; i < s->n; i++) {
-        const float *q = s->quat + 4 * i;
-        const float *c = s->color + static_cast<size_t>(s->channels) * i;
+    std::vector<float> mean(3 * g->n), scale(3 * g->n), rotation(4 * g->n),
+        sh(3 * g->n), rgba(4 * g->n);
+    for (size_t i = 0; i < g->n; i++) {
+        const float *q = g->quat + 4 * i;
         double length = std::sqrt(double(q[0]) * q[0] + double(q[1]) * q[1] +
                                   double(q[2]) * q[2] + double(q[3]) * q[3]);
-        const double unit[4] = {q[1] / length, q[2] / length, q[3] / length,
+        const double turn[4] = {q[1] / length, q[2] / length, q[3] / length,
                                 q[0] / length};
         for (size_t k = 0; k < 4; k++)     /* a zero quaternion turns nothing */
-            rotation[4 * i + k] = float(length > 0 ? unit[k] : k == 3);
+            rotation[4 * i + k] = float(length > 0 ? turn[k] : k == 3);
         for (size_t k = 0; k < 3; k++) {
-            sh[3 * i + k] = float((c[k] - 0.5) / SH0);
-            rgba[4 * i + k] = float(to_linear(c[k]));
+            const float c = gaussians_channel(g, i, k);
+            mean[3 * i + k] = g->mean[3 * i + k] * unit;
+            scale[3 * i + k] = g->scale[3 * i + k] * unit;
+            sh[3 * i + k] = float((c - 0.5) / SH0);
+            rgba[4 * i + k] = float(to_linear(c));
         }
-        rgba[4 * i + 3] = s->opacity[i];
+        rgba[4 * i + 3] = g->opacity[i];
     }
     const int F = TINYGLTF_COMPONENT_TYPE_FLOAT;
     const int A = TINYGLTF_TARGET_ARRAY_BUFFER;
     const std::string prefix = std::string(EXTENSION) + ":";
     p.attributes["POSITION"] =
-        add_accessor(m, s->mean, s->n, F, TINYGLTF_TYPE_VEC3, A, true);
+        add_floats(m, mean, TINYGLTF_TYPE_VEC3, A, true);
     p.attributes[prefix + "ROTATION"] =
         add_floats(m, rotation, TINYGLTF_TYPE_VEC4, A, false);
     p.attributes[prefix + "SCALE"] =
-        add_accessor(m, s->scale, s->n, F, TINYGLTF_TYPE_VEC3, A, false);
+        add_floats(m, scale, TINYGLTF_TYPE_VEC3, A, false);
     p.attributes[prefix + "OPACITY"] =
-        add_accessor(m, s->opacity, s->n, F, TINYGLTF_TYPE_SCALAR, A, false);
+        add_accessor(m, g->opacity, g->n, F, TINYGLTF_TYPE_SCALAR, A, false);
     p.attributes[prefix + "SH_DEGREE_0_COEF_0"] =
         add_floats(m, sh, TINYGLTF_TYPE_VEC3, A, false);
     p.attributes["COLOR_0"] =
@@ -179,33 +184,34 @@ void splat_attributes(Model &m, Primitive &p, const glb_splats *s)
 }
 
 /* Before anything is written. */
-int check_splats(const char *path, const glb_splats *s, struct error *err)
+int check_splats(const char *path, const gaussians *g, struct error *err)
 {
-    if (!s->n || s->channels < 3)
-        return error_set(err, EX_DATAERR,
-                         "%s: %zu Gaussians of %d channels (expected at least "
-                         "1 of 3)", path, s->n, s->channels);
-    if (check_finite(path, "mean", s->mean, 3 * s->n, err) ||
-        check_finite(path, "scale", s->scale, 3 * s->n, err) ||
-        check_finite(path, "quat", s->quat, 4 * s->n, err) ||
-        check_finite(path, "opacity", s->opacity, s->n, err))
-        return -1;
-    return check_finite(path, "color", s->color,
-                        static_cast<size_t>(s->channels) * s->n, err);
+    if (!g->n)
+        return error_set(err, EX_DATAERR, "%s: no Gaussians", path);
+    for (size_t i = 0; i < 3 * g->n; i++)
+        if (!std::isfinite(gaussians_channel(g, i / 3, i % 3)))
+            return error_set(err, EX_DATAERR, "%s: the colour of Gaussian %zu "
+                             "is not finite", path, i / 3);
+    return check_finite(path, "mean", g->mean, 3 * g->n, err) ||
+                   check_finite(path, "scale", g->scale, 3 * g->n, err) ||
+                   check_finite(path, "quat", g->quat, 4 * g->n, err) ||
+                   check_finite(path, "opacity", g->opacity, g->n, err)
+               ? -1 : 0;
 }
 
 /* glb_write_splats, with tinygltf's exceptions. */
-int write_splats(const char *path, const glb_splats *s, struct error *err)
+int write_splats(const char *path, const gaussians *g, float unit,
+                 struct error *err)
 {
     Model m;
     Primitive p;
     Mesh mesh;
     Node node;
 
-    if (check_splats(path, s, err))
+    if (check_splats(path, g, err))
         return -1;
     model_start(m);
-    splat_attributes(m, p, s);
+    splat_attributes(m, p, g, unit);
     p.mode = TINYGLTF_MODE_POINTS;
     p.extensions[EXTENSION] = Value(Value::Object{
         {"kernel", Value(std::string("ellipse"))},
@@ -497,10 +503,10 @@ int write_head(const char *path, const glb_head *h, struct error *err)
 
 }  // namespace
 
-int glb_write_splats(const char *path, const struct glb_splats *s,
+int glb_write_splats(const char *path, const struct gaussians *g, float unit,
                      struct error *err)
 {
-    return guarded(path, err, [&] { return write_splats(path, s, err); });
+    return guarded(path, err, [&] { return write_splats(path, g, unit, err); });
 }
 
 int glb_write_head(const char *path, const struct glb_head *h,

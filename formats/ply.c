@@ -11,7 +11,6 @@
 #include "formats/outfile.h"
 #include "formats/ply_parts.h"
 #include "formats/ply_table.h"
-#include "lib/base/half.h"
 
 /* ---- writing ------------------------------------------------------------ */
 
@@ -56,15 +55,6 @@ static void ply_quat_canonical(float q[4])
         q[k] = (float)(q[k] * s);
 }
 
-/* Channel k, or the last one where there are fewer. */
-static float ply_gaussian_channel(const struct gaussians *g, size_t i, int k)
-{
-    size_t c = (size_t)g->channels;
-    size_t at = c * i + (size_t)(k < g->channels ? k : g->channels - 1);
-
-    return g->color ? g->color[at] : half_to_float(g->color_half[at]);
-}
-
 void ply_row_pack(float out[FIELDS], const struct gaussians *g, size_t i,
                   bool turn)
 {
@@ -76,9 +66,9 @@ void ply_row_pack(float out[FIELDS], const struct gaussians *g, size_t i,
     out[1] = flip * m[1];
     out[2] = m[2];
     out[3] = out[4] = out[5] = 0;
-    for (int k = 0; k < 3; k++) {
-        out[6 + k] = (float)((ply_gaussian_channel(g, i, k) - 0.5) / PLY_SH0);
-        out[10 + k] = (float)log(fmax(g->scale[3 * i + (size_t)k], 1e-7));
+    for (size_t k = 0; k < 3; k++) {
+        out[6 + k] = (float)((gaussians_channel(g, i, k) - 0.5) / PLY_SH0);
+        out[10 + k] = (float)log(fmax(g->scale[3 * i + k], 1e-7));
     }
     out[9] = (float)log(o / (1 - o));
     out[13] = turn ? -q[3] : q[0];

@@ -13,18 +13,17 @@
 #include "lib/base/sort.h"
 
 /* Keys of the Gaussians by opacity times volume, falling. */
-static uint64_t *splatfile_by_weight(size_t n, const float *scale,
-                                     const float *opacity)
+static uint64_t *splatfile_by_weight(const struct gaussians *g)
 {
-    uint64_t *order = malloc((n + 1) * sizeof *order);
+    uint64_t *order = malloc((g->n + 1) * sizeof *order);
 
-    for (size_t i = 0; order && i < n; i++) {
-        const float *s = scale + 3 * i;
+    for (size_t i = 0; order && i < g->n; i++) {
+        const float *s = g->scale + 3 * i;
 
-        order[i] = sort_key(-opacity[i] * s[0] * s[1] * s[2], (uint32_t)i);
+        order[i] = sort_key(-g->opacity[i] * s[0] * s[1] * s[2], (uint32_t)i);
     }
     if (order)
-        sort_keys(order, n);
+        sort_keys(order, g->n);
     return order;
 }
 
@@ -34,12 +33,11 @@ static uint8_t splatfile_splat_byte(float x)
     return (uint8_t)lrintf(fminf(fmaxf(x, 0), 255));
 }
 
-int splatfile_write(const char *path, size_t n, const float *mean,
-                    const float *scale, const float *quat, const float *opacity,
-                    const float *color, struct error *err)
+int splatfile_write(const char *path, const struct gaussians *g,
+                    struct error *err)
 {
     struct outfile out;
-    uint64_t *order = splatfile_by_weight(n, scale, opacity);
+    uint64_t *order = splatfile_by_weight(g);
 
     if (!order)
         return error_set(err, EX_OSERR, "%s: out of memory", path);
@@ -47,20 +45,19 @@ int splatfile_write(const char *path, size_t n, const float *mean,
         free(order);
         return -1;
     }
-    for (size_t k = 0; k < n; k++) {
+    for (size_t k = 0; k < g->n; k++) {
         size_t i = (uint32_t)order[k];
-        const float *m = mean + 3 * i, *q = quat + 4 * i;
-        const float *c = color + 3 * i;
+        const float *m = g->mean + 3 * i, *q = g->quat + 4 * i;
+        const float *s = g->scale + 3 * i;
         const float rotated[4] = {-q[3], -q[2], q[1], q[0]};
         float norm = sqrtf(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] +
                            q[3] * q[3]);
-        float f[6] = {-m[0], -m[1], m[2], scale[3 * i], scale[3 * i + 1],
-                      scale[3 * i + 2]};
+        float f[6] = {-m[0], -m[1], m[2], s[0], s[1], s[2]};
         uint8_t b[8];
 
-        for (int j = 0; j < 3; j++)
-            b[j] = splatfile_splat_byte(255 * c[j]);
-        b[3] = splatfile_splat_byte(255 * opacity[i]);
+        for (size_t j = 0; j < 3; j++)
+            b[j] = splatfile_splat_byte(255 * gaussians_channel(g, i, j));
+        b[3] = splatfile_splat_byte(255 * g->opacity[i]);
         for (int j = 0; j < 4; j++)
             b[4 + j] = splatfile_splat_byte(128 + 128 * rotated[j] /
                                                       fmaxf(norm, 1e-12f));

@@ -8,12 +8,11 @@
 #include "lib/base/error.h"
 #include "lib/base/gaussians.h"
 
-/* Write N Gaussians, y downwards as the viewers expect (a turn by 180 degrees
- * about z); color has `channels` floats a row, the first three sRGB.  Largest
- * and most opaque first, as the viewers' level of detail wants it. */
-int splatfile_write(const char *path, size_t n, const float *mean,
-                    const float *scale, const float *quat, const float *opacity,
-                    const float *color, struct error *err);
+/* Write Gaussians, y downwards as the viewers expect (a turn by 180 degrees
+ * about z); the first three channels are sRGB.  Largest and most opaque first,
+ * as the viewers' level of detail wants it. */
+int splatfile_write(const char *path, const struct gaussians *g,
+                    struct error *err);
 
 /* Read a file, turned back to y upwards: three channels of display sRGB.  The
  * arrays are one block that the caller frees through *block.  EX_DATAERR when

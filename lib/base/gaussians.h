@@ -8,6 +8,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "lib/base/half.h"
+
 /* Gaussians in the caller's memory, read-only. */
 struct gaussians {
     size_t n;
@@ -42,6 +44,15 @@ struct gaussians {
                                    * camera saw there rises to the picture's
                                    * right and down; NULL: nowhere */
 };
+
+/* Channel k of a Gaussian's colour, or the last one where there are fewer. */
+static inline float gaussians_channel(const struct gaussians *g, size_t i,
+                                      size_t k)
+{
+    const size_t c = (size_t)g->channels, at = c * i + (k < c ? k : c - 1);
+
+    return g->color ? g->color[at] : half_to_float(g->color_half[at]);
+}
 
 /* How many times the surface that the photograph shows of a Gaussian a frame
  * shows, to first order in depth's slope.

@@ -13,49 +13,15 @@
 #include "lib/base/arena.h"
 #include "lib/splat/splat.h"
 
-/* What a file gave back, in head units. */
-struct back {
-    struct gaussians g;
-    struct ply_scene ply;
-    struct arena memory;        /* of the other formats */
-};
-
 /* As a viewer would read it: degree 0, three channels. */
-static int drawn_read_ply(struct back *b, const char *path, bool turned,
-                          struct error *err)
+static int drawn_read_ply(struct gaussians *g, struct ply_scene *s,
+                          const char *path, bool turned, struct error *err)
 {
-    const struct ply_scene *s = &b->ply;
-
-    if (ply_read(&b->ply, path, turned, err))
+    if (ply_read(s, path, turned, err))
         return -1;
-    b->g = (struct gaussians){.n = s->n, .channels = 3, .mean = s->mean,
+    *g = (struct gaussians){.n = s->n, .channels = 3, .mean = s->mean,
                               .scale = s->scale, .quat = s->quat,
                               .opacity = s->opacity, .color = s->color};
-    return 0;
-}
-
-/* Metres become the scene's unit again. */
-static int drawn_read_glb(struct back *b, const char *path, float unit,
-                          struct error *err)
-{
-    struct glb_splats s;
-    float *mean, *scale;
-    void *block;
-
-    if (glb_read_splats(&s, &block, path, err) ||
-        !arena_keep(&b->memory, block, err))
-        return -1;
-    mean = arena_take(&b->memory, 3 * s.n, sizeof *mean);
-    scale = arena_take(&b->memory, 3 * s.n, sizeof *scale);
-    if (arena_check(&b->memory, path, err))
-        return -1;
-    for (size_t i = 0; i < 3 * s.n; i++) {
-        mean[i] = s.mean[i] * unit;
-        scale[i] = s.scale[i] * unit;
-    }
-    b->g = (struct gaussians){.n = s.n, .channels = 3, .mean = mean,
-                              .scale = scale, .quat = s.quat,
-                              .opacity = s.opacity, .color = s.color};
     return 0;
 }
 
@@ -145,26 +111,26 @@ int drawn_compare(struct drawn *d, enum drawn_format format, const char *path,
                   const struct scene *s, bool turned, float unit,
                   struct error *err)
 {
-    struct back b = {0};
-    void *block;
+    struct gaussians g = {0};   /* what the file gave back, in head units */
+    struct ply_scene ply = {0};
+    void *block = NULL;
     int rc;
 
     switch (format) {
     case DRAWN_PLY:
-    case DRAWN_PLY_PACKED: rc = drawn_read_ply(&b, path, turned, err); break;
-    case DRAWN_SPLAT:
-        rc = splatfile_read(&b.g, &block, path, err) ||
-             !arena_keep(&b.memory, block, err) ? -1 : 0;
+    case DRAWN_PLY_PACKED:
+        rc = drawn_read_ply(&g, &ply, path, turned, err);
         break;
-    default: rc = drawn_read_glb(&b, path, unit, err); break;
+    case DRAWN_SPLAT: rc = splatfile_read(&g, &block, path, err); break;
+    default: rc = glb_read_splats(&g, &block, unit, path, err); break;
     }
-    if (rc == 0 && b.g.n != s->g.n)
+    if (rc == 0 && g.n != s->g.n)
         rc = error_set(err, EX_SOFTWARE, "%s: %zu Gaussians read back "
-                       "(expected %zu)", path, b.g.n, s->g.n);
+                       "(expected %zu)", path, g.n, s->g.n);
     if (rc == 0)
-        rc = drawn_measure(d, format, path, &b.g, s, err);
-    ply_release(&b.ply);
-    arena_release(&b.memory);
+        rc = drawn_measure(d, format, path, &g, s, err);
+    ply_release(&ply);
+    free(block);
     return rc;
 }
 

@@ -49,32 +49,6 @@ static bool export_wanted(char *path, size_t size, const struct export *x,
 
 /* ---- Gaussians ---------------------------------------------------------- */
 
-/* Scene values as plain float arrays in metres (unit 1 / head scale). */
-struct flat {
-    struct arena memory;
-    float *mean, *scale, *color;
-};
-
-/* The scene in the file's unit, with the first three channels as colours. */
-static int export_flat_init(struct flat *f, const struct scene *s, float unit,
-                            struct error *err)
-{
-    size_t n = s->g.n;
-
-    f->mean = arena_take(&f->memory, 3 * n, sizeof *f->mean);
-    f->scale = arena_take(&f->memory, 3 * n, sizeof *f->scale);
-    f->color = arena_take(&f->memory, 3 * n, sizeof *f->color);
-    if (arena_check(&f->memory, "Gaussians", err))
-        return -1;
-    for (size_t i = 0; i < 3 * n; i++) {
-        f->mean[i] = s->mean[i] * unit;
-        f->scale[i] = s->g.scale[i] * unit;
-    }
-    for (size_t i = 0; i < n; i++)
-        scene_rgb(f->color + 3 * i, s, i);
-    return 0;
-}
-
 /* The original layout of 3D Gaussian splatting. */
 static int export_write_ply(struct export *x, const char *path,
                             struct error *err)
@@ -93,15 +67,7 @@ static int export_write_ply_packed(struct export *x, const char *path,
 static int export_write_splat(struct export *x, const char *path,
                               struct error *err)
 {
-    struct flat f = {0};
-    int rc = export_flat_init(&f, &x->scene, 1, err);
-    const struct gaussians *g = &x->scene.g;
-
-    if (!rc)
-        rc = splatfile_write(path, g->n, f.mean, f.scale, g->quat, g->opacity,
-                             f.color, err);
-    arena_release(&f.memory);
-    return rc;
+    return splatfile_write(path, &x->scene.g, err);
 }
 
 /* Head units per metre. */
@@ -114,18 +80,7 @@ static float export_head_scale(const struct export *x)
 static int export_write_glb(struct export *x, const char *path,
                             struct error *err)
 {
-    struct flat f = {0};
-    int rc = export_flat_init(&f, &x->scene, 1 / export_head_scale(x), err);
-
-    if (!rc) {
-        const struct glb_splats g = {x->scene.g.n, 3, f.mean, f.scale,
-                                     x->scene.g.quat, x->scene.g.opacity,
-                                     f.color};
-
-        rc = glb_write_splats(path, &g, err);
-    }
-    arena_release(&f.memory);
-    return rc;
+    return glb_write_splats(path, &x->scene.g, 1 / export_head_scale(x), err);
 }
 
 /* The scene as it is now, in every format that wants this frame. */

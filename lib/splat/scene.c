@@ -6,7 +6,6 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "lib/base/half.h"
 #include "lib/base/drive.h"
 #include "lib/base/neck_blend.h"
 #include "lib/stream/records.h"
@@ -245,15 +244,4 @@ int scene_to_splat(struct splat *out, const struct scene *s,
         return splat_update(out, s->mean + 3 * s->mouth, s->mouth,
                             s->mouth_count, err);
     return 0;
-}
-
-void scene_rgb(float rgb[3], const struct scene *s, size_t i)
-{
-    size_t c = (size_t)s->g.channels;
-
-    for (size_t k = 0; k < 3; k++) {
-        size_t at = c * i + (k < c ? k : c - 1);
-        rgb[k] = s->g.color ? s->g.color[at]
-                            : half_to_float(s->g.color_half[at]);
-    }
 }

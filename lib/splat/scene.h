@@ -61,7 +61,4 @@ int scene_apply(struct scene *s, const struct record *rec,
 int scene_to_splat(struct splat *out, const struct scene *s,
                    enum scene_change change, struct error *err);
 
-/* First three channels of Gaussian i. */
-void scene_rgb(float rgb[3], const struct scene *s, size_t i);
-
 #endif

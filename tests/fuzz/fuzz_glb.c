@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "formats/glb.h"
+#include "lib/base/gaussians.h"
 #include "tests/fuzz/memory_file.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
@@ -48,7 +49,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     float verts[3 * HEAD_VERTICES];
     int32_t faces[3 * HEAD_FACES];
-    struct glb_splats s;
+    struct gaussians s;
     struct error err;
     void *block = NULL;
     volatile float sum = 0;
@@ -61,7 +62,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     fd = memory_file(path, whole, glb_wrap(whole, data, size));
     if (fd < 0)
         return 0;
-    if (glb_read_splats(&s, &block, path, &err) == 0)
+    if (glb_read_splats(&s, &block, 1, path, &err) == 0)
         for (size_t i = 0; i < s.n; i++)
             sum += s.mean[3 * i] + s.color[3 * i + 2] + s.quat[4 * i + 3];
     free(block);

@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include "formats/glb.h"
+#include "lib/base/gaussians.h"
 #include "lib/base/random.h"
 #include "lib/export/export_head.h"
 #include "lib/base/rotation.h"
@@ -37,18 +38,20 @@ static void quat_matrix(float R[9], const float q[4])
 static void splats_round_trip(struct random *r)
 {
     struct error err = {0};
-    struct glb_splats s = {N, 5, glb_fill(r, 3 * N, -0.1, 0.1),
-                           glb_fill(r, 3 * N, 0.001, 0.01),
-                           glb_fill(r, 4 * N, -1, 1), glb_fill(r, N, 0, 1),
-                           glb_fill(r, 5 * N, 0, 1)};
-    struct glb_splats back = {0};
+    struct gaussians s = {.n = N, .channels = 5,
+                          .mean = glb_fill(r, 3 * N, -0.1, 0.1),
+                          .scale = glb_fill(r, 3 * N, 0.001, 0.01),
+                          .quat = glb_fill(r, 4 * N, -1, 1),
+                          .opacity = glb_fill(r, N, 0, 1),
+                          .color = glb_fill(r, 5 * N, 0, 1)};
+    struct gaussians back = {0};
     void *block = NULL;
     double mean = 0, color = 0, turn = 0;
     char path[64];
 
     snprintf(path, sizeof path, "/tmp/spid-export-%d.glb", (int)getpid());
-    if (glb_write_splats(path, &s, &err) ||
-        glb_read_splats(&back, &block, path, &err) || back.n != N) {
+    if (glb_write_splats(path, &s, 0.5f, &err) ||
+        glb_read_splats(&back, &block, 2, path, &err) || back.n != N) {
         check_error("Gaussians as glTF, read back", false, &err);
         return;
     }
@@ -69,7 +72,7 @@ static void splats_round_trip(struct random *r)
     free(block);
     s.n = 0;
     check("no Gaussians are refused",
-          glb_write_splats(path, &s, &err) != -1, 0);
+          glb_write_splats(path, &s, 1, &err) != -1, 0);
     unlink(path);
     free((void *)s.mean);
     free((void *)s.scale);
