@@ -3,6 +3,7 @@
 
 #include <cjson/cJSON.h>
 #include <errno.h>
+#include <float.h>
 #include <inttypes.h>
 #include <math.h>
 #include <stdbool.h>
@@ -408,12 +409,25 @@ int st_to_f32(const struct safetensors *st, const struct st_tensor *t,
             for (size_t i = at; i < end; i++)
                 out[i] = (float)array_view_number(t->dtype, t->data, i);
         st_forget(st, (const char *)t->data + at * size, (end - at) * size);
+        unsigned wrong = 0;
+#pragma omp simd reduction(|:wrong)
         for (size_t i = at; i < end; i++)
+            wrong |= !(fabsf(out[i]) <= FLT_MAX);
+        for (size_t i = at; i < end && wrong; i++)
             if (!isfinite(out[i]))
                 return error_set(err, EX_DATAERR, "%s: tensor '%s' is not "
                                  "finite at index %zu", st->path, t->name, i);
     }
     return 0;
+}
+
+int st_read_f32(float *out, const struct safetensors *st, const char *name,
+                int ndim, const size_t *dims, struct error *err)
+{
+    const struct st_tensor *t = safetensors_tensor_require(st, name, ndim, dims,
+                                                           err);
+
+    return t ? st_to_f32(st, t, out, err) : -1;
 }
 
 float *st_load_f32(const struct safetensors *st, const char *name, int ndim,

@@ -54,9 +54,12 @@ const char *st_meta_at(const struct safetensors *st, size_t i,
 int st_to_f32(const struct safetensors *st, const struct st_tensor *t,
               float *out, struct error *err);
 
-/* The tensor that must be there with this shape (a dimension of 0 accepts any
- * size), as freshly allocated floats (the caller frees).  NULL on failure,
- * *err names file, tensor, expected and found shape. */
+/* The tensor that must be there with this shape, as floats into out; -1: *err names
+ * file, tensor, expected and found shape. */
+int st_read_f32(float *out, const struct safetensors *st, const char *name,
+                int ndim, const size_t *dims, struct error *err);
+/* The same as freshly allocated floats (the caller frees), NULL on failure; a
+ * dimension of 0 accepts any size. */
 float *st_load_f32(const struct safetensors *st, const char *name, int ndim,
                    const size_t *dims, size_t *count, struct error *err);
 /* The same tensor where it lies in the file, valid until st_close, when the

@@ -154,13 +154,9 @@ int params_load_from(struct params *ps, const struct safetensors *st,
         const struct param *t = &ps->tensor[i];
         char name[256];
 
-        if (!params_renamed(name, t, prefix, from))
-            continue;
-        float *w = st_load_f32(st, name, t->ndim, t->dim, NULL, err);
-        if (!w)
+        if (params_renamed(name, t, prefix, from) &&
+            st_read_f32(param_w(ps, i), st, name, t->ndim, t->dim, err))
             return -1;
-        memcpy(param_w(ps, i), w, t->count * sizeof *w);
-        free(w);
     }
     return 0;
 }
