@@ -125,7 +125,7 @@ static void refine_open_streams(struct program *p, const char *input)
 
 /* What --precision and --roi cost, on the first frame. */
 static void refine_report_precision(const struct program *p,
-                                    const struct refine_input *in)
+                                    const struct feat *in)
 {
     struct error err = {0};
     double max, db;
@@ -162,26 +162,16 @@ static int refine_take_grain(struct program *p, const struct feat *f,
     return 0;
 }
 
-/* A FEAT record as the refiner takes it; *in points into rec. */
-static int refine_read_record(struct refine_input *in, struct program *p,
+/* A FEAT record that can be refined; *in points into rec. */
+static int refine_read_record(struct feat *in, struct program *p,
                               const struct record *rec, struct error *err)
 {
-    struct feat f;
-
-    if (feat_read(&f, rec, err))
+    if (feat_read(in, rec, err))
         return -1;
-    if (f.gain && f.height != f.width)
+    if (in->gain && in->height != in->width)
         return error_set(err, EX_DATAERR, "FEAT of %zu x %zu pixels has gain "
-                         "(expected a square)", f.height, f.width);
-    *in = (struct refine_input){
-        .height = f.height, .width = f.width, .channels = f.channels,
-        .f32 = f.f32, .f16 = f.f16, .alpha = f.alpha, .turn = f.turn,
-        .packed = f.packed, .pixels = f.pixels, .photo = f.photo,
-        .place = f.place, .gain = f.gain, .tint = f.tint
-    };
-    if (f.place)
-        memcpy(&in->view, f.map, FEAT_MAP * sizeof *f.map);
-    return f.grain ? refine_take_grain(p, &f, err) : 0;
+                         "(expected a square)", in->height, in->width);
+    return in->grain ? refine_take_grain(p, in, err) : 0;
 }
 
 /* The lines that are this program: I' = SR(F). */
@@ -189,7 +179,7 @@ static int refine_write_picture(struct program *p, const struct record *rec,
                                 struct error *err)
 {
     struct refine_picture *made = &p->picture;
-    struct refine_input in;
+    struct feat in;
     double begun;
 
     if (refine_read_record(&in, p, rec, err))

@@ -73,15 +73,15 @@ void pipeline_release(struct pipeline *p)
 }
 
 /* What was drawn, as the refiner takes it. */
-static struct refine_input pipeline_features(const struct pipeline *p)
+static struct feat pipeline_features(const struct pipeline *p)
 {
     const struct canvas *c = &p->canvas;
 
-    return (struct refine_input){
+    return (struct feat){
         .height = c->size, .width = c->size, .channels = c->channels,
         .f32 = c->image, .f16 = c->half, .alpha = c->alpha,
         .turn = p->move.relative_pose, .photo = c->photo, .place = c->place,
-        .view = c->view, .gain = c->lit ? c->gain : NULL,
+        .map = (const float *)&c->view, .gain = c->lit ? c->gain : NULL,
         .tint = c->tint
     };
 }
@@ -89,7 +89,7 @@ static struct refine_input pipeline_features(const struct pipeline *p)
 int pipeline_refine(struct pipeline *p, struct pipeline_times *t,
                     struct error *err)
 {
-    const struct refine_input in = pipeline_features(p);
+    const struct feat in = pipeline_features(p);
     const double begun = cpu_seconds();
     int rc = p->opt.star ? 0 : refine_picture_refine(
         &p->refined, p->opt.refine ? p->opt.refine : &p->own, &in, err);
@@ -102,7 +102,7 @@ int pipeline_refine(struct pipeline *p, struct pipeline_times *t,
 int pipeline_finish(struct pipeline *p, struct pipeline_times *t,
                     struct error *err)
 {
-    const struct refine_input in = pipeline_features(p);
+    const struct feat in = pipeline_features(p);
     const double begun = cpu_seconds();
     int rc = p->opt.star ? 0 : refine_picture_finish(&p->refined, &in, err);
 

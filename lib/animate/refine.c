@@ -115,7 +115,7 @@ static void refine_grow_span(size_t *start, size_t *size, size_t lo, size_t hi,
 
 /* The box of alpha above one level; the whole picture without alpha. */
 static struct part refine_find_part(const struct refine *r,
-                                    const struct refine_input *in)
+                                    const struct feat *in)
 {
     const bool style = r->model->config.refiner.type == REFINER_STYLE_UNET;
     struct part p = {0, 0, in->height, in->width};
@@ -150,7 +150,7 @@ static struct part refine_find_part(const struct refine *r,
 
 /* Use the planned size if the part fits into it, placed so that it covers the
  * part; otherwise plan one that fits this and the last. */
-static int refine_fit(struct refine *r, const struct refine_input *in,
+static int refine_fit(struct refine *r, const struct feat *in,
                       struct error *err)
 {
     struct part p = refine_find_part(r, in);
@@ -201,7 +201,7 @@ static void *refine_make_room(void *p, size_t *room, size_t n, size_t bytes,
 
 /* One row. */
 PARALLEL(refine_copy_part_part, y, struct refine *, r,
-         const struct refine_input *, in, size_t, w, size_t, C, size_t, cols)
+         const struct feat *, in, size_t, w, size_t, C, size_t, cols)
 {
     float *to = r->part + y * w * C;
     size_t from = ((y + r->top) * in->width + r->left) * C;
@@ -217,7 +217,7 @@ PARALLEL(refine_copy_part_part, y, struct refine *, r,
 }
 
 /* The part's features as floats, zero outside the picture. */
-static void refine_copy_part(struct refine *r, const struct refine_input *in)
+static void refine_copy_part(struct refine *r, const struct feat *in)
 {
     const size_t C = in->channels, h = r->plan.height, w = r->plan.width;
     const size_t cols = r->left + w <= in->width ? w : in->width - r->left;
@@ -227,7 +227,7 @@ static void refine_copy_part(struct refine *r, const struct refine_input *in)
 
 /* First three channels of what lies outside the part. */
 static void refine_copy_coarse(float *rgb, const struct refine *r,
-                               const struct refine_input *in)
+                               const struct feat *in)
 {
     const size_t C = in->channels;
 
@@ -246,7 +246,7 @@ static void refine_copy_coarse(float *rgb, const struct refine *r,
 
 /* The part's colours into the picture. */
 static void refine_copy_back(float *rgb, const struct refine *r,
-                             const struct refine_input *in)
+                             const struct feat *in)
 {
     const size_t w = r->plan.width;
     const size_t cols = r->left + w <= in->width ? w : in->width - r->left;
@@ -258,7 +258,7 @@ static void refine_copy_back(float *rgb, const struct refine *r,
 
 /* Channels and size. */
 static int refine_check_input(const struct refine *r,
-                              const struct refine_input *in, struct error *err)
+                              const struct feat *in, struct error *err)
 {
     if (in->channels != r->model->config.refiner.channels)
         return error_set(err, EX_DATAERR, "FEAT has %zu channels (expected "
@@ -272,7 +272,7 @@ static int refine_check_input(const struct refine *r,
 }
 
 /* Where the rows of packed features begin. */
-static int refine_find_rows(struct refine *r, const struct refine_input *in,
+static int refine_find_rows(struct refine *r, const struct feat *in,
                             struct error *err)
 {
     r->start = refine_make_room(r->start, &r->start_room, in->height,
@@ -287,8 +287,8 @@ static int refine_find_rows(struct refine *r, const struct refine_input *in,
 }
 
 /* *whole: all pixels of packed features. */
-static int refine_unpack(struct refine_input *whole, struct refine *r,
-                         const struct refine_input *in, struct error *err)
+static int refine_unpack(struct feat *whole, struct refine *r,
+                         const struct feat *in, struct error *err)
 {
     const size_t n = in->height * in->width;
     const size_t bytes = in->channels * (in->f32 ? sizeof *in->f32
@@ -307,7 +307,7 @@ static int refine_unpack(struct refine_input *whole, struct refine *r,
 }
 
 /* r->shown, unpacked if need be. */
-static int refine_unpack_photo(struct refine *r, const struct refine_input *in,
+static int refine_unpack_photo(struct refine *r, const struct feat *in,
                                struct error *err)
 {
     const size_t n = in->height * in->width, bytes = TEXTURE_PHOTO *
@@ -327,7 +327,7 @@ static int refine_unpack_photo(struct refine *r, const struct refine_input *in,
 
 /* Give the network the planned part of the photograph, zeros where there is
  * none. */
-static int refine_show_photo(struct refine *r, const struct refine_input *in,
+static int refine_show_photo(struct refine *r, const struct feat *in,
                              struct error *err)
 {
     const size_t h = r->plan.height, w = r->plan.width, C = TEXTURE_PHOTO;
@@ -413,7 +413,7 @@ static int refine_repeat(float *out, struct refine *r,
 
 /* The network on the planned part; out is its rgb. */
 static int refine_forward(float *out, struct refine *r,
-                          const struct refine_input *in, struct error *err)
+                          const struct feat *in, struct error *err)
 {
     static const float straight[RELATIVE_POSE_SIZE] = {0};
     const bool inside = r->top + r->plan.height <= in->height
@@ -454,10 +454,10 @@ static int refine_forward(float *out, struct refine *r,
     return 0;
 }
 
-int refine_frame(float *rgb, struct refine *r, const struct refine_input *in,
+int refine_frame(float *rgb, struct refine *r, const struct feat *in,
                  struct error *err)
 {
-    struct refine_input unpacked;
+    struct feat unpacked;
 
     if (refine_check_input(r, in, err) ||
         (in->packed && refine_find_rows(r, in, err)) ||
@@ -484,7 +484,7 @@ int refine_frame(float *rgb, struct refine *r, const struct refine_input *in,
 }
 
 struct texture_field refine_field(float *said, const struct refine *r,
-                                  const struct refine_input *in)
+                                  const struct feat *in)
 {
     const float *from = r->shown ? refiner_field(&r->plan.net) : NULL;
     const size_t step = TEXTURE_FIELD_STEP, w = r->plan.width / step;

@@ -12,7 +12,7 @@
 #include "lib/net/refiner.h"
 #include "lib/nn/params.h"
 #include "lib/photo/texture.h"
-#include "lib/splat/types.h"
+#include "lib/stream/records.h"
 
 #define REFINE_STEP 32         /* sides of what is refined are multiples */
 #define REFINE_MARGIN 24       /* pixels about the head that count too */
@@ -48,27 +48,6 @@ struct refine {
     size_t plans;               /* how often a size was planned */
 };
 
-/* A feature image: f16 or f32 [height,width,channels], alpha [height,width]
- * or NULL.  Or packed: only the pixels [pixels,channels] whose alpha is not 0,
- * row after row. */
-struct refine_input {
-    size_t height, width, channels;
-    const float *f32;
-    const uint16_t *f16;        /* if f32 is NULL */
-    const float *alpha;
-    const float *turn;          /* (RELATIVE_POSE_SIZE), or NULL: none */
-    bool packed;
-    size_t pixels;
-    const float *photo;         /* (height,width,5), packed (pixels,5): what
-                                 * the photograph shows (lib/photo), or
-                                 * NULL */
-    const float *place;         /* (height,width,4) where it does, or NULL, */
-    struct splat_place_view view;       /* and the view to there */
-    const float *gain;          /* of a square: how the light changed
-                                 * (lib/splat/relight.h), or NULL, */
-    const float *tint;          /* (3) and by its colour; NULL: by none */
-};
-
 /* Prepare the refiner of a model, which must stay open until refine_release.
  * EX_CONFIG when it has none. */
 int refine_open(struct refine *r, const struct model *m, enum nn_type type,
@@ -83,7 +62,7 @@ void refine_release(struct refine *r);
  * (roi).  Outside the part the coarse colours stay.  EX_DATAERR when the
  * channels are not the refiner's, or the packed pixels not as many as alpha
  * covers. */
-int refine_frame(float *rgb, struct refine *r, const struct refine_input *in,
+int refine_frame(float *rgb, struct refine *r, const struct feat *in,
                  struct error *err);
 
 /* Places of the field along n pixels of a picture. */
@@ -92,6 +71,6 @@ size_t refine_places(size_t n);
  * nothing outside the part; .at NULL when it was shown none or nothing is said.
  * said: its room, a TEXTURE_FIELD for each of the places. */
 struct texture_field refine_field(float *said, const struct refine *r,
-                                  const struct refine_input *in);
+                                  const struct feat *in);
 
 #endif

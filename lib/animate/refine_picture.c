@@ -8,9 +8,12 @@
 
 #include "lib/splat/relight.h"
 
+_Static_assert(sizeof(struct splat_place_view) == FEAT_MAP * sizeof(float),
+               "a map is a view of places");
+
 /* Room for a picture as large as the features. */
 static int refine_picture_make_room(struct refine_picture *p,
-                                    const struct refine_input *in,
+                                    const struct feat *in,
                                     struct error *err)
 {
     const size_t n = in->height * in->width;
@@ -31,7 +34,7 @@ static int refine_picture_make_room(struct refine_picture *p,
 }
 
 int refine_picture_refine(struct refine_picture *p, struct refine *r,
-                          const struct refine_input *in, struct error *err)
+                          const struct feat *in, struct error *err)
 {
     if (refine_picture_make_room(p, in, err) ||
         refine_frame(p->rgb, r, in, err))
@@ -43,11 +46,12 @@ int refine_picture_refine(struct refine_picture *p, struct refine *r,
 
 /* What is refined, enlarged, with the photograph at the larger size. */
 static int refine_picture_enlarge(struct refine_picture *p,
-                                  const struct refine_input *in,
+                                  const struct feat *in,
                                   struct error *err)
 {
     struct zoom *z = &p->zoom;
     const bool photo = in->place && p->texture;
+    struct splat_place_view view = {0};
 
     if (in->height != in->width || in->height > p->size || !in->alpha)
         return error_set(err, EX_DATAERR, "FEAT of %zu x %zu pixels%s "
@@ -60,7 +64,9 @@ static int refine_picture_enlarge(struct refine_picture *p,
             return -1;
     }
     texture_clamp_to_alpha(p->rgb, 3, in->alpha, in->height * in->width);
-    zoom_picture(z, p->rgb, in->alpha, photo ? in->place : NULL, &in->view,
+    if (photo)
+        memcpy(&view, in->map, sizeof view);
+    zoom_picture(z, p->rgb, in->alpha, photo ? in->place : NULL, &view,
                  p->texture, &p->field);
     if (in->gain)
         relight_apply(z->color, 3, z->alpha, in->gain, in->tint, in->width,
@@ -72,7 +78,7 @@ static int refine_picture_enlarge(struct refine_picture *p,
 }
 
 int refine_picture_finish(struct refine_picture *p,
-                          const struct refine_input *in, struct error *err)
+                          const struct feat *in, struct error *err)
 {
     const size_t n = in->height * in->width;
 
@@ -98,7 +104,7 @@ int refine_picture_finish(struct refine_picture *p,
 int refine_picture_compare(double *max, double *db,
                            const struct refine_picture *p,
                            const struct refine *r,
-                           const struct refine_input *in, struct error *err)
+                           const struct feat *in, struct error *err)
 {
     const size_t n = in->height * in->width * 3;
     struct refine full = {0};

@@ -31,20 +31,20 @@ struct refine_picture {
 /* Room for a frame, and r's refined colours into p->rgb.  Frames are refined in
  * turn (refine_frame). */
 int refine_picture_refine(struct refine_picture *p, struct refine *r,
-                          const struct refine_input *in, struct error *err);
+                          const struct feat *in, struct error *err);
 
 /* p->color and p->coverage from them; other frames may be refined meanwhile,
  * but for packed ones.  EX_DATAERR when features that are to be
  * enlarged are not square, too large already, or have no alpha. */
 int refine_picture_finish(struct refine_picture *p,
-                          const struct refine_input *in, struct error *err);
+                          const struct feat *in, struct error *err);
 
 /* Largest error and its dB against all of the frame refined in float, before
  * the photograph; -1: that could not be done. */
 int refine_picture_compare(double *max, double *db,
                            const struct refine_picture *p,
                            const struct refine *r,
-                           const struct refine_input *in, struct error *err);
+                           const struct feat *in, struct error *err);
 
 /* Free what it holds; zeroed then. */
 void refine_picture_release(struct refine_picture *p);
