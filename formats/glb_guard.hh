@@ -1,4 +1,4 @@
-/* What the two halves of formats/glb share. */
+/* What the parts of formats/glb share. */
 #ifndef SPID_FORMATS_GLB_GUARD_HH
 #define SPID_FORMATS_GLB_GUARD_HH
 
@@ -10,6 +10,14 @@
 
 extern "C" {
 #include "lib/base/error.h"
+}
+
+const char EXTENSION[] = "KHR_gaussian_splatting";
+
+/* Numbers in an element of this type. */
+inline int components(int type)
+{
+    return tinygltf::GetNumComponentsInType(static_cast<uint32_t>(type));
 }
 
 /* Exceptions (out of memory, JSON) stop at the C border. */

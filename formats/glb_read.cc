@@ -22,15 +22,6 @@ using namespace tinygltf;
 
 namespace {
 
-const double SH0 = 0.28209479177387814;   /* Y_0^0 */
-const char EXTENSION[] = "KHR_gaussian_splatting";
-
-/* Numbers in an element of this type. */
-int components(int type)
-{
-    return GetNumComponentsInType(static_cast<uint32_t>(type));
-}
-
 /* ---- reading ------------------------------------------------------------ */
 
 /* Pictures are not decoded: their bytes are none of our business here. */
@@ -146,7 +137,7 @@ int read_splats(gaussians *g, void **block, float unit, const char *path,
         for (size_t k = 3 * i; k < 3 * i + 3; k++) {
             mean[k] = v.mean[k] * unit;
             scale[k] = v.scale[k] * unit;
-            color[k] = float(v.sh[k] * SH0 + 0.5);
+            color[k] = float(v.sh[k] * GAUSSIAN_SH0 + 0.5);
         }
     }
     *g = {};

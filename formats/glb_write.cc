@@ -25,8 +25,6 @@ using namespace tinygltf;
 
 namespace {
 
-const double SH0 = 0.28209479177387814;   /* Y_0^0 */
-const char EXTENSION[] = "KHR_gaussian_splatting";
 const float STILL = 1e-7f;                /* metres: a vertex that stays */
 
 /* ---- building blocks ---------------------------------------------------- */
@@ -45,12 +43,6 @@ int add_view(Model &m, const void *data, size_t bytes, int target)
     b.insert(b.end(), p, p + bytes);
     m.bufferViews.push_back(v);
     return static_cast<int>(m.bufferViews.size()) - 1;
-}
-
-/* Numbers in an element of this type. */
-int components(int type)
-{
-    return GetNumComponentsInType(static_cast<uint32_t>(type));
 }
 
 /* min and max of the stored values, component by component. */
@@ -161,7 +153,7 @@ void splat_attributes(Model &m, Primitive &p, const gaussians *g, float unit)
             const float c = gaussians_channel(g, i, k);
             mean[3 * i + k] = g->mean[3 * i + k] * unit;
             scale[3 * i + k] = g->scale[3 * i + k] * unit;
-            sh[3 * i + k] = float((c - 0.5) / SH0);
+            sh[3 * i + k] = float((c - 0.5) / GAUSSIAN_SH0);
             rgba[4 * i + k] = float(to_linear(c));
         }
         rgba[4 * i + 3] = g->opacity[i];

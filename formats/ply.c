@@ -67,7 +67,7 @@ void ply_row_pack(float out[FIELDS], const struct gaussians *g, size_t i,
     out[2] = m[2];
     out[3] = out[4] = out[5] = 0;
     for (size_t k = 0; k < 3; k++) {
-        out[6 + k] = (float)((gaussians_channel(g, i, k) - 0.5) / PLY_SH0);
+        out[6 + k] = (float)((gaussians_channel(g, i, k) - 0.5) / GAUSSIAN_SH0);
         out[10 + k] = (float)log(fmax(g->scale[3 * i + k], 1e-7));
     }
     out[9] = (float)log(o / (1 - o));
@@ -178,7 +178,7 @@ void ply_scene_set(struct ply_scene *s, size_t i, const double v[FIELDS])
     s->mean[3 * i + 2] = (float)v[2];
     for (size_t k = 0; k < 3; k++) {
         s->scale[3 * i + k] = (float)exp(v[10 + k]);
-        s->color[3 * i + k] = (float)(0.5 + PLY_SH0 * v[6 + k]);
+        s->color[3 * i + k] = (float)(0.5 + GAUSSIAN_SH0 * v[6 + k]);
     }
     s->opacity[i] = (float)(1 / (1 + exp(-v[9])));
     for (int k = 0; k < 4; k++)

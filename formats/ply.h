@@ -12,8 +12,6 @@
 #include "lib/base/error.h"
 #include "lib/base/gaussians.h"
 
-#define PLY_SH0 0.28209479177387814   /* Y_0^0 */
-
 /* Write the first three channels of g as bands of degree 0 (the rest cannot be
  * carried).  turn: to y down; otherwise model space as it is.  "-" is standard
  * output.  Never NaN: EX_DATAERR names array and index. */

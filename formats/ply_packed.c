@@ -117,7 +117,7 @@ static void packed_unpack(double v[FIELDS], const uint32_t word[WORDS],
                                  packed_part(word[2], shift[k], bits[k]));
         v[6 + k] = (packed_place(range + 12, k,
                                  packed_part(word[3], 24 - 8 * k, 8)) - 0.5)
-                   / PLY_SH0;
+                   / GAUSSIAN_SH0;
     }
     v[9] = -log(1 / packed_part(word[3], 0, 8) - 1);
     packed_rotation(v + 13, word[1]);
@@ -362,7 +362,8 @@ int ply_write_packed(const char *path, const struct gaussians *g, bool turn,
             goto out;
         row[i].field[9] = g->opacity[i];
         for (int k = 6; k < 9; k++)
-            row[i].field[k] = (float)(0.5 + PLY_SH0 * (double)row[i].field[k]);
+            row[i].field[k] = (float)(0.5 + GAUSSIAN_SH0 *
+                                            (double)row[i].field[k]);
     }
     packed_sort(row, g->n);
     if (outfile_open(&out, path, err))

@@ -10,6 +10,8 @@
 
 #include "lib/base/half.h"
 
+#define GAUSSIAN_SH0 0.28209479177387814      /* Y_0^0: files' colours */
+
 /* Gaussians in the caller's memory, read-only. */
 struct gaussians {
     size_t n;
