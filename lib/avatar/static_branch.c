@@ -278,16 +278,28 @@ static void static_branch_room(float *room, const struct static_branch *b)
     for (int k = 0; k < N; k++)
         room[k] = b->pixel[4 * k + 3] < 0.5f ? 0 : (float)n;
     for (int by = 1; by >= -1; by -= 2)
-        for (int i = 0; i < N; i++)
-            for (int q = 0; q < 4; q++) {
-                const int k = by > 0 ? i : N - 1 - i;
-                const int x = k % n + by * to[q][0];
-                const int y = k / n + by * to[q][1];
+        for (int i = 0; i < N; i++) {
+            const int k = by > 0 ? i : N - 1 - i, x = k % n, y = k / n;
+            float min = room[k];
 
-                if (x >= 0 && x < n && y >= 0 && y < n)
-                    room[k] = fminf(room[k], room[y * n + x] +
-                                             (q % 2 ? 1.41f : 1));
+            for (int q = 0; q < 4; q++) {
+                const int u = x + by * to[q][0], v = y + by * to[q][1];
+
+                if (u < 0 || u >= n || v < 0 || v >= n)
+                    continue;
+                const float there = room[v * n + u] + (q % 2 ? 1.41f : 1);
+                min = there < min ? there : min;
             }
+            room[k] = min;
+        }
+}
+
+PARALLEL(static_branch_limit_part, k, struct static_branch *, b, float, cell)
+{
+    float *max = b->start.scale_max + k;
+
+    *max = fminf(cell * (2 * OVERLAP + *max / PLACE_REACH), BRANCH_SCALE_MAX);
+    b->start.scale_shift[k] = attribute_logit(OVERLAP * cell / *max);
 }
 
 /* scale_max, and the shift from there: a Gaussian ends where the person does, give
@@ -296,15 +308,9 @@ static void static_branch_room(float *room, const struct static_branch *b)
 static void static_branch_limit(const struct source_mesh *mesh,
                                 struct static_branch *b)
 {
-    const float cell = source_mesh_spacing(mesh, b->n);
-    float *max = b->start.scale_max;
-
-    static_branch_room(max, b);
-    for (size_t k = 0; k < b->count; k++) {
-        max[k] = fminf(cell * (2 * OVERLAP + max[k] / PLACE_REACH),
-                       BRANCH_SCALE_MAX);
-        b->start.scale_shift[k] = attribute_logit(OVERLAP * cell / max[k]);
-    }
+    static_branch_room(b->start.scale_max, b);
+    parallel_each(static_branch_limit_part, b->count, 1, b,
+                  source_mesh_spacing(mesh, b->n));
 }
 
 PARALLEL(static_branch_inputs_part, k, float *, rows, struct static_branch *, b,
