@@ -78,37 +78,20 @@ static void test_normal(void)
 
 /* ---- points on the head -------------------------------------------------- */
 
-/* Scans and a map whose vertices are the head's own, one in ten. */
+/* Scans and a map whose mesh is the head's own; one vertex in ten. */
 static void own_scan(struct scan *s, struct landmark_map *m,
                      const struct head *h)
 {
-    static const int motion[3] = {
-        ARKIT_JAW_OPENED, ARKIT_EYE_BLINK_L, ARKIT_EYE_BLINK_R
-    };
-    struct identity id;
-    float *verts = malloc(3 * h->V * sizeof *verts), w[ARKIT_COUNT] = {0};
-    float exp[HEAD_MAX_EXP];
     int n = 0;
 
     memset(s, 0, sizeof *s);
     s->neutral = arena_take(&s->memory, 3 * SCAN_VERTS, sizeof *s->neutral);
-    s->expression = arena_take(&s->memory, (size_t)ARKIT_COUNT * 3 * SCAN_VERTS,
-                               sizeof *s->expression);
-    REQUIRE(verts && s->neutral && s->expression &&
-            !head_fold(&id, h, NULL, 0, NULL), "out of memory");
+    s->f = arena_take(&s->memory, 3 * h->F, sizeof *s->f);
+    REQUIRE(s->neutral && s->f, "out of memory");
     for (size_t i = 0; i < 3 * h->V; i++)
         s->neutral[i] = h->v_template[i] / h->scale;
-    for (int k = 0; k < 3; k++) {
-        struct head_motion pose = {.exp = exp};
-        float *d = s->expression + (size_t)motion[k] * 3 * SCAN_VERTS;
-
-        w[motion[k]] = 1;
-        arkit_to_motion(exp, (int)h->nexp, pose.jaw, pose.lid, pose.eye, w);
-        w[motion[k]] = 0;
-        head_pose(verts, &id, &pose);
-        for (size_t i = 0; i < 3 * h->V; i++)
-            d[i] = (verts[i] - h->v_template[i]) / h->scale;
-    }
+    memcpy(s->f, h->f, 3 * h->F * sizeof *s->f);
+    s->nf = h->F;
     for (size_t v = 0; n < N && v < h->V; v += 7) {
         int32_t r = h->region[v];
 
@@ -122,8 +105,6 @@ static void own_scan(struct scan *s, struct landmark_map *m,
         m->vertex[i] = m->vertex[i - n];
         m->spread[i] = 0;
     }
-    identity_release(&id);
-    free(verts);
 }
 
 /* A landmark that the fit reads as lid, lip or brow must be one. */

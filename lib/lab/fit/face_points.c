@@ -7,18 +7,13 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "lib/base/parallel.h"
 #include "lib/base/rotation.h"
-#include "lib/head/lbs.h"
+#include "lib/lab/head/nearest.h"
+#include "lib/lab/head/surface.h"
 
 #define N LANDMARK_FACE
-#define FACE_MOTIONS 3
-#define FACE_MOTION_SHARE 0.5   /* of a difference in motion against place */
-
-/* What tells lips and lids apart. */
-static const int face_motion[FACE_MOTIONS] = {
-    ARKIT_JAW_OPENED, ARKIT_EYE_BLINK_L, ARKIT_EYE_BLINK_R
-};
+#define AGREES 0.3              /* cosine of normals of the same skin */
+#define FAR 0.1                 /* head units: 2 cm */
 
 /* A point of the head: a triangle and its barycentric coordinates. */
 struct face_place {
@@ -28,136 +23,57 @@ struct face_place {
 
 /* ---- which point each landmark is ---------------------------------------- */
 
-/* b = barycentric coordinates of the point of triangle v that is about the
- * nearest to p: of the foot on its plane, drawn into the triangle. */
-static void face_nearest(double b[3], const float *const v[3],
-                         const double p[3])
+/* faces (F,3) = the head's of the skin; how many. */
+static size_t face_skin(int32_t *faces, const struct head *h)
 {
-    double d00 = 0, d01 = 0, d11 = 0, d20 = 0, d21 = 0, sum = 0;
+    size_t n = 0;
 
-    for (int c = 0; c < 3; c++) {
-        double e = (double)(v[1][c] - v[0][c]);
-        double f = (double)(v[2][c] - v[0][c]), g = p[c] - (double)v[0][c];
+    for (size_t i = 0; i < h->F; i++) {
+        const int32_t *f = h->f + 3 * i;
+        bool skin = true;
 
-        d00 += e * e;
-        d01 += e * f;
-        d11 += f * f;
-        d20 += g * e;
-        d21 += g * f;
+        for (int k = 0; h->region && k < 3; k++)
+            skin = skin && h->region[f[k]] != REGION_EYEBALL &&
+                   h->region[f[k]] != REGION_INNER_MOUTH;
+        if (skin)
+            memcpy(faces + 3 * n++, f, 3 * sizeof *f);
     }
-    double det = fmax(d00 * d11 - d01 * d01, 1e-20);
-    b[1] = fmax((d11 * d20 - d01 * d21) / det, 0);
-    b[2] = fmax((d00 * d21 - d01 * d20) / det, 0);
-    sum = fmax(b[1] + b[2], 1);
-    b[1] /= sum;
-    b[2] /= sum;
-    b[0] = 1 - b[1] - b[2];
+    return n;
 }
 
-/* Square distance between what is asked for and the point at place in x. */
-static double face_square(const struct face_place *at, const float *x,
-                          const double to[3])
-{
-    double square = 0;
-
-    for (int c = 0; c < 3; c++) {
-        double d = -to[c];
-
-        for (int k = 0; k < 3; k++)
-            d += at->bary[k] * (double)x[3 * at->corner[k] + c];
-        square += d * d;
-    }
-    return square;
-}
-
-/* The mean head's displacement (V,3) by component k. */
-static void face_displacement(float *d, const struct identity *id, int k)
-{
-    const struct head *h = id->head;
-    float w[ARKIT_COUNT] = {0}, exp[HEAD_MAX_EXP];
-    struct head_motion m = {.exp = exp};
-
-    w[k] = 1;
-    arkit_to_motion(exp, (int)h->nexp, m.jaw, m.lid, m.eye, w);
-    head_pose(d, id, &m);
-    for (size_t i = 0; i < 3 * h->V; i++)
-        d[i] -= h->v_template[i];
-}
-
-/* Whether a triangle is of the skin. */
-static bool face_is_skin(const struct head *h, const int32_t *f)
-{
-    for (int k = 0; h->region && k < 3; k++)
-        if (h->region[f[k]] == REGION_EYEBALL ||
-            h->region[f[k]] == REGION_INNER_MOUTH)
-            return 0;
-    return 1;
-}
-
-/* The place for the scan's vertex v.  move (FACE_MOTIONS,V,3). */
-static struct face_place face_find(const struct head *h,
-                                   const struct scan *scan, const float *move,
-                                   size_t v)
-{
-    struct face_place best = {.corner = NULL};
-    double min = INFINITY, to[1 + FACE_MOTIONS][3];
-
-    for (size_t c = 0; c < 3; c++) {
-        to[0][c] = (double)(scan->neutral[3 * v + c] * h->scale);
-        for (size_t k = 0; k < FACE_MOTIONS; k++)
-            to[1 + k][c] = (double)(h->scale * scan->expression[
-                3 * ((size_t)face_motion[k] * SCAN_VERTS + v) + c]);
-    }
-    for (size_t f = 0; f < h->F; f++) {
-        struct face_place at = {.corner = h->f + 3 * f};
-        const float *x[3];
-
-        if (!face_is_skin(h, at.corner))
-            continue;
-        for (int k = 0; k < 3; k++)
-            x[k] = h->v_template + 3 * at.corner[k];
-        face_nearest(at.bary, x, to[0]);
-        double square = face_square(&at, h->v_template, to[0]);
-        for (size_t k = 0; square < min && k < FACE_MOTIONS; k++)
-            square += FACE_MOTION_SHARE *
-                      face_square(&at, move + 3 * h->V * k, to[1 + k]);
-        if (square < min) {
-            min = square;
-            best = at;
-        }
-    }
-    return best;
-}
-
-PARALLEL(face_find_all_part, i, struct face_place *, place,
-         const struct head *, h, const struct scan *, scan, float *, move,
-         const struct landmark_map *, m)
-{
-    place[i] = face_find(h, scan, move, (size_t)m->vertex[i]);
-}
-
-/* place (468) for all landmarks. */
+/* place (468) = of each landmark the point of the skin, whose faces come from
+ * room, nearest to its vertex that looks the same way: lips and lids keep
+ * their own. */
 static int face_find_all(struct face_place *place, const struct head *h,
                          const struct scan *scan, const struct landmark_map *m,
-                         struct error *err)
+                         struct arena *room, struct error *err)
 {
-    float *move = malloc(FACE_MOTIONS * 3 * h->V * sizeof *move);
-    struct identity id;
+    int32_t *faces = arena_take(room, 3 * h->F, sizeof *faces);
+    float *normal = arena_take(room, 3 * SCAN_VERTS, sizeof *normal);
+    struct nearest skin;
 
-    if (!move)
-        return error_set(err, EX_OSERR, "out of memory");
-    if (head_fold(&id, h, NULL, 0, err)) {
-        free(move);
+    if (arena_check(room, "landmarks", err) ||
+        nearest_init(&skin, h->v_template, faces, face_skin(faces, h), room,
+                     err))
         return -1;
-    }
-    for (size_t k = 0; k < FACE_MOTIONS; k++)
-        face_displacement(move + 3 * h->V * k, &id, face_motion[k]);
+    surface_normals(normal, scan->neutral, SCAN_VERTS, scan->f, scan->nf);
+    for (int i = 0; i < N; i++) {
+        const float *x = scan->neutral + 3 * m->vertex[i];
+        const float *n = normal + 3 * m->vertex[i];
+        const double u = (double)h->scale;
+        const double p[3] = {u * x[0], u * x[1], u * x[2]};
+        const double look[3] = {n[0], n[1], n[2]};
+        struct nearest_hit hit;
 
-    parallel_each(face_find_all_part, N, 1, place, h, scan, move, m);
-    identity_release(&id);
-    free(move);
-    return place[0].corner ? 0 : error_set(err, EX_DATAERR, "head has no "
-                                           "skin");
+        nearest_find(&hit, &skin, p, look, AGREES, FAR);
+        if (hit.face < 0)
+            nearest_find(&hit, &skin, p, NULL, 0, INFINITY);
+        if (hit.face < 0)
+            return error_set(err, EX_DATAERR, "head has no skin");
+        place[i].corner = faces + 3 * hit.face;
+        memcpy(place[i].bary, hit.bary, sizeof hit.bary);
+    }
+    return 0;
 }
 
 /* ---- their directions ---------------------------------------------------- */
@@ -293,20 +209,19 @@ int face_points_init(struct face_points *p, const struct head *head,
                      struct error *err)
 {
     struct face_place place[N];
-    float *scratch;
+    struct arena room = {0};
+    float *scratch = arena_take(&room, 3 * head->V, sizeof *scratch);
+    int rc = -1;
 
     memset(p, 0, sizeof *p);
-    if (!head_has_arkit(head) || head->nshape < FACE_SHAPES)
-        return error_set(err, EX_CONFIG, "head is not registered to the scans "
-                         "(expected one of spid-head --from)");
-    if (face_find_all(place, head, scan, m, err) ||
-        face_points_reserve(p, err))
-        return -1;
-    scratch = malloc(3 * head->V * sizeof *scratch);
-    if (!scratch) {
-        face_points_release(p);
-        return error_set(err, EX_OSERR, "out of memory");
+    if (!head_has_arkit(head) || head->nshape < FACE_SHAPES) {
+        error_set(err, EX_CONFIG, "head is not registered to the scans "
+                  "(expected one of spid-head --from)");
+        goto out;
     }
+    if (face_find_all(place, head, scan, m, &room, err) ||
+        face_points_reserve(p, err))
+        goto out;
     face_take(p->rest, head->v_template, place);
     face_take_all(p->shape, scratch, head, head->shape_dirs, head->nshape, 0,
                   FACE_SHAPES, place);
@@ -318,8 +233,10 @@ int face_points_init(struct face_points *p, const struct head *head,
     for (int side = 0; side < 2; side++)
         face_take_eye(p, scratch, head, side);
     face_set_weights(p, m);
-    free(scratch);
-    return 0;
+    rc = 0;
+out:
+    arena_release(&room);
+    return rc;
 }
 
 void face_points_release(struct face_points *p)

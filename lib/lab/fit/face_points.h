@@ -28,8 +28,7 @@ struct face_points {
 };
 
 /* For a head of the scans (lib/head/arkit.h): a landmark is the point of our
- * skin that lies nearest to its vertex and moves most like it when the jaw
- * opens and the lids close, so that lips and lids keep their own. */
+ * skin nearest to its vertex that looks the same way. */
 int face_points_init(struct face_points *p, const struct head *head,
                      const struct scan *scan, const struct landmark_map *m,
                      struct error *err);
