@@ -12,7 +12,6 @@
 #include "lib/lab/head/surface.h"
 
 #define N LANDMARK_FACE
-#define AGREES 0.3              /* cosine of normals of the same skin */
 #define FAR 0.1                 /* head units: 2 cm */
 
 /* A point of the head: a triangle and its barycentric coordinates. */
@@ -59,15 +58,11 @@ static int face_find_all(struct face_place *place, const struct head *h,
     surface_normals(normal, scan->neutral, SCAN_VERTS, scan->f, scan->nf);
     for (int i = 0; i < N; i++) {
         const float *x = scan->neutral + 3 * m->vertex[i];
-        const float *n = normal + 3 * m->vertex[i];
         const double u = (double)h->scale;
         const double p[3] = {u * x[0], u * x[1], u * x[2]};
-        const double look[3] = {n[0], n[1], n[2]};
         struct nearest_hit hit;
 
-        nearest_find(&hit, &skin, p, look, AGREES, FAR);
-        if (hit.face < 0)
-            nearest_find(&hit, &skin, p, NULL, 0, INFINITY);
+        nearest_facing(&hit, &skin, p, normal + 3 * m->vertex[i], FAR);
         if (hit.face < 0)
             return error_set(err, EX_DATAERR, "head has no skin");
         place[i].corner = faces + 3 * hit.face;

@@ -73,7 +73,7 @@ static int compare_label_parts(int *part, const struct head *h,
         double p[3] = {unit * q[0], unit * q[1], unit * q[2]};
         struct nearest_hit hit;
 
-        nearest_find(&hit, &t, p, NULL, 0, 1);
+        nearest_find(&hit, &t, p, 1);
         int32_t region = h->region ? h->region[h->f[3 * hit.face]]
                                    : REGION_FACE;
         part[v] = region == REGION_EYELID ? LIDS
@@ -144,7 +144,7 @@ static void compare_measure(float *d, size_t count[COMPARE_PARTS], size_t all,
 
         if (label[v] < 0)
             continue;
-        nearest_find(&hit, t, p, NULL, 0, 1e3);
+        nearest_find(&hit, t, p, 1e3);
         d[(size_t)label[v] * all + count[label[v]]++] =
             (float)(1e3 / scale * sqrt(hit.square));
     }

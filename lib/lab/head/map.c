@@ -63,15 +63,9 @@ static void map_find(struct head_map *m, size_t v, const struct nearest *t,
 {
     const float *x = m->to->v_template + 3 * v;
     const double p[3] = {x[0], x[1], x[2]};
-    const double n[3] = {normal[0], normal[1], normal[2]};
     struct nearest_hit hit;
-    bool agrees = true;
+    const bool agrees = nearest_facing(&hit, t, p, normal, 4 * NEAR);
 
-    nearest_find(&hit, t, p, n, 0.3, 4 * NEAR);
-    if (hit.face < 0) {
-        agrees = false;
-        nearest_find(&hit, t, p, NULL, 0, 1e9);
-    }
     if (hit.face < 0)
         return;
     for (int k = 0; k < 3; k++) {

@@ -8,6 +8,7 @@
 #include "lib/base/rotation.h"
 
 enum { LEAF = 4, DEPTH = 64 };
+#define AGREES 0.3              /* cosine of normals of the same skin */
 
 /* Faces order[first .. first + count - 1]; children at `left` and left + 1
  * when that is not 0. */
@@ -162,10 +163,11 @@ static double nearest_on_triangle(double bary[3], double x[3][3])
     return best;
 }
 
-/* Keep a face that is nearer than the best so far, if its normal agrees. */
+/* Keep a face that is nearer than the best so far, if its normal agrees (NULL:
+ * with any). */
 static void nearest_try_face(struct nearest_hit *hit, const struct nearest *t,
                              int32_t face, const double p[3],
-                             const double *normal, double min)
+                             const double *normal)
 {
     double x[3][3], bary[3];
 
@@ -183,7 +185,7 @@ static void nearest_try_face(struct nearest_hit *hit, const struct nearest *t,
             v[d] = x[2][d] - x[0][d];
         }
         cross3_d(n, u, v);
-        if (dot3_d(n, normal) < min * sqrt(dot3_d(n, n)))
+        if (dot3_d(n, normal) < AGREES * sqrt(dot3_d(n, n)))
             return;
     }
     hit->face = face;
@@ -209,9 +211,8 @@ static double nearest_box_square(const struct nearest_node *n,
     return sum;
 }
 
-void nearest_find(struct nearest_hit *hit, const struct nearest *t,
-                  const double p[3], const double *normal, double min,
-                  double max)
+static void nearest_search(struct nearest_hit *hit, const struct nearest *t,
+                           const double p[3], const double *normal, double max)
 {
     uint32_t stack[2 * DEPTH];
     int top = 0;
@@ -225,8 +226,7 @@ void nearest_find(struct nearest_hit *hit, const struct nearest *t,
             continue;
         if (!n->left || top + 2 > 2 * DEPTH) {
             for (uint32_t i = 0; i < n->count; i++)
-                nearest_try_face(hit, t, t->order[n->first + i], p, normal,
-                                 min);
+                nearest_try_face(hit, t, t->order[n->first + i], p, normal);
             continue;
         }
         uint32_t a = n->left, b = a + 1;
@@ -240,4 +240,22 @@ void nearest_find(struct nearest_hit *hit, const struct nearest *t,
         stack[top++] = a;       /* the nearer one is looked at first */
         stack[top++] = b;
     }
+}
+
+void nearest_find(struct nearest_hit *hit, const struct nearest *t,
+                  const double p[3], double max)
+{
+    nearest_search(hit, t, p, NULL, max);
+}
+
+bool nearest_facing(struct nearest_hit *hit, const struct nearest *t,
+                    const double p[3], const float normal[3], double max)
+{
+    const double n[3] = {normal[0], normal[1], normal[2]};
+
+    nearest_search(hit, t, p, n, max);
+    if (hit->face >= 0)
+        return true;
+    nearest_search(hit, t, p, NULL, INFINITY);
+    return false;
 }

@@ -2,6 +2,7 @@
 #ifndef SPID_LAB_HEAD_NEAREST_H
 #define SPID_LAB_HEAD_NEAREST_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -32,11 +33,13 @@ int nearest_init(struct nearest *t, const float *verts, const int32_t *faces,
 /* verts have moved: the boxes are fitted to them again. */
 void nearest_update(struct nearest *t);
 
-/* The nearest point within `max` of p.  With a normal (not NULL) only faces
- * whose own normal agrees to `min` of a cosine count.  hit->face is -1 when
- * there is none. */
+/* The nearest point within `max` of p; hit->face is -1 when there is none. */
 void nearest_find(struct nearest_hit *hit, const struct nearest *t,
-                  const double p[3], const double *normal, double min,
-                  double max);
+                  const double p[3], double max);
+/* The nearest point within `max` of p that looks the same way as a surface of
+ * this normal: skin of the same side of lips, lids and ears.  False where there
+ * is none: then the nearest of all. */
+bool nearest_facing(struct nearest_hit *hit, const struct nearest *t,
+                    const double p[3], const float normal[3], double max);
 
 #endif

@@ -8,7 +8,6 @@
 #include "lib/head/mirror.h"
 #include "lib/lab/head/nearest.h"
 
-#define AGREES 0.3              /* cosine of normals of the same skin */
 #define FAR 0.02                /* metres: no match */
 /* Metres, mean, within which a head lies on the scans: the built-in one does to
  * 0.19 mm, moved half a centimetre to 1.75. */
@@ -46,15 +45,13 @@ static int register_match(struct registration *r, const float *normal,
                      &r->memory, err))
         return -1;
     for (size_t v = 0; v < s->nv; v++) {
-        const float *x = s->v_template + 3 * v, *u = normal + 3 * v;
-        const double p[3] = {x[0], x[1], x[2]}, look[3] = {u[0], u[1], u[2]};
+        const float *x = s->v_template + 3 * v;
+        const double p[3] = {x[0], x[1], x[2]};
         struct match *m = &r->match[v];
         struct nearest_hit hit;
 
-        if (s->region[v] == REGION_EYEBALL)
-            continue;
-        nearest_find(&hit, &skin, p, look, AGREES, FAR);
-        if (hit.face < 0)
+        if (s->region[v] == REGION_EYEBALL ||
+            !nearest_facing(&hit, &skin, p, normal + 3 * v, FAR))
             continue;
         for (int k = 0; k < 3; k++) {
             m->v[k] = skin.faces[3 * hit.face + k];
