@@ -319,7 +319,7 @@ void avatar_bake(struct avatar *a, const struct avatar_source *src)
     dynamic_branch_forward(&dynamic, a->features, &a->picture, &a->source,
                            &a->dynamic);
     static_branch_forward(&plane, a->features, &a->picture, &a->source,
-                          &a->plane);
+                          a->dynamic.look, &a->plane);
     avatar_mouth_white(white, a, a->light);
     mouth_branch_forward(&mouth, a->features, &a->picture, &a->source, white,
                          &a->mouth);

@@ -11,15 +11,19 @@
 #include "lib/base/slices.h"
 #include "lib/base/neck_blend.h"
 #include "lib/base/resample.h"
+#include "lib/base/vec3.h"
 #include "lib/photo/place.h"
 
 /* Opacity logits fall by this much where the mesh covers the plane. */
 #define COVERED 6.0f
 /* Standard deviation of a Gaussian over the distance to the next one. */
 #define OVERLAP 0.6f
-/* By how many times its distance below the chin grows for the neck blend, for
- * every metre beside the mesh. */
-#define SHOULDER_FALL 40
+/* What follows the head and what the shoulders, each half and twice:
+ * tests/bench/README.md, "Shoulders".  Head units. */
+#define NECK_SOFT 0.04f /* that much lower e times as likely the body's: 8 mm */
+#define ASIDE 0.1f      /* 2 cm from the mesh skin is either's */
+#define LIKE 0.05f      /* 1 cm about (standard deviation) moves alike */
+#define NECK_ENDS 0.01f /* likelier than that of either is certain */
 
 /* ---- the branch -------------------------------------------------------- */
 
@@ -126,44 +130,54 @@ static void static_branch_surface(struct static_branch *b,
     parallel_each(static_branch_surface_part, b->count, 1, mesh, b);
 }
 
-/* Neck blend weight of a point at height y, `aside` cells beside the mesh.
- * Shoulders and cloth beside the neck reach higher than the neck's foot and do
- * not lean with the head. */
-static float static_branch_neck_weight(const struct static_branch *b,
-                                       const struct source_mesh *mesh, float y,
-                                       float aside)
+/* log how much likelier cell k is the body's than the head's by what it shows, times
+ * the person's share of it (weight): cloth is the body's, hair the head's, and skin the
+ * neck's near the mesh (`aside` cells), farther off a bare shoulder's. */
+PARALLEL(static_branch_odds_part, k, float *, log_odds, float *, weight,
+         const float *, aside, struct static_branch *, b,
+         const struct source_mesh *, mesh, const struct material_look *, look)
 {
-    const struct neck_blend blend = head_avatar_neck(mesh->weights);
-    const float beside = aside * source_mesh_spacing(mesh, b->n) /
-                         mesh->head->scale;
+    const float *pixel = b->pixel + 4 * k;
+    const float beside = aside[k] * source_mesh_spacing(mesh, b->n);
+    const float shoulder = beside / (beside + ASIDE);
+    float odds[MATERIALS];
 
-    return neck_blend_weight(&blend, blend.top - (blend.top - y) *
-                                        (1 + SHOULDER_FALL * beside));
+    material_odds(odds, pixel, look);
+    weight[k] = (b->prior ? fmaxf(pixel[3], 0) : 1) + 1e-4f;
+    log_odds[k] = weight[k] * logf((odds[MATERIAL_CLOTH] + shoulder) /
+                                   (odds[MATERIAL_HAIR] + 1 - shoulder));
 }
 
-PARALLEL(static_branch_neck_part, k, float *, mean, float *, back,
-         float *, neck, struct static_branch *, b,
-         const struct source_mesh *, mesh)
+/* Bayes' rule, the height over the shoulders being the prior: x stood at B^-1 x when
+ * the neck was straight (back). */
+PARALLEL(static_branch_neck_part, k, float *, neck, const float *, mean,
+         const float *, back, const float *, log_odds, const float *, weight,
+         float, top)
 {
     const float *x = mean + 3 * k;
-    float y = back[4] * x[0] + back[5] * x[1] + back[6] * x[2] + back[7];
+    const float y = back[4] * x[0] + back[5] * x[1] + back[6] * x[2] + back[7];
+    const float share = 1 / (1 + expf((y - top) / NECK_SOFT -
+                                      log_odds[k] / weight[k]));
 
-    /* neck has the distances till here */
-    neck[k] = static_branch_neck_weight(b, mesh, y, neck[k]);
+    neck[k] = clampf((share - NECK_ENDS) / (1 - 2 * NECK_ENDS), 0, 1);
 }
 
-/* Neck blend weights (n*n), from where the cells lie on the surface, by their
- * height over the shoulders: x stood at B^-1 x when the neck was straight, and
- * beside a head that leans a shoulder is as high as its chin.  b->U are
- * the cells' centres; mean (n*n,3) is used up. */
+/* Neck blend weights (n*n) from where the cells lie on the surface and from what they
+ * show.  b->U are the cells' centres; mean (n*n,3) is used up. */
 static void static_branch_neck(float *neck, float *mean,
+                               const struct source_picture *picture,
                                const struct source_mesh *mesh,
+                               const struct material_look *look,
                                struct static_branch *b)
 {
     static const float straight[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
     const struct neck_blend blend = head_avatar_neck(mesh->weights);
+    const float like = LIKE / source_mesh_spacing(mesh, b->n);
+    float *odds = b->logit, *weight = odds + b->count, *tmp = weight + b->count;
     float R[9], back[12];
 
+    if (b->prior)
+        source_picture_sample(b->pixel, picture, b->U, b->count);
     memset(neck, 0, b->count * sizeof *neck);
     if (!mesh->blend)
         return;
@@ -175,9 +189,12 @@ static void static_branch_neck(float *neck, float *mean,
     static_branch_lift(mean, b->U, b->p, b->height, mesh->cam, mesh->normal,
                        b->count);
     coverage_distance(neck, mesh->coverage, b->n);
-
-    parallel_each(static_branch_neck_part, b->count, 1, mean, back, neck, b,
-                  mesh);
+    parallel_each(static_branch_odds_part, b->count, 256, odds, weight, neck, b, mesh,
+                  look);
+    coverage_blur(b->p_raw, odds, b->n, like, tmp);
+    coverage_blur(b->p_shift, weight, b->n, like, tmp);
+    parallel_each(static_branch_neck_part, b->count, 256, neck, mean, back, b->p_raw,
+                  b->p_shift, blend.top);
 }
 
 /* b->moving, what may not be drawn: where the mesh moves. */
@@ -190,33 +207,22 @@ static void static_branch_mask(struct static_branch *b,
 
 /* The maps of the cells, before they move. */
 static void static_branch_map(float *neck, float *mean,
+                              const struct source_picture *picture,
                               const struct source_mesh *mesh,
+                              const struct material_look *look,
                               struct static_branch *b)
 {
     static_branch_grid(b->U, b->n);
     static_branch_surface(b, mesh);
-    static_branch_neck(neck, mean, mesh, b);
+    static_branch_neck(neck, mean, picture, mesh, look, b);
     static_branch_mask(b, mesh);
 }
 
-PARALLEL(static_branch_locate_part, k, struct static_branch *, b, float *, neck,
-         float *, scratch)
+/* Where a Gaussian has moved to: the cell it lies in now, and the surface there. */
+PARALLEL(static_branch_locate_part, k, struct static_branch *, b)
 {
-    const size_t at = source_mesh_cell(b->U + 2 * k, b->n);
-
-    b->cell[k] = (uint32_t)at;
-    b->surface[k] = b->height[at];
-    neck[k] = scratch[at];
-}
-
-/* Where the Gaussians have moved to: the cells they lie in now, and what the
- * maps say there.  scratch (n*n). */
-static void static_branch_locate(float *neck, float *scratch,
-                                 struct static_branch *b)
-{
-    memcpy(scratch, neck, b->count * sizeof *neck);
-
-    parallel_each(static_branch_locate_part, b->count, 1, b, neck, scratch);
+    b->cell[k] = (uint32_t)source_mesh_cell(b->U + 2 * k, b->n);
+    b->surface[k] = b->height[b->cell[k]];
 }
 
 /* ---- forward and backward ------------------------------------------------ */
@@ -385,17 +391,18 @@ PARALLEL(static_branch_forward_part, k, struct static_branch *, b)
 void static_branch_forward(struct branch_set *out, const float *features,
                            const struct source_picture *picture,
                            const struct source_mesh *mesh,
+                           const struct material_look *look,
                            struct static_branch *b)
 {
     if (out->n == 0)
         return;
-    static_branch_map(out->neck, out->mean, mesh, b);
+    static_branch_map(out->neck, out->mean, picture, mesh, look, b);
     static_branch_deform(features, mesh, b);
-    static_branch_locate(out->neck, b->p, b);
-    if (b->prior) {
+    parallel_each(static_branch_locate_part, b->count, 1, b);
+    if (b->prior && b->init.width)
         source_picture_sample(b->pixel, picture, b->U, b->count);
+    if (b->prior)
         static_branch_limit(mesh, b);
-    }
     static_branch_inputs(features, mesh, b);
     struct gaussian_out raw = branch_decoder_out(out, &b->start, b->p_raw);
     conv_decoder_forward(&raw, NULL, mesh->normal,
