@@ -90,15 +90,20 @@ while [ $i -lt $chunks ]; do
     i=$((i + 1))
 done
 synth held.spid 40 4 384 "$((90000 + seed))" 1
+scenery=$(awk -F '\t' -v a="${assets%/}" \
+    '$1 == "training" && $2 == "scenery" {
+        sub(/^assets/, a, $3); print "--scenery", $3 }' \
+    "$here/model/splits.tsv")
 # shellcheck disable=SC2086 # a list of files
-train matte matte held.spid $faces
+train matte matte held.spid $scenery $faces
 join matte.safetensors matte
 [ -z "${MATTE:-}" ] || cp "$MATTE" "$dir/matte.safetensors"
 fit real.spid matte.safetensors
 synth held-512.spid 8 4 512 "$((91000 + seed))" 1
 pairs pairs.spid
 # shellcheck disable=SC2086
-train matte-photos matte held.spid --init "$dir/matte/model.safetensors" \
+train matte-photos matte held.spid $scenery \
+    --init "$dir/matte/model.safetensors" \
     $(echo "$mixed" | sed "s:$dir/real.spid:$dir/pairs.spid:g")
 [ -n "${MATTE:-}" ] || join matte.safetensors matte-photos
 some=''
@@ -144,10 +149,6 @@ train motion-acts motion-acts held.spid \
 train refiner refiner-photo held-pairs.spid \
     --init "$dir/avatar/model.safetensors" $some
 fit real-256.spid matte.safetensors --size 256    # pictures of one size
-scenery=$(awk -F '\t' -v a="${assets%/}" \
-    '$1 == "training" && $2 == "scenery" {
-        sub(/^assets/, a, $3); print "--scenery", $3 }' \
-    "$here/model/splits.tsv")
 # shellcheck disable=SC2086
 train sure sure held.spid $scenery \
     --init "$dir/motion-acts/model.safetensors:motion.encoder." \

@@ -254,9 +254,10 @@ int main(int argc, char **argv)
         die_error(&err);
     if (opt.steps >= 0)
         config.steps = opt.steps;
-    if (opt.scenery.count && config.stage != STAGE_CONFIDENCE)
+    if (opt.scenery.count && config.stage != STAGE_CONFIDENCE &&
+        config.stage != STAGE_MATTE)
         die(EX_USAGE, "--scenery: stage %s learns from faces alone (expected "
-            "stage sure)", train_stage_name(config.stage));
+            "stage sure or matte)", train_stage_name(config.stage));
     if (opt.join) {
         rc = train_join_models(&config, argv + first, argc - first);
     } else {

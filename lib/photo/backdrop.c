@@ -24,6 +24,8 @@
 #define ALIKE 16.0f             /* square of levels that patches of one thing
                                  * in another light differ by */
 #define SEEN 0.9f               /* share of a cell that makes it seen */
+#define COPIED 0.02f            /* how much a copy counts as it is: light is followed
+                                 * for 1 / sqrt(COPIED) cells, not on and on */
 #define SWEEPS SIDE             /* of relaxation, */
 #define OVER 1.9f               /* about 2 / (1 + sin(pi / SIDE)), the fastest */
 
@@ -293,8 +295,8 @@ static void backdrop_relax(struct backdrop *b, int i)
 /* How far each cell's copy is from it in a picture of n by n pixels, and what
  * it has to be brighter by: as the cells beside the hole, which are seen, differ
  * from what would be copied there, each as far as the light may be all that
- * differs; in the hole so that neighbours meet (Poisson's equation by successive
- * over-relaxation). */
+ * differs; in the hole so that neighbours meet (a screened Poisson equation by
+ * successive over-relaxation). */
 static void backdrop_compare(struct backdrop *b, int n)
 {
     for (int i = 0; i < CELLS; i++) {
@@ -303,7 +305,7 @@ static void backdrop_compare(struct backdrop *b, int n)
         const float w = beside ? 1 / (1 + backdrop_unlike(b, i, from, b->known,
                                                           0, true) / ALIKE) : 0;
 
-        b->sum[i] = w * (b->colour[i] - b->colour[from] + (quad){1});
+        b->sum[i] = w * (b->colour[i] - b->colour[from] + (quad){1}) + (quad){COPIED};
         b->shift[i][0] = (from % SIDE - i % SIDE) * n / SIDE;
         b->shift[i][1] = (from / SIDE - i / SIDE) * n / SIDE;
     }

@@ -54,7 +54,7 @@ CALLS=$work/calls PATH=$work/bin:$PATH examples/train-real.sh assets "$work/out"
 [ "$(grep -c '^spid-fit' "$work/calls")" -ge 3 ] || bad "examples/train-real.sh fits nothing"
 while read -r split kind name; do
     if [ "$kind" = scenery ]; then
-        [ "$split" != training ] && want=0 || want=1
+        [ "$split" != training ] && want=0 || want=3   # matte twice, sure
         [ "$(grep -c -- "--scenery $name " "$work/calls")" -eq $want ] ||
             bad "examples/train-real.sh: $name is of $split (expected $want runs that learn from it)"
         continue

@@ -20,17 +20,17 @@ struct shape {
     float rim;                  /* how much darker the last pixels are */
 };
 
-/* One in five wears the person's own colours, the rest any: a matte must not
+/* A share `wears` has the person's own colour, the rest any: a matte must not
  * go by colour alone. */
 static void clutter_shape_colour(struct shape *h, const float own[3],
-                                 struct random *r)
+                                 float wears, struct random *r)
 {
     float grey = random_float(r, 0, 1), vivid = random_float(r, 0, 1);
-    bool wears = random_chance(r, 0.2);
+    bool same = random_chance(r, (double)wears);
 
     for (int c = 0; c < 3; c++) {
         float any = random_float(r, 0, 1);
-        h->base[c] = wears ? own[c] + random_float(r, -0.08, 0.08)
+        h->base[c] = same ? own[c] + random_float(r, -0.08, 0.08)
                            : grey + vivid * vivid * (any - grey);
         h->second[c] = random_float(r, -0.12, 0.12);
     }
@@ -66,13 +66,14 @@ static void clutter_shape_place(struct shape *h, size_t n, float largest,
 /* Place, colours and filling, all at random. */
 static void clutter_shape_draw(struct shape *h, size_t n, float largest,
                                const struct clutter_patch *patch,
-                               const float own[3], struct random *r)
+                               const float own[3], float wears,
+                               struct random *r)
 {
     float fill = random_float(r, 0, 1);
     float wave = expf(random_float(r, -3.2, 0.3));
 
     clutter_shape_place(h, n, largest, r);
-    clutter_shape_colour(h, own, r);
+    clutter_shape_colour(h, own, wears, r);
     h->fill = fill < 0.35f ? FILL_SLOPE
               : fill < 0.45f ? FILL_STRIPES
               : fill < 0.65f ? FILL_GRAIN
@@ -193,9 +194,10 @@ void clutter_paint(float *wall, size_t n, const struct clutter_patch *patch,
                    const float own[3], struct random *r)
 {
     uint32_t count = 2 + random_below(r, random_chance(r, 0.5) ? 12 : 59);
+    float wears = random_float(r, 0, 0.6);
     struct shape h;
 
-    clutter_shape_draw(&h, n, 1, patch, own, r);
+    clutter_shape_draw(&h, n, 1, patch, own, wears, r);
     h.form = SHAPE_BOX;
     h.half[0] = h.half[1] = 4 * (float)n;
     /* shapes are mixed with what is there, the first one, too */
@@ -204,7 +206,8 @@ void clutter_paint(float *wall, size_t n, const struct clutter_patch *patch,
     for (uint32_t i = 0; i < count; i++) {
         float left = 1 - (float)i / (float)count;
 
-        clutter_shape_draw(&h, n, 0.08f + 0.5f * left * left, patch, own, r);
+        clutter_shape_draw(&h, n, 0.08f + 0.5f * left * left, patch, own,
+                           wears, r);
         clutter_shape_paint(wall, n, &h, patch);
     }
 }

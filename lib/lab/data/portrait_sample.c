@@ -58,6 +58,18 @@ static struct square portrait_window(const struct data_frame *f, float jitter,
     return q;
 }
 
+/* A part of what stands behind. */
+static struct square portrait_behind(const struct data_frame *f,
+                                     struct random *r)
+{
+    const double w = (double)f->width, h = (double)f->height;
+    const double side = fmin(w, h) * random_range(r, 0.25, 1);
+
+    return (struct square){
+        (double)f->x0 + random_range(r, side / 2, w - side / 2),
+        (double)f->y0 + random_range(r, side / 2, h - side / 2), side};
+}
+
 /* The row of the window's n that the chin is in, by the face crop. */
 static float portrait_chin(const struct data_frame *f, struct square q,
                            size_t n)
@@ -111,17 +123,21 @@ static int portrait_cut(float *layer, size_t n, const struct data_frame *f,
 
 /* ---- what stands behind ------------------------------------------------- */
 
-/* A colour that the person wears or is. */
+/* A colour that the person has at the outline: what stands behind there is
+ * hardest to tell from hair and cloth of its own colour. */
 static void portrait_own_colour(float own[3], const struct portrait_layers *p,
                                 struct random *r)
 {
-    const uint32_t pixels = (uint32_t)(p->n * p->n);
+    const size_t n = p->n, near = n / 16 + 1;
 
     memset(own, 0, 3 * sizeof *own);
-    for (int tries = 0; tries < 50; tries++) {
-        const float *at = p->person + 4 * random_below(r, pixels);
+    for (int tries = 0; tries < 400; tries++) {
+        const size_t y = random_below(r, (uint32_t)n);
+        const size_t x = near + random_below(r, (uint32_t)(n - 2 * near));
+        const size_t beside = x - near + random_below(r, 2 * (uint32_t)near);
+        const float *at = p->person + 4 * (y * n + x);
 
-        if (at[3] < 0.98f)
+        if (at[3] < 0.98f || p->person[4 * (y * n + beside) + 3] > 0.02f)
             continue;
         memcpy(own, at, 3 * sizeof *own);
         return;
@@ -156,12 +172,13 @@ static void portrait_plain_wall(struct portrait_layers *p, const float own[3],
     }
 }
 
-/* `behind`, shifted, turned over or beside itself. */
-static void portrait_picture_wall(struct portrait_layers *p, struct random *r)
+/* `behind`, shifted and beside itself; somebody's picture turned over. */
+static void portrait_picture_wall(struct portrait_layers *p, bool somebody,
+                                  struct random *r)
 {
     const size_t n = p->n;
-    size_t shift = random_below(r, (uint32_t)n);
-    bool over = random_chance(r, 0.7);
+    size_t shift = somebody ? random_below(r, (uint32_t)n) : 0;
+    bool over = somebody && random_chance(r, 0.7);
 
     for (size_t y = 0; y < n; y++)
         for (size_t x = 0; x < n; x++) {
@@ -172,8 +189,10 @@ static void portrait_picture_wall(struct portrait_layers *p, struct random *r)
 }
 
 /* Plain, a picture, or clutter; every other one out of focus. */
-static void portrait_draw_wall(struct portrait_layers *p, struct random *r)
+static void portrait_draw_wall(struct portrait_layers *p, bool somebody,
+                               struct random *r)
 {
+    const double pictures = somebody ? 0.35 : 0.65;
     const struct clutter_patch patch = {p->behind, p->n, 4};
     double kind = random_uniform(r);
     float own[3];
@@ -181,11 +200,11 @@ static void portrait_draw_wall(struct portrait_layers *p, struct random *r)
     portrait_own_colour(own, p, r);
     if (kind < 0.25)
         portrait_plain_wall(p, own, r);
-    else if (kind < 0.4)
-        portrait_picture_wall(p, r);
+    else if (kind < pictures)
+        portrait_picture_wall(p, somebody, r);
     else
         clutter_paint(p->wall, p->n, &patch, own, r);
-    if (kind > 0.4 && random_chance(r, 0.5)) {
+    if (kind > 0.25 && random_chance(r, 0.5)) {
         size_t radius = 1 + random_below(r, 1 + (uint32_t)p->n / 40);
         clutter_blur(p->wall, p->row, p->n, radius);
         clutter_blur(p->wall, p->row, p->n, radius);
@@ -353,9 +372,7 @@ int portrait_sample(float *rgb, float *alpha, float *weight, size_t n,
                     struct error *err)
 {
     const struct square q = portrait_window(f, how->jitter, r);
-    const struct square all = {0.5 * (double)behind->size,
-                               0.5 * (double)behind->size,
-                               (double)behind->size};
+    const bool somebody = behind->crop.size > 0;
     bool mirror = random_chance(r, 0.5);
     struct portrait_layers p;
     struct light l;
@@ -368,9 +385,10 @@ int portrait_sample(float *rgb, float *alpha, float *weight, size_t n,
         portrait_cut(p.truth, n, f, q, portrait_truth_pixel, err))
         goto out;
     if (random_uniform(r) < (double)how->background) {
-        if (data_sample_plain(p.behind, n, behind, all, err))
+        if (data_sample_plain(p.behind, n, behind,
+                              portrait_behind(behind, r), err))
             goto out;
-        portrait_draw_wall(&p, r);
+        portrait_draw_wall(&p, somebody, r);
         if (how->colour > 0 && random_chance(r, 0.5))
             portrait_recolour_clothes(&p, portrait_chin(f, q, n), r);
         portrait_light_draw(&l, how->colour, r);

@@ -16,8 +16,9 @@
  * It shows the whole picture; with how->jitter mostly the portrait window
  * that a tracker would cut, and that not precisely.  A share how->background
  * of them stands before something else, in another light: a plain wall, often
- * of one of the person's own colours, a room of many shapes, or the picture
- * `behind`.  f and behind are whole pictures; -1 where memory is short. */
+ * of one of the colours at the person's outline, a room of many shapes, or a part of
+ * the picture `behind`, which is upside down mostly if it has a face.  f and behind
+ * are whole pictures; -1 where memory is short. */
 int portrait_sample(float *rgb, float *alpha, float *weight, size_t n,
                     const struct data_frame *f,
                     const struct data_frame *behind,

@@ -48,8 +48,8 @@ struct task {
     struct data_pool *pool;     /* people to train on */
     struct data_person *validation; /* people never trained on */
     size_t nvalidation;
-    const struct scenery *scenery;  /* without faces, for task_confidence;
-                                     * NULL: none */
+    const struct scenery *scenery;  /* without faces, for task_confidence and
+                                     * task_matte; NULL: none */
     struct params ps;
     struct nn_plans plans;      /* that init made, of ps and *opponent */
     struct params *opponent;    /* of a network that learns against ps, with an

@@ -5,6 +5,7 @@
 
 #include "lib/lab/data/contact_sheet.h"
 #include "lib/lab/data/portrait_sample.h"
+#include "lib/lab/data/scenery.h"
 #include "lib/net/matte_net.h"
 #include "lib/lab/train/encoder_task.h"
 #include "lib/lab/train/task.h"
@@ -40,11 +41,13 @@ static int matte_task_draw(struct task *t, size_t i, struct random *r,
     struct impl *m = t->impl;
     const struct data_person *who;
     const struct data_frame *f = data_pool_draw(t->pool, &who, r);
+    const struct data_frame *behind =
+        t->scenery && random_chance(r, 0.5) ? scenery_draw(t->scenery, r)
+                                            : data_pool_draw(t->pool, &who, r);
 
     return portrait_sample(m->rgb + i * PIXELS * 3, m->alpha + i * PIXELS,
                            m->weight + i * PIXELS, MATTE_SIDE, f,
-                           data_pool_draw(t->pool, &who, r),
-                           &t->config->augment, r, err);
+                           behind, &t->config->augment, r, err);
 }
 
 /* Samples of this step, their loss, and the gradients of the weights. */
