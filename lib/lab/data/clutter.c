@@ -31,7 +31,7 @@ static void clutter_shape_colour(struct shape *h, const float own[3],
     for (int c = 0; c < 3; c++) {
         float any = random_float(r, 0, 1);
         h->base[c] = same ? own[c] + random_float(r, -0.08, 0.08)
-                           : grey + vivid * vivid * (any - grey);
+                          : grey + vivid * vivid * (any - grey);
         h->second[c] = random_float(r, -0.12, 0.12);
     }
     grey = random_float(r, -0.25, 0.25);
