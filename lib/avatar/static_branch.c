@@ -20,7 +20,7 @@
 #define OVERLAP 0.6f
 /* What follows the head and what the shoulders, each half and twice:
  * tests/bench/README.md, "Shoulders".  Head units. */
-#define NECK_SOFT 0.04f /* that much lower e times as likely the body's: 8 mm */
+#define NECK_SOFT 0.08f /* that much lower e times as likely the body's: 16 mm */
 #define ASIDE 0.1f      /* 2 cm from the mesh skin is either's */
 #define LIKE 0.05f      /* 1 cm about (standard deviation) moves alike */
 #define NECK_ENDS 0.01f /* likelier than that of either is certain */
@@ -163,9 +163,8 @@ PARALLEL(static_branch_neck_part, k, float *, neck, const float *, mean,
 }
 
 /* Neck blend weights (n*n) from where the cells lie on the surface and from what they
- * show.  b->U are the cells' centres; mean (n*n,3) is used up. */
+ * show.  b->U are the cells' centres, b->pixel what is there; mean (n*n,3) is used up. */
 static void static_branch_neck(float *neck, float *mean,
-                               const struct source_picture *picture,
                                const struct source_mesh *mesh,
                                const struct material_look *look,
                                struct static_branch *b)
@@ -176,8 +175,6 @@ static void static_branch_neck(float *neck, float *mean,
     float *odds = b->logit, *weight = odds + b->count, *tmp = weight + b->count;
     float R[9], back[12];
 
-    if (b->prior)
-        source_picture_sample(b->pixel, picture, b->U, b->count);
     memset(neck, 0, b->count * sizeof *neck);
     if (!mesh->blend)
         return;
@@ -213,8 +210,10 @@ static void static_branch_map(float *neck, float *mean,
                               struct static_branch *b)
 {
     static_branch_grid(b->U, b->n);
+    if (b->prior)
+        source_picture_sample(b->pixel, picture, b->U, b->count);
     static_branch_surface(b, mesh);
-    static_branch_neck(neck, mean, picture, mesh, look, b);
+    static_branch_neck(neck, mean, mesh, look, b);
     static_branch_mask(b, mesh);
 }
 
@@ -399,7 +398,7 @@ void static_branch_forward(struct branch_set *out, const float *features,
     static_branch_map(out->neck, out->mean, picture, mesh, look, b);
     static_branch_deform(features, mesh, b);
     parallel_each(static_branch_locate_part, b->count, 1, b);
-    if (b->prior && b->init.width)
+    if (b->prior && b->init.width)      /* they have moved */
         source_picture_sample(b->pixel, picture, b->U, b->count);
     if (b->prior)
         static_branch_limit(mesh, b);

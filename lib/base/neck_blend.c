@@ -7,15 +7,6 @@
 
 const float neck_blend_upright[9] = {1, 0, 0, 0, -1, 0, 0, 0, -1};
 
-/* 3 t^2 - 2 t^3. */
-float neck_blend_weight(const struct neck_blend *b, float y)
-{
-    float t = (b->top - y) / (b->top - b->bottom);
-
-    t = fminf(fmaxf(t, 0), 1);
-    return t * t * (3 - 2 * t);
-}
-
 void neck_blend_range(size_t *first, size_t *count, const float *weight,
                       size_t begin, size_t end)
 {

@@ -18,9 +18,6 @@ struct neck_blend {
  * what takes them to the camera's axes. */
 extern const float neck_blend_upright[9];
 
-/* w of a point at height y: a smooth step from top to bottom. */
-float neck_blend_weight(const struct neck_blend *b, float y);
-
 /* The smallest range of weight (N) from `begin` on that holds all weights but
  * zeros; count 0 when there are none. */
 void neck_blend_range(size_t *first, size_t *count, const float *weight,

@@ -40,6 +40,8 @@
 #define HEAD_JOINTS 5
 #define HEAD_POSE_DIRS 36
 #define HEAD_LANDMARKS 68
+#define HEAD_LIP_UPPER 62       /* landmarks: the middles of the lips' inner edges */
+#define HEAD_LIP_LOWER 66
 #define HEAD_MAX_EXP 512   /* expression directions at most */
 #define HEAD_BLOCK 32      /* vertices of one block of the posing layout */
 #define HEAD_CHIN 32       /* vertices of the chin at most */

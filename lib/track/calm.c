@@ -5,9 +5,6 @@
 #include <math.h>
 #include <string.h>
 
-#define LIP_UPPER 62            /* landmarks of the inner lips' middle */
-#define LIP_LOWER 66
-
 /* Number k of E_m's output in m; NULL: not the face's. */
 static float *calm_number(struct motion *m, size_t nexp, size_t k)
 {
@@ -38,7 +35,7 @@ static float calm_gap(struct landmarks *lips, const struct motion *m)
 
     pose.exp = m->exp;
     landmarks_pose(at, lips, &pose);
-    return at[3 * LIP_UPPER + 1] - at[3 * LIP_LOWER + 1];
+    return at[3 * HEAD_LIP_UPPER + 1] - at[3 * HEAD_LIP_LOWER + 1];
 }
 
 void calm_init(struct calm *c, const float *rest, struct landmarks *lips)

@@ -67,10 +67,11 @@ struct box data_face(const struct data_frame *f, size_t image)
 
 struct box data_mouth(const struct data_frame *f, size_t image)
 {
-    enum { FIRST = 60, LAST = 67, UPPER = 62, LOWER = 66 };  /* inner lips */
+    enum { FIRST = 60, LAST = 67 };     /* inner lips */
     double k = (double)image / (double)f->size, lo[2], hi[2];
-    double gap = hypot((double)(f->lmk[LOWER][0] - f->lmk[UPPER][0]),
-                       (double)(f->lmk[LOWER][1] - f->lmk[UPPER][1]));
+    const float *upper = f->lmk[HEAD_LIP_UPPER], *lower = f->lmk[HEAD_LIP_LOWER];
+    double gap = hypot((double)(lower[0] - upper[0]),
+                       (double)(lower[1] - upper[1]));
 
     if (!(gap > MOUTH_OPEN * f->crop.size))
         return (struct box){0};

@@ -87,7 +87,7 @@ static float points_nape_at(const struct points_nape *n,
 
     if (!(deep > 0))
         return 0;
-    return neck_blend_weight(&n->blend, x[1]) *
+    return ramp(n->blend.top, n->blend.bottom, x[1]) *
            fminf(fmaxf((n->front - x[2]) / deep, 0), 1);
 }
 
@@ -278,7 +278,7 @@ static void points_vertices(struct head_avatar *w, const struct head *h,
         float eye = skin[JOINT_EYE_LEFT] + skin[JOINT_EYE_RIGHT];
 
         w->moving[v] = fmaxf(fmaxf(t, eye), 0);
-        w->neck[v] = neck_blend_weight(blend, x[1]) *
+        w->neck[v] = ramp(blend->top, blend->bottom, x[1]) *
                      (1 - head_jaw_share(h, v));
         w->neck[v] = fmaxf(w->neck[v], points_nape_at(nape, x));
         w->lining[v] = h->region && h->region[v] == REGION_INNER_MOUTH;
