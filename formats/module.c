@@ -74,6 +74,7 @@ static const void *module_load(struct module *m, struct error *err)
     const char *own = getenv("SPID_MODULES");
 
     pthread_mutex_lock(&m->lock);
+    dlerror();                  /* forgets what others failed to load */
     if (!m->table)
         m->table = own ? module_try(m, own) : module_beside(m);
     if (!m->table) {
