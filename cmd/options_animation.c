@@ -37,7 +37,8 @@ void option_animation_done(const struct animation *a)
                a->output, a->driver_name);
     for (size_t i = 0; i < sizeof ending / sizeof *ending; i++)
         if (file_ends(a->output, ending[i]) && stat(a->output, &st) == 0)
-            notice("%s: %zu frames in %.1f MB", a->output, a->report.frames,
+            notice("%s: %zu frame%s in %.1f MB", a->output,
+                   a->report.frames, plural(a->report.frames),
                    (double)st.st_size / 1e6);
 }
 

@@ -32,8 +32,8 @@ void option_source_tell(const char *name, bool damaged, bool guessed)
 void option_damage_tell(const char *name, const struct framesource *in)
 {
     if (framesource_damaged(in))
-        warn("%s: %zu pictures are damaged or cut short: what is missing is "
-             "grey", name, framesource_damaged(in));
+        warn("%s: %zu picture%s damaged or cut short: what is missing is grey",
+             name, framesource_damaged(in), plural(framesource_damaged(in)));
 }
 
 void option_driver_tell(const char *name, const struct driver *d,
@@ -43,7 +43,7 @@ void option_driver_tell(const char *name, const struct driver *d,
         option_faces_tell(name, &d->track->faces, option);
     if (d->early_count)
         warn("%s: no face in the first %zu frame%s: the motion of frame %zu is "
-             "taken", name, d->early_count, d->early_count == 1 ? "" : "s",
+             "taken", name, d->early_count, plural(d->early_count),
              d->early_count);
 }
 

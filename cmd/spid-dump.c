@@ -156,7 +156,7 @@ static void dump_print_record(FILE *f, const struct record *rec)
 {
     fprintf(f, "%s frame %llu, %.6g s: %d array%s, %zu bytes\n", rec->type,
             (unsigned long long)rec->frame, rec->time, rec->count,
-            rec->count == 1 ? "" : "s", rec->payload_bytes);
+            plural(rec->count), rec->payload_bytes);
     for (int i = 0; i < rec->count; i++)
         dump_print_array(f, &rec->array[i]);
 }
@@ -264,9 +264,9 @@ int main(int argc, char **argv)
     if (rc == 0)
         rc = dump_stream(in, &out, &tally, &err);
     if (check && rc == 0 && !cli.quiet)
-        fprintf(out.text.file, "%s: %llu records, frames %llu to %llu, %llu "
+        fprintf(out.text.file, "%s: %llu record%s, frames %llu to %llu, %llu "
                 "bytes: ok\n", stream_name(in),
-                (unsigned long long)tally.records,
+                (unsigned long long)tally.records, plural(tally.records),
                 (unsigned long long)tally.first,
                 (unsigned long long)tally.last,
                 (unsigned long long)tally.bytes + 64);

@@ -117,8 +117,9 @@ static void export_print_drawn(const struct export *x)
 static void export_print_page(const struct export *x)
 {
     if (opt.html && !cli.quiet)
-        printf("%s: %zu Gaussians, %zu frames, %.1f MB\n", opt.html,
-               x->page.baked.N, x->page.frames, (double)x->page_bytes / 1e6);
+        printf("%s: %zu Gaussians, %zu frame%s, %.1f MB\n", opt.html,
+               x->page.baked.N, x->page.frames, plural(x->page.frames),
+               (double)x->page_bytes / 1e6);
 }
 
 /* Whether something is asked for that a stream has. */

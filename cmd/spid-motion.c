@@ -219,7 +219,7 @@ static void motion_report_clip(const struct program *p)
 {
     if (p->lost)
         warn("%s: no face in %zu frame%s in all", framesource_name(p->in),
-             p->lost, p->lost == 1 ? "" : "s");
+             p->lost, plural(p->lost));
     option_damage_tell(framesource_name(p->in), p->in);
 }
 

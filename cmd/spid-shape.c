@@ -95,7 +95,7 @@ static void shape_add_view(struct program *p, const char *path,
         notice("%s: no frame with the head turned another way", path);
     else
         notice("%s: %zu picture%s (likeness %.2f)", path, r.taken,
-               r.taken == 1 ? "" : "s", r.likeness);
+               plural(r.taken), r.likeness);
 }
 
 /* The lines that are this program. */

@@ -82,10 +82,10 @@ void take_warn(const struct livelink *in, const char *name)
 
     if (unknown)
         warn("%s: %zu column%s not used: %s%s", name, count,
-             count == 1 ? "" : "s", unknown, count > 4 ? ", ..." : "");
+             plural(count), unknown, count > 4 ? ", ..." : "");
     if (livelink_repeated(in))
-        warn("%s: %zu rows left out: their timecodes were there already", name,
-             livelink_repeated(in));
+        warn("%s: %zu row%s left out for timecodes that were there already",
+             name, livelink_repeated(in), plural(livelink_repeated(in)));
 }
 
 int take_pack(struct stream_writer *out, const char *path, double rate,

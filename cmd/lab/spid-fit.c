@@ -136,8 +136,8 @@ static void fit_run_rounds(struct face_fit *f)
         progress("rounds", (size_t)i + 1, (size_t)rounds, NULL);
     }
     progress_end();
-    notice("%zu people, %zu frames, off by %.2f of %g pixels in the mean",
-           f->people, f->count, face_fit_error(f), FIT_SIZE);
+    notice("%zu people, %zu frame%s, off by %.2f of %g pixels in the mean",
+           f->people, f->count, plural(f->count), face_fit_error(f), FIT_SIZE);
 }
 
 /* Avatars by the model. */

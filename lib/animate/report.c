@@ -100,8 +100,9 @@ void animate_report_print(FILE *to, struct animate_report *r,
 {
     double seconds = r->ended - r->begun;
 
-    fprintf(to, "%s: %zu frames, %.1f a second",
+    fprintf(to, "%s: %zu frame%s, %.1f a second",
             r->program ? r->program : "spid-animate", r->frames,
+            plural(r->frames),
             r->frames > 1 && seconds > 0
                 ? (double)(r->frames - 1) / seconds : 0.0);
     if (r->lost)

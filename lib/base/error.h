@@ -19,4 +19,10 @@ int error_set(struct error *e, int code, const char *format, ...)
 int error_prefix(struct error *e, const char *format, ...)
     __attribute__((format(printf, 2, 3)));
 
+/* What a noun ends in after its number n. */
+static inline const char *plural(unsigned long long n)
+{
+    return n == 1 ? "" : "s";
+}
+
 #endif

@@ -147,21 +147,22 @@ static void driver_no_face(const struct driver *d, struct error *err)
     else if (d->early_count == 0)
         error_set(err, EX_DATAERR, "no frames");
     else if (d->track->opt.face > 1)
-        error_set(err, EX_DATAERR, "%zu face%s seen in %zu frames of %zu x "
-                  "%zu pixels (expected %ld for --face)", d->track->max_faces,
-                  d->track->max_faces == 1 ? "" : "s", d->early_count, f->width,
-                  f->height, d->track->opt.face);
+        error_set(err, EX_DATAERR, "%zu face%s seen in %zu frame%s of %zu "
+                  "x %zu pixels (expected %ld for --face)", d->track->max_faces,
+                  plural(d->track->max_faces), d->early_count,
+                  plural(d->early_count), f->width, f->height,
+                  d->track->opt.face);
     else if (d->lying)
         error_set(err, EX_DATAERR, "no upright face in %zu frame%s (the first "
                   "shows one when it is turned by %d degrees clockwise: turn "
-                  "the clip)", d->early_count, d->early_count == 1 ? "" : "s",
+                  "the clip)", d->early_count, plural(d->early_count),
                   90 * d->lying);
     else
         error_set(err, EX_DATAERR,
                   "no face in %zu frame%s of %zu x %zu pixels (looked for "
                   "upright faces from a twelfth of the picture up; --crop "
                   "X,Y,SIZE says where it is)", d->early_count,
-                  d->early_count == 1 ? "" : "s", f->width, f->height);
+                  plural(d->early_count), f->width, f->height);
 }
 
 /* The cut of square q by the tracker ctx: a tta_crop_fn. */

@@ -82,7 +82,7 @@ static int source_find_face(struct source *s, struct track *t,
     if (!found && t->opt.face > 1)
         return error_set(err, EX_DATAERR, "%zu face%s in a picture of %zu x "
                          "%zu pixels (expected %ld for --face)", t->max_faces,
-                         t->max_faces == 1 ? "" : "s", im->width, im->height,
+                         plural(t->max_faces), im->width, im->height,
                          t->opt.face);
     if (!found)
         return error_set(err, EX_DATAERR, "no face in a picture of %zu x %zu "

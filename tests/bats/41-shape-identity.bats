@@ -50,7 +50,7 @@ crop=--crop=50,40,30
     one_line
     has "cut.jpg: the picture is damaged or cut short"
     status 0 spid-motion $crop me.jpg cut.jpg cut.jpg -o motion.spid
-    has "2 pictures are damaged or cut short"
+    has "2 pictures damaged or cut short"
 }
 
 @test "the matte is the mask where the picture is, and goes on beyond its edges" {

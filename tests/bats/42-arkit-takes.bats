@@ -162,7 +162,7 @@ numbers() {
     spid-pack -q --arkit take.csv --head "$SCANS" -o want.spid
     run spid-pack --arkit twice.csv --head "$SCANS" -o got.spid
     one_line
-    has 'twice.csv: 6 rows left out: their timecodes were there already'
+    has 'twice.csv: 6 rows left out for timecodes that were there already'
     cmp want.spid got.spid
 }
 

@@ -52,11 +52,12 @@ crop() {
     grep -q 'two.png: 2 faces .*number 2 is taken (--face' said
     spid-animate -s -m "$MODEL" --driver-face 2 "$TOP/examples/photo.jpg" two.png -o b-%d.png 2>said
     grep -q 'two.png: 2 faces .*number 2 is taken (--driver-face' said
+    grep -q '^spid-animate: 1 frame, ' said
     [ -s a-0.png ]
     [ -s b-0.png ]
     status 65 spid-animate -q -s -m "$MODEL" --driver-face 3 "$TOP/examples/photo.jpg" two.png -o c.png
     one_line
-    has '2 faces seen in 1 frames'
+    has '2 faces seen in 1 frame of'
     [ ! -e c.png ]
 }
 

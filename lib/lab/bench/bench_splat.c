@@ -214,7 +214,7 @@ static int bench_phase_note(struct bench *b, struct bench_frame *f,
     }
     bench_note(b, "splat C=%d, %d thread%s: project %.2f, sort %.2f, tile "
                "lists %.2f, draw %.2f ms (least of 40 frames)",
-               f->s.opt.channels, threads, threads > 1 ? "s" : "",
+               f->s.opt.channels, threads, plural(threads),
                min[SPLAT_PROJECT], min[SPLAT_SORT], min[SPLAT_BIN],
                min[SPLAT_DRAW]);
     return 0;
@@ -247,7 +247,7 @@ static int bench_knob_row(struct stage *st, const struct knob *k, int threads,
                    "with the same rules, %.1f dB against exact (these rules "
                    "in double: %.1f dB); %zu drawn, %zu tile pairs; %zu "
                    "frames",
-                   k->channels, threads, threads > 1 ? "s" : "", psnr_ruled,
+                   k->channels, threads, plural(threads), psnr_ruled,
                    psnr, bench_rules_psnr(st, k->channels), f.s.drawn,
                    f.s.pairs, t.runs);
     rc = strcmp(k->name, "default") ? 0 : bench_phase_note(st->b, &f, err);

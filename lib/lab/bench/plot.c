@@ -118,7 +118,7 @@ static void plot_put_curves(FILE *f, const struct panel *p)
                 "linespoints pt 7 lc %d title \"%s, %d thread%s\", \\\n"
                 "    $rows using 2:($1 == %d && $4 == 2 ? $3 : NaN) with "
                 "points pt 6 lc %d notitle", g ? ", \\\n   " : "plot", g, g + 1,
-                r->config, r->threads, r->threads > 1 ? "s" : "", g, g + 1);
+                r->config, r->threads, plural(r->threads), g, g + 1);
     }
     fputs(", \\\n    $rows using 2:($4 == 0 ? $3 : NaN):5 with labels left "
           "offset 0.8,0.4 notitle, \\\n    $rows using 2:($4 == 1 ? $3 : NaN)"
@@ -151,7 +151,7 @@ static int plot_put_script(FILE *f, const struct panel *p, size_t n,
             "\"What a millisecond costs in accuracy.  Filled and joined: the "
             "Pareto front.  %s, %s, %d thread%s\"\n", n > 2 ? 2 : 1,
             n > 1 ? 2 : 1, cpu_name(), cpu_level_name(cpu_level()), b->threads,
-            b->threads > 1 ? "s" : "");
+            plural(b->threads));
     fputs("set logscale xy 10\nset format y \"%.0e\"\nset grid\n"
           "set autoscale xfix\nset autoscale yfix\n"
           "set offsets graph 0.2, graph 0.2, graph 0.1, graph 0.1\n"

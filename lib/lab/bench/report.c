@@ -131,7 +131,7 @@ static void report_put_paper(FILE *f, const struct bench *b)
     fprintf(f, "Here: this processor, %d thread%s; a stage's ms are of one "
             "worker's core, and as\nmany frames are under way as there are "
             "threads.  Paper: one A100; its parts add up to\n5.1 ms where its "
-            "text says 6.1.\n", b->threads, b->threads > 1 ? "s" : "");
+            "text says 6.1.\n", b->threads, plural(b->threads));
 }
 
 char *bench_table(const struct bench *b)
@@ -144,7 +144,7 @@ char *bench_table(const struct bench *b)
         return NULL;
     fprintf(f, "%s, %s, %d thread%s\n", cpu_name(),
             cpu_level_name(cpu_level()), b->threads,
-            b->threads > 1 ? "s" : "");
+            plural(b->threads));
     report_put_rows(f, b);
     report_put_paper(f, b);
     if (b->notes)

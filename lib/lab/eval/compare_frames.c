@@ -79,9 +79,10 @@ static int frames_next(struct frames *p, struct error *err)
             return -1;
     }
     if (rc[0] != rc[1])
-        return error_set(err, EX_DATAERR, "%s ends after %zu frames, the "
+        return error_set(err, EX_DATAERR, "%s ends after %zu frame%s, the "
                          "other goes on (expected as many frames)",
-                         framesource_name(p->in[rc[0] ? 1 : 0]), p->frames);
+                         framesource_name(p->in[rc[0] ? 1 : 0]), p->frames,
+                         plural(p->frames));
     return rc[0];
 }
 

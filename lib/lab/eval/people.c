@@ -401,9 +401,9 @@ static int people_evaluate_one(struct people *e, const struct data_person *p,
 {
     if (p->count < 2)
         return error_set(err, EX_DATAERR,
-                         "person %d has %zu frames "
+                         "person %d has %zu frame%s "
                          "(expected a source and at least one more)",
-                         p->id, p->count);
+                         p->id, p->count, plural(p->count));
     e->s->beta = p->shape;
     if (people_self(e, p, err) ||
         (e->opt->ablations && people_ablate(e, p, err)))

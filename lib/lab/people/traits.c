@@ -61,7 +61,7 @@ static int traits_read(struct traits *t, const struct trait *f,
     if (n != f->n)
         return error_set(err, EX_CONFIG, "%s: %s (expected %zu number%s)",
                          f->name, j ? "other numbers" : "missing", f->n,
-                         f->n == 1 ? "" : "s");
+                         plural(f->n));
     for (size_t i = 0; i < n; i++)
         if (f->is_double)
             memcpy((char *)t + f->at + i * sizeof *v, &v[i], sizeof *v);
@@ -90,7 +90,7 @@ static int traits_read_moves(struct trait_moves *m, const cJSON *j, size_t n,
             return error_set(err, EX_CONFIG, "%s: %s (expected %zu number%s "
                              "by a name of ARKit's, %d times at most)", what,
                              e->string ? e->string : "a list", n,
-                             n == 1 ? "" : "s", TRAIT_MOVES);
+                             plural(n), TRAIT_MOVES);
         m->move[m->n].component = k[0];
         for (size_t i = 0; i < n; i++)
             m->move[m->n].value[i] = (float)v[i];
