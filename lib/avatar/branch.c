@@ -210,5 +210,6 @@ void branch_set_bias(struct params *ps, const char *name, size_t first,
 
 float branch_scale_bias(float spacing, bool prior)
 {
-    return prior ? 0 : attribute_logit(0.6f * spacing / BRANCH_SCALE_MAX);
+    return prior ? 0 : attribute_logit(BRANCH_OVERLAP * spacing /
+                                       BRANCH_SCALE_MAX);
 }

@@ -10,7 +10,9 @@
 #include "lib/net/gaussian_head.h"
 #include "lib/nn/params.h"
 
-#define BRANCH_SCALE_MAX 0.05f  /* the decoders' largest, head units */
+#define BRANCH_SCALE_MAX GAUSSIAN_SCALE_MAX
+#define BRANCH_OVERLAP 0.6f     /* standard deviation over the spacing: no holes */
+#define BRANCH_SOLID 0.97f      /* opacity where no decoder says it: no holes */
 
 /* The paper's ablations: what an avatar is baked without. */
 enum avatar_without {

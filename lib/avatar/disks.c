@@ -9,7 +9,6 @@
 
 /* Standard deviation over the spacing, the least of any. */
 #define SCALE_MIN 0.4f
-#define SOLID 0.97f     /* opacity of hidden Gaussians */
 #define THIN 0.15f      /* skin's thickness beside its size, 4 pixels of 512 on a
                          * cheek: an outline is about 2 of them, 1 pixel and not 8,
                          * wider than the mesh.  Twice and half: 0.02 dB
@@ -65,7 +64,7 @@ PARALLEL(disks_lay_part, k, const struct dynamic_branch *, b,
 {
     float w = disks_visibility(b, k), *scale = out->scale + 3 * k;
     float min = disks_min_scale(b, k);
-    float size = DISKS_SIZE + b->seam[k] * (SCALE_MIN - DISKS_SIZE);
+    float size = BRANCH_OVERLAP + b->seam[k] * (SCALE_MIN - BRANCH_OVERLAP);
     float wide = fminf(size * b->spacing[k], BRANCH_SCALE_MAX);
     float *color = out->color + k * out->channels;
 
@@ -80,7 +79,7 @@ PARALLEL(disks_lay_part, k, const struct dynamic_branch *, b,
     for (size_t c = 3; c < out->channels; c++)
         color[c] *= w;
     out->opacity[k] =
-        w * out->opacity[k] + (1 - w) * SOLID * b->start.visible[k];
+        w * out->opacity[k] + (1 - w) * BRANCH_SOLID * b->start.visible[k];
 }
 
 void disks_lay(struct branch_set *out, const struct dynamic_branch *b)

@@ -12,8 +12,6 @@
 
 #include "lib/avatar/dynamic_branch.h"
 
-#define DISKS_SIZE 0.6f     /* their standard deviation over the spacing: no holes */
-
 /* What the decoder said becomes, the less the source shows of each Gaussian, a disk,
  * in place: scale, rotation, opacity and colours of the branch's n. */
 void disks_lay(struct branch_set *out, const struct dynamic_branch *b);

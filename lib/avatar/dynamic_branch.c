@@ -22,10 +22,9 @@
 #include "lib/base/camera.h"
 #include "lib/base/neck_blend.h"
 #include "lib/base/resample.h"
+#include "lib/base/vec3.h"
 
-#define OVERLAP 0.6f    /* standard deviation over the spacing where the decoder
-                         * starts */
-#define REACH 2.7f      /* their standard deviations that may be seen: with 2 a
+#define REACH 2.7f      /* the disks' standard deviations that may be seen: with 2 a
                          * seventh of them stood out before the background */
 #define SEAM_MM 4.5f    /* the photograph is used for lips moved less than this
                          * from where it shows them */
@@ -195,7 +194,7 @@ static void dynamic_branch_hull(const struct source_picture *picture,
                                 const struct source_mesh *mesh,
                                 struct dynamic_branch *b)
 {
-    const float scale = REACH * DISKS_SIZE * CAMERA_FOCAL /
+    const float scale = REACH * BRANCH_OVERLAP * CAMERA_FOCAL /
                         fmaxf(mesh->cam[11], CAMERA_NEAR);
 
     parallel_each(dynamic_branch_hull_part, b->count, 1, b, mesh, picture,
@@ -236,7 +235,7 @@ PARALLEL(dynamic_branch_start_part, k, struct dynamic_branch *, b, float *, eye,
     memcpy(rgb + 3 * k, pixel, 3 * sizeof *rgb);
     b->start.visible[k] = 1 - mesh->weights->lining[k];
     b->start.scale_shift[k] =
-        attribute_logit(OVERLAP * b->spacing[k] / BRANCH_SCALE_MAX);
+        attribute_logit(BRANCH_OVERLAP * b->spacing[k] / BRANCH_SCALE_MAX);
 }
 
 PARALLEL(dynamic_branch_logit_part, i, float *, rgb)
@@ -365,12 +364,12 @@ void dynamic_branch_add(const struct source_picture *picture,
 
 PARALLEL(dynamic_branch_log_part, i, float *, rgb)
 {
-    rgb[i] = log1pf(rgb[i] / SOURCE_PICTURE_DARK);
+    rgb[i] = log1pf(rgb[i] / SRGB_DARK);
 }
 
 PARALLEL(dynamic_branch_exp_part, i, float *, rgb)
 {
-    rgb[i] = fmaxf(SOURCE_PICTURE_DARK * expm1f(rgb[i]), 0);
+    rgb[i] = fmaxf(SRGB_DARK * expm1f(rgb[i]), 0);
 }
 
 /* rgb (D,3), the picture's colours, completed without the light on them: it

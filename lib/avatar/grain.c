@@ -13,12 +13,11 @@
 #include "lib/base/vec3.h"
 #include "lib/photo/quilt.h"
 
-#define COARSE 2.3f     /* standard deviation of the mesh's disks, pixels (DISKS_SIZE
+#define COARSE 2.3f     /* standard deviation of the mesh's disks, pixels (BRANCH_OVERLAP
                          * of 2.8 mm): what is smoother they show themselves */
 #define SQUARE 0.5f     /* cosine from which the photograph shows grain as it is */
 #define LIKELY 0.5f     /* trust from which skin is seen, and chance of a pixel's
                          * material, by mesh and colour */
-#define WHOLE 0.97f     /* matte of the person alone */
 
 #define NONE 0          /* labels of pixels; m + 1 is material m */
 #define BESIDE 0.5f     /* chance of hair, and of cloth, beside the mesh */
@@ -150,7 +149,7 @@ static uint8_t grain_is(const struct grain_work *w, const float rgba[4],
     float odds[MATERIALS], sum = 0;
     size_t best = 0;
 
-    if (rgba[3] < WHOLE)
+    if (rgba[3] < COVERAGE_WHOLE)
         return NONE;
     material_odds(odds, rgba, look);
     for (size_t m = 0; m < MATERIALS; m++) {
@@ -174,7 +173,7 @@ PARALLEL(grain_look, i, const struct grain_work *, w,
     w->known[i] = w->is[i] != NONE;
     w->from[i] = w->is[i] == NONE
                      ? 0 : logf((p[0] + 2 * p[1] + p[2]) / 4 +
-                                SOURCE_PICTURE_DARK);
+                                SRGB_DARK);
 }
 
 /* And what of that is finer than the mesh. */

@@ -9,7 +9,6 @@
 #include "lib/base/slices.h"
 #include "lib/base/resample.h"
 
-#define SOLID 0.97f     /* the prior's opacity: no holes */
 #define BACK_MAX 0.5f   /* what is behind the teeth is seen so well at most */
 #define AROUND 20       /* the cells around one: the grid's side over this */
 #define JAW_MM 4.5f     /* of the chin's way change what is between the lips */
@@ -232,7 +231,7 @@ static void mouth_branch_unseen(struct branch_set *out,
         memcpy(out->quat + 4 * k, t->quat, sizeof t->quat);
         memcpy(out->mean + 3 * k, t->mean, sizeof t->mean);
         memcpy(b->jaw + 3 * k, t->jaw, sizeof t->jaw);
-        out->opacity[k] = SOLID;
+        out->opacity[k] = BRANCH_SOLID;
         out->seen[k] = b->shown[k];
     }
 }

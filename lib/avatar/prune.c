@@ -10,14 +10,12 @@
 #include "lib/base/cpu.h"
 #include "lib/base/sort.h"
 #include "lib/base/camera.h"
-#include "lib/base/rotation.h"
+#include "lib/base/vec3.h"
 #include "lib/splat/splat.h"
 
 enum { YAWS = 5, NODS = 3, POSES = 2, VIEWS = YAWS * NODS * POSES };
 
 #define STEP 20.0f          /* degrees from one yaw or nod to the next */
-#define DISTANCE 12.0f      /* of the camera, head units: a picture's half side
-                             * is one head unit there */
 #define JAW_OPEN 0.35f      /* radians, of the second pose */
 
 struct prune {
@@ -36,9 +34,10 @@ struct prune {
 /* The camera of view v, turned about the head's origin. */
 static void prune_view_camera(float cam[12], size_t v)
 {
-    const float degree = 0.01745329f, t[3] = {0, 0, DISTANCE};
-    float yaw = ((float)(v % YAWS) - 2) * STEP * degree;
-    float nod = ((float)(v / YAWS % NODS) - 1) * STEP * degree;
+    /* a picture's half side is one head unit there */
+    const float t[3] = {0, 0, CAMERA_FOCAL};
+    float yaw = ((float)(v % YAWS) - 2) * STEP * DEGREE_F;
+    float nod = ((float)(v / YAWS % NODS) - 1) * STEP * DEGREE_F;
     float Y[9], X[9], R[9], F[9] = {1, 0, 0, 0, -1, 0, 0, 0, -1}, A[9];
 
     rotation_exp(Y, (const float[3]){0, yaw, 0});

@@ -10,10 +10,6 @@
 
 #include "lib/base/error.h"
 
-/* Brightness, of 1, under which the differences of a photograph are its noise: it is
- * added before logarithms. */
-#define SOURCE_PICTURE_DARK 0.02f
-
 struct source_picture {
     size_t size;            /* S: side, pixels */
     float *rgb;             /* (S,S,3) in [0,1], times the matte */

@@ -16,8 +16,6 @@
 
 /* Opacity logits fall by this much where the mesh covers the plane. */
 #define COVERED 6.0f
-/* Standard deviation of a Gaussian over the distance to the next one. */
-#define OVERLAP 0.6f
 /* What follows the head and what the shoulders, each half and twice:
  * tests/bench/README.md, "Shoulders".  Head units. */
 #define NECK_SOFT 0.08f /* that much lower e times as likely the body's: 16 mm */
@@ -303,8 +301,9 @@ PARALLEL(static_branch_limit_part, k, struct static_branch *, b, float, cell)
 {
     float *max = b->start.scale_max + k;
 
-    *max = fminf(cell * (2 * OVERLAP + *max / PLACE_REACH), BRANCH_SCALE_MAX);
-    b->start.scale_shift[k] = attribute_logit(OVERLAP * cell / *max);
+    *max = fminf(cell * (2 * BRANCH_OVERLAP + *max / PLACE_REACH),
+                 BRANCH_SCALE_MAX);
+    b->start.scale_shift[k] = attribute_logit(BRANCH_OVERLAP * cell / *max);
 }
 
 /* scale_max, and the shift from there: a Gaussian ends where the person does, give

@@ -8,8 +8,8 @@
 
 #include "formats/panorama.h"
 #include "lib/base/harmonics.h"
+#include "lib/base/vec3.h"
 
-#define RADIANS 0.0174532925f   /* in a degree */
 
 /* ",#RRGGBB", or nothing: white.  Light is the square of sRGB (lib/splat/relight.h).
  * false: something else, or black. */
@@ -39,7 +39,7 @@ static int target_light_set_angles(struct target_light *t, const char *value,
     float v[3] = {0};
     int read = 0;
     const int n = sscanf(value, "%f,%f%n,%f%n", v, v + 1, &read, v + 2, &read);
-    const float azimuth = v[0] * RADIANS, elevation = v[1] * RADIANS;
+    const float azimuth = v[0] * DEGREE_F, elevation = v[1] * DEGREE_F;
     const float strength = n == 3 ? v[2] : 1;
 
     if (n < 2 || !target_light_set_color(t, value + read) ||

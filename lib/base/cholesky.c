@@ -3,8 +3,6 @@
 
 #include <math.h>
 
-#define CHOLESKY_PIVOT 1e-12
-
 /* The lower triangle of a to its factor L. */
 static void cholesky_factor(double *a, size_t n)
 {

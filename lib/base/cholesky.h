@@ -4,9 +4,11 @@
 
 #include <stddef.h>
 
+#define CHOLESKY_PIVOT 1e-12
+
 /* x (n) = a^-1 x by Cholesky's factors of the symmetric, positive definite a
  * (n,n), of which the lower triangle is read and overwritten.  A pivot under
- * 1e-12 counts as that: where a is singular x stays finite, and large. */
+ * CHOLESKY_PIVOT counts as that: where a is singular x stays finite, and large. */
 void cholesky_solve(double *x, double *a, size_t n);
 
 /* The same for the columns of x (n,cols). */

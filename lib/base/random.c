@@ -54,7 +54,7 @@ double random_normal(struct random *r)
     double u = 1.0 - random_uniform(r); /* (0,1] */
     double v = random_uniform(r);
 
-    return sqrt(-2 * log(u)) * cos(6.283185307179586 * v);
+    return sqrt(-2 * log(u)) * cos(2 * M_PI * v);
 }
 
 uint32_t random_below(struct random *r, uint32_t n)

@@ -8,7 +8,12 @@
 
 #include "lib/base/rotation.h"
 
-#define PI_F 3.14159265f
+#define PI_F ((float)M_PI)
+#define DEGREE_F (PI_F / 180)
+
+/* Of 1: what a photograph shows darker than that is its noise, and tells nothing of
+ * light.  Before logarithms it is added, or the least. */
+#define SRGB_DARK 0.02f
 
 /* As fmaxf and fminf, which are calls; b where a is not a number. */
 static inline float maxf(float a, float b)

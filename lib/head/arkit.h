@@ -14,6 +14,7 @@
 #ifndef SPID_HEAD_ARKIT_H
 #define SPID_HEAD_ARKIT_H
 
+#include <math.h>
 #include <stdbool.h>
 
 #include "lib/base/random.h"
@@ -24,10 +25,10 @@
 /* Angles of a weight of 1, radians. */
 #define ARKIT_JAW_OPEN 0.442    /* 25.3 degrees, of the scans' lower teeth */
 #define ARKIT_JAW_SIDE 0.085    /* 4.9 degrees: the teeth's shift, 6.5 mm */
-#define ARKIT_EYE_UP   0.4363323129985824       /* 25 degrees */
-#define ARKIT_EYE_DOWN 0.5235987755982988       /* 30 */
-#define ARKIT_EYE_IN   0.5235987755982988       /* 30, towards the nose */
-#define ARKIT_EYE_OUT  0.5235987755982988       /* 30 */
+#define ARKIT_EYE_UP   (M_PI / 180 * 25)
+#define ARKIT_EYE_DOWN (M_PI / 6)
+#define ARKIT_EYE_IN   (M_PI / 6)               /* towards the nose */
+#define ARKIT_EYE_OUT  (M_PI / 6)
 
 enum arkit {
     ARKIT_BROW_DOWN_L, ARKIT_BROW_DOWN_R,

@@ -9,7 +9,6 @@
 #include "lib/base/parallel.h"
 #include "lib/nn/math.h"
 
-#define SCALE_MAX 0.05f
 #define TINY 1e-12
 
 size_t gaussian_head_width(const struct gaussian_head *h)
@@ -94,7 +93,7 @@ PARALLEL(gaussian_forward, at, struct gaussian_out *, o, const float *, raws,
     gaussian_colors(o->color + at * kept, raw, logit, y, h, at % N, image_w);
     o->opacity[at] = y[OPACITY];
     for (size_t i = 0; i < 3; i++)
-        o->scale[3 * at + i] = SCALE_MAX * y[SCALE + i];
+        o->scale[3 * at + i] = GAUSSIAN_SCALE_MAX * y[SCALE + i];
     float unit = h->quirk_rotation ? 1
                                    : 1 / gaussian_quat_norm(raw + C + 4);
     for (size_t i = 0; i < 4; i++)
@@ -205,7 +204,7 @@ PARALLEL(gaussian_backward, at, float *, draws, float *, dlogits,
     draw[C] = d->opacity ? d->opacity[at] * gaussian_sigmoid_slope(y[OPACITY])
                          : 0;
     for (size_t i = 0; i < 3; i++)
-        draw[C + 1 + i] = d->scale ? SCALE_MAX * d->scale[3 * at + i] *
+        draw[C + 1 + i] = d->scale ? GAUSSIAN_SCALE_MAX * d->scale[3 * at + i] *
                                          gaussian_sigmoid_slope(y[SCALE + i])
                                    : 0;
     for (size_t i = 0; i < 4; i++)
@@ -277,7 +276,8 @@ void gaussian_head_graph(struct graph *g, int raw, int rgb_logit, size_t N,
                  "color", N, C);
     GRAPH_OUTPUT(g, graph_act(g, graph_slice(g, raw, C, C + 1),
                               ACT_SIGMOID), "opacity", N, 1);
-    GRAPH_OUTPUT(g, GRAPH_NODE(g, "Mul", scale, graph_real(g, SCALE_MAX)),
+    GRAPH_OUTPUT(g, GRAPH_NODE(g, "Mul", scale,
+                               graph_real(g, GAUSSIAN_SCALE_MAX)),
                  "scale", N, 3);
     int length = GRAPH_NODE(g, "ReduceL2", quat);
     graph_set_ints(g, "axes", (int64_t[]){1}, 1);

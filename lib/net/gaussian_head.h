@@ -1,5 +1,5 @@
 /* From a decoder's raw numbers to the attributes of Gaussians (section 3.2):
- * colour's first three and opacity through a sigmoid, scale 0.05 sigmoid,
+ * colour's first three and opacity through a sigmoid, scale its largest times one,
  * rotation normalised, position sigmoid (static) or an offset (mouth). */
 #ifndef SPID_NET_GAUSSIAN_HEAD_H
 #define SPID_NET_GAUSSIAN_HEAD_H
@@ -8,6 +8,8 @@
 #include <stddef.h>
 
 #include "lib/nn/graph.h"
+
+#define GAUSSIAN_SCALE_MAX 0.05f    /* head units */
 
 /* A view of caller's memory; N Gaussians. */
 struct gaussian_out {

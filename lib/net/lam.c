@@ -12,8 +12,7 @@
 
 #define OCTAVES 8           /* of a point's place: sines of pi 2^k x */
 #define EMBEDDED (3 * (2 * OCTAVES + 1))
-#define EPS 1e-6f           /* of normalisations, but for those of PyTorch's */
-#define EPS_DEFAULT 1e-5f   /* own default */
+#define EPS 1e-6f           /* of normalisations, but for those of NORM_EPS */
 /* The public configuration's (lam-20k), in metres. */
 #define REACH 0.2f          /* a Gaussian is within half of it from its vertex */
 #define SCALE_MAX 0.01f     /* standard deviation */
@@ -25,14 +24,14 @@ static const struct transformer_kind streams[2] = {{
     .norm1 = "norm1", .in = {"attn.to_q", "attn.to_k", "attn.to_v"},
     .unit = {"attn.norm_q.weight", "attn.norm_k.weight"},
     .out = "attn.to_out.0", .grow = "ff.net.0.proj", .shrink = "ff.net.2",
-    .widen = 4, .act = ACT_GELU_TANH, .eps1 = EPS_DEFAULT, .eps2 = EPS
+    .widen = 4, .act = ACT_GELU_TANH, .eps1 = NORM_EPS, .eps2 = EPS
 }, {
     .norm1 = "norm1_context",
     .in = {"attn.add_q_proj", "attn.add_k_proj", "attn.add_v_proj"},
     .unit = {"attn.norm_added_q.weight", "attn.norm_added_k.weight"},
     .out = "attn.to_add_out", .grow = "ff_context.net.0.proj",
     .shrink = "ff_context.net.2",
-    .widen = 4, .act = ACT_GELU_TANH, .eps1 = EPS_DEFAULT, .eps2 = EPS
+    .widen = 4, .act = ACT_GELU_TANH, .eps1 = NORM_EPS, .eps2 = EPS
 }};
 
 /* The encoder and what brings its features into the transformer. */
@@ -116,7 +115,7 @@ int lam_init(struct lam *l, struct params *ps, const struct avatar_config *c,
         goto fail;
     }
     linear_init(&l->embed, ps, "pcl_embed.mlp", EMBEDDED, l->D);
-    layer_norm_init(&l->embed_norm, ps, "pcl_embed.norm", l->D, EPS_DEFAULT);
+    layer_norm_init(&l->embed_norm, ps, "pcl_embed.norm", l->D, NORM_EPS);
     for (size_t i = 0; i < c->transformer_layers; i++) {
         char at[120];
 

@@ -5,12 +5,12 @@
 #include <math.h>
 #include <string.h>
 
+#include "lib/base/vec3.h"
 #include "lib/nn/act.h"
 
 #define N LIGHT_NET_CELLS
 #define IN ((size_t)N * N)
 #define HIDDEN LIGHT_NET_HIDDEN
-#define DARK 0.02f      /* sRGB: what is darker tells nothing of its light */
 
 void light_net_init(struct light_net *n, struct params *ps)
 {
@@ -32,7 +32,7 @@ static void light_net_look(float cells[IN], const float *rgb)
         for (size_t y = 0; y < step; y++)
             for (size_t x = 0; x < 3 * step; x++)
                 sum += at[y * row + x];
-        cells[i] = logf(fmaxf(sum / (float)(3 * step * step), DARK));
+        cells[i] = logf(fmaxf(sum / (float)(3 * step * step), SRGB_DARK));
         if (i / N >= lo && i / N < hi && i % N >= lo && i % N < hi)
             middle += cells[i] / (float)((hi - lo) * (hi - lo));
     }

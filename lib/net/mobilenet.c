@@ -127,7 +127,7 @@ static void mobilenet_unit_init(struct mobilenet_unit *u,
         u->conv.pad = pad;
     }
     nn_name(name, "%s%s", at, bn);
-    batch_norm_init(&u->bn, ps, name, out, im->v->same ? 1e-3f : 1e-5f);
+    batch_norm_init(&u->bn, ps, name, out, im->v->same ? 1e-3f : NORM_EPS);
     u->bn.act = act;
 }
 

@@ -8,7 +8,6 @@
 #include "lib/nn/image.h"
 #include "lib/nn/kernels.h"
 
-#define LRELU_GAIN 1.3867505f     /* sqrt(2 / (1 + 0.2^2)) */
 
 /* A layer as it is declared. */
 struct narrow_refiner_row {
@@ -29,7 +28,7 @@ static void narrow_refiner_declare(const struct narrow_refiner_row *row,
     conv_init(c, ps, name, row->in, row->out, row->kernel, row->stride, true);
     c->act = row->act;
     c->pad = row->kernel == 2 ? CONV_NONE : CONV_HALF;
-    ps->tensor[c->weight].gain = c->act == ACT_LRELU ? LRELU_GAIN : 0.1f;
+    ps->tensor[c->weight].gain = c->act == ACT_LRELU ? ACT_LRELU_GAIN : 0.1f;
 }
 
 /* All of them, those of the photograph last. */

@@ -2,13 +2,14 @@
  * et al. 2015). */
 #include "lib/net/small_backbone.h"
 
+#include <math.h>
 #include <string.h>
 #include <sysexits.h>
 
 #include "lib/nn/image.h"
 
 #define L SMALL_LEVELS
-#define GAIN 1.4142135f
+#define GAIN ((float)M_SQRT2)
 
 /* One 3x3 convolution with ReLU, "<prefix><what>.<i>.*". */
 static void small_backbone_declare(struct conv *c, struct params *ps,

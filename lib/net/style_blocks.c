@@ -6,7 +6,6 @@
 
 #include "lib/nn/image.h"
 
-#define LRELU_GAIN 1.3867505f     /* sqrt(2 / (1 + 0.2^2)) */
 
 void style_lrelu_conv(struct conv *c, struct params *ps,
                       const char *name, size_t in, size_t out,
@@ -15,7 +14,7 @@ void style_lrelu_conv(struct conv *c, struct params *ps,
 {
     conv_init(c, ps, name, in, out, kernel, 1, true);
     c->act = ACT_LRELU;
-    ps->tensor[c->weight].gain = LRELU_GAIN;
+    ps->tensor[c->weight].gain = ACT_LRELU_GAIN;
 }
 
 void style_res_init(struct style_res *r, struct params *ps,

@@ -5,7 +5,6 @@
 #include <string.h>
 #include <sysexits.h>
 
-#define LRELU_GAIN 1.3867505f     /* sqrt(2 / (1 + 0.2^2)) */
 
 size_t style_unet_width(const struct style_unet *s, size_t side)
 {
@@ -30,7 +29,7 @@ static void style_unet_decoder_init(struct style_unet *s, const char *prefix)
         linear_init(&s->mlp[i], ps,
                     nn_name(name, "%sstyle_mlp.%zu", at, 2 * i + 1), Z, Z);
         s->mlp[i].act = ACT_LRELU;
-        ps->tensor[s->mlp[i].weight].gain = LRELU_GAIN;
+        ps->tensor[s->mlp[i].weight].gain = ACT_LRELU_GAIN;
     }
     s->constant = params_add(ps, nn_name(name, "%sconstant_input.weight", at),
                              4, constant, PARAM_NORMAL, 1);

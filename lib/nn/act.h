@@ -19,8 +19,10 @@ enum nn_act {
 };
 
 #define ACT_SLOPE 0.2f
+/* What keeps the variance of weights' outputs behind it: sqrt(2 / (1 + 0.2^2)). */
+#define ACT_LRELU_GAIN 1.3867505f
 /* gelu by tanh is x sigmoid(a x + b x^3): a = 2 sqrt(2 / pi), b = 0.044715 a */
-#define ACT_GELU_A 1.5957691216057308
+#define ACT_GELU_A (M_2_SQRTPI * M_SQRT2)
 #define ACT_GELU_B (0.044715 * ACT_GELU_A)
 
 /* y = act(x), n values; y may be x. */

@@ -6,6 +6,8 @@
 #include "lib/nn/params.h"
 #include "lib/nn/plan.h"
 
+#define NORM_EPS 1e-5f          /* PyTorch's own */
+
 struct batch_norm {
     struct params *ps;
     size_t weight, bias, mean, var;  /* tensors in ps; mean and var frozen */

@@ -11,7 +11,6 @@
 #include "lib/nn/kernels.h"
 
 #define EPS 1e-8
-#define ROOT2 1.4142135623730951
 
 /* Parts that sums over rows are made in: by their number alone. */
 static size_t style_part_count(size_t rows)
@@ -118,7 +117,7 @@ static void style_demodulate(struct style_conv *s)
 
             for (size_t i = 0; i < s->in; i++)
                 sum += (double)(st[i] * st[i]) * (double)q[i];
-            s->d[n * s->out + o] = (float)(ROOT2 / sqrt(sum));
+            s->d[n * s->out + o] = (float)(M_SQRT2 / sqrt(sum));
         }
 }
 

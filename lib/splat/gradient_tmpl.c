@@ -6,8 +6,7 @@
 #include "lib/splat/backward.h"
 #include "lib/base/simd_shuffle.h"
 
-#define LOG2E 1.44269504f
-#define LN2 0.693147181f
+#define LN2 ((float)M_LN2)
 #define AHEAD 24               /* pairs fetched early */
 
 void ISA(splat_gaussian_backward)(const struct splat *s, size_t first,
@@ -78,7 +77,7 @@ VEC_INLINE void gradient_of_cov(vf S[3], const struct lanes *d,
 {
     vf sy = r[FSY], falloff = r[FFALLOFF], root = r[FROOT];
     vf flat = vf_sqrt(falloff);
-    vf f = vf_set(-2 / LOG2E), two = vf_set(2);
+    vf f = vf_set(-2 / (float)M_LOG2E), two = vf_set(2);
     vf mix = d->b - sy * d->c;
     vf h00 = root * root * (d->a - sy * (d->b + mix));
     vf h01 = root * flat * mix, h11 = falloff * d->c;

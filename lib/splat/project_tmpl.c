@@ -7,11 +7,9 @@
 #include "lib/base/isa.h"
 #include "lib/base/simd_shuffle.h"
 
-#define LOG2E 1.44269504f
-
 void ISA(splat_project)(struct splat_state *s, size_t first, size_t last);
 
-#define HALF_LOG2E 0.72134752044448170368
+#define HALF_LOG2E (M_LOG2E / 2)
 
 #define REAL vf
 #define MASK vm
@@ -306,7 +304,7 @@ void ISA(splat_project)(struct splat_state *s, size_t first, size_t last)
                    vf_max(surface - vf_set(1 / GAUSSIAN_DRAWN), zero);
         }
         vf room = top - vf_set(v->cut);
-        vf reach = vf_max(room, zero) * vf_set(2 / LOG2E * 1.0002f);
+        vf reach = vf_max(room, zero) * vf_set(2 / (float)M_LOG2E * 1.0002f);
         vf rx = vf_sqrt(reach * vf_min(l.xx, big)) + vf_set(2e-3f);
         vf ry = vf_sqrt(reach * vf_min(l.yy, big)) + vf_set(2e-3f);
 

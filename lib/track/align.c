@@ -42,7 +42,6 @@ static const double align_spread[6] = {0.026, 0.026, 0.013,
 #define MOVES 8.0               /* millimetres: a point that moves so far has
                                  * half the weight */
 #define STEADY 0.05             /* least weight of a point that is used */
-#define FACING 0.2              /* its least cosine to the camera */
 #define AGREEMENT 0.8           /* correlation of aligned points, at least */
 /* A frame becomes a keyframe when its distance to the nearest one is 1: */
 #define TURN_ON 0.08            /* radians of rotation per unit, and ... */
@@ -388,7 +387,7 @@ static void align_add_keyframe(struct align *a, const struct motion *m,
     CPU_PICK(align_kernels)->show(level, weight, a->point, a->normal, a->room,
                                   a->picture, &camera);
     for (size_t i = 0; i < a->count; i++) {
-        const bool well = weight[i] >= FACING && a->steady[i] >= STEADY;
+        const bool well = weight[i] >= ALIGN_FACING && a->steady[i] >= STEADY;
 
         weight[i] *= well ? a->steady[i] : 0;
         n += well;

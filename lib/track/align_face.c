@@ -30,7 +30,6 @@
                                  * used, ... */
 #define SHUT 0.6f               /* and from which on they are not: skin that
                                  * goes into the crease when they open */
-#define FACING 0.2f             /* least cosine to the camera of a point */
 #define LIP_UPPER 61            /* landmarks of the upper lip's inner edge, */
 #define LIP_LOWER 67            /* and of the lower one's, backwards */
 
@@ -261,7 +260,7 @@ void align_face_show(float *shown, struct align_face *f,
     CPU_PICK(align_kernels)->show(shown, weight, f->point, f->facing, f->room,
                                   picture, camera);
     for (size_t i = 0; i < f->room; i++)
-        if (i >= f->count || weight[i] < FACING)
+        if (i >= f->count || weight[i] < ALIGN_FACING)
             weight[i] = 0;
         else if (f->id->head->region[f->vertex[i]] == REGION_EYELID)
             weight[i] *= open;

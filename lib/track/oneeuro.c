@@ -11,7 +11,6 @@
 #include "lib/net/motion_code.h"
 #include "lib/net/motion_encoder.h"
 
-#define TWO_PI 6.283185307179586
 #define SPEED_CUTOFF 1.0        /* Hz, of the derivative */
 #define DEPTH_SCALE 10          /* depth is known less well than x and y */
 
@@ -29,7 +28,7 @@ void oneeuro_reset(struct oneeuro *f)
 /* Weight of the new sample after dt seconds of an exponential filter. */
 static double oneeuro_weight(double cutoff, double dt)
 {
-    double r = TWO_PI * cutoff * dt;
+    double r = 2 * M_PI * cutoff * dt;
 
     return r / (r + 1);
 }

@@ -17,7 +17,6 @@
                                  * frame", as HOPELESS of pass.c */
 #define SEARCH_EDGE 0.25        /* the same from the picture's border to the
                                  * first one's middle */
-#define SEARCH_APART 0.5        /* candidates of a level are, over their side */
 
 int search_init(struct search *s, struct motion_encoder *net,
                 struct error *err)

@@ -12,6 +12,7 @@
 #include "lib/base/mipmap.h"
 #include "lib/net/motion_encoder.h"
 
+#define SEARCH_APART 0.5        /* of a square's side: nearer, faces are one */
 #define SEARCH_BEST 4           /* candidates of a level */
 #define SEARCH_LEVELS 5         /* of sizes, the largest first: faces down to a
                                  * seventh of the picture */

@@ -12,9 +12,11 @@
 
 #include <stddef.h>
 
+#include "lib/base/camera.h"
 #include "lib/head/motion.h"
 
-#define TAKE_DISTANCE 12.0f     /* camera to head, head units */
+#define TAKE_DISTANCE CAMERA_FOCAL      /* camera to head: half a picture's side is
+                                         * one head unit there */
 
 /* The motion of a head of nexp components, ARKit's first, that value
  * (LIVELINK_CHANNELS) describes; seen from TAKE_DISTANCE in the middle.  Eyes

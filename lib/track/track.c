@@ -24,7 +24,6 @@
                                 * person's is 0.62 to 1 in the shared clips,
                                 * another's 0.2 to 0.6 */
 #define REGAINED 12            /* such looks, CHECK_AGAIN frames apart */
-#define SAME_FACE 0.5          /* of the crop's side: nearer, faces are one */
 
 int track_init(struct track *t, const struct identity *id,
                struct motion_encoder *net, const struct track_options *opt,
@@ -83,7 +82,7 @@ static bool track_is_other(struct track *t)
     for (size_t i = 0; i < n && !other; i++) {
         const struct square c = crop_from_detection(face[i]);
 
-        if (hypot(c.x - q.x, c.y - q.y) < SAME_FACE * q.size)
+        if (hypot(c.x - q.x, c.y - q.y) < SEARCH_APART * q.size)
             continue;
         track_cut(t->input, t, square_into(c, t->window, t->opt.size));
         thumb_make(thumb, t->input);

@@ -9,11 +9,10 @@
 #include "formats/framesource.h"
 #include "formats/video.h"
 #include "lib/base/camera.h"
-#include "lib/base/rotation.h"
+#include "lib/base/vec3.h"
 
 #define NEW 0.35        /* radians between heads of two pictures of a clip: an
                          * ear comes into view in twice as many */
-#define DARK 0.02f      /* of full brightness: what is darker tells nothing */
 #define STEP 0.5f       /* in brightness that counts at most: eyes that shut */
 #define ROTATED 1.3      /* by which likeness falls with a radian between two
                          * heads (tests/bench/alike.sh) */
@@ -57,7 +56,7 @@ static float views_bright(const struct person *p, size_t x, size_t y)
         for (size_t u = x > r ? x - r : 0; u <= x + r && u <= last; u++, n++)
             for (size_t c = 0; c < 3; c++)
                 sum += p->rgb[3 * (v * p->size + u) + c];
-    return logf((float)sum / (765 * (float)n) + DARK);
+    return logf((float)sum / (765 * (float)n) + SRGB_DARK);
 }
 
 static void views_look(struct views_face *f, const struct views *v,

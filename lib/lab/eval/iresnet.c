@@ -7,7 +7,6 @@
 #include <string.h>
 #include <sysexits.h>
 
-#define EPS 1e-5f
 #define STAGES 4
 #define BLOCKS_MAX (TAPE_MAPS - 16)  /* maps, of all blocks */
 
@@ -26,19 +25,19 @@ static int iresnet_block(struct tape *t, int x, const char *name, size_t out,
                          bool down)
 {
     char buf[120];
-    int y = tape_norm(t, x, nn_name(buf, "%s.bn1", name), EPS, ACT_NONE);
+    int y = tape_norm(t, x, nn_name(buf, "%s.bn1", name), NORM_EPS, ACT_NONE);
 
     y = tape_conv(t, y, nn_name(buf, "%s.conv1", name), out, 3, false);
-    tape_fold_norm(t, y, nn_name(buf, "%s.bn2", name), EPS);
+    tape_fold_norm(t, y, nn_name(buf, "%s.bn2", name), NORM_EPS);
     y = tape_prelu(t, y, nn_name(buf, "%s.prelu.weight", name));
     y = tape_conv(t, y, nn_name(buf, "%s.conv2", name), out, 3, false);
     tape_layer(t, y)->stride = down ? 2 : 1;
-    tape_fold_norm(t, y, nn_name(buf, "%s.bn3", name), EPS);
+    tape_fold_norm(t, y, nn_name(buf, "%s.bn3", name), NORM_EPS);
     if (down) {
         x = tape_conv(t, x, nn_name(buf, "%s.downsample.0", name), out, 1,
                       false);
         tape_layer(t, x)->stride = 2;
-        tape_fold_norm(t, x, nn_name(buf, "%s.downsample.1", name), EPS);
+        tape_fold_norm(t, x, nn_name(buf, "%s.downsample.1", name), NORM_EPS);
     }
     return tape_add(t, y, x);
 }
@@ -61,7 +60,7 @@ int iresnet_declare(struct iresnet *n,
         return error_set(err, EX_DATAERR, "%s: no conv1.weight or fc.weight "
                          "(expected an iresnet)", path);
     x = tape_conv(t, 0, "conv1", channels, 3, false);
-    tape_fold_norm(t, x, "bn1", EPS);
+    tape_fold_norm(t, x, "bn1", NORM_EPS);
     x = tape_prelu(t, x, "prelu.weight");
     for (int stage = 1; stage <= STAGES; stage++)
         for (int i = 0;; i++) {
@@ -76,9 +75,9 @@ int iresnet_declare(struct iresnet *n,
                                  "blocks", path, weight);
             x = iresnet_block(t, x, name, out, i == 0);
         }
-    x = tape_norm(t, x, "bn2", EPS, ACT_NONE);
+    x = tape_norm(t, x, "bn2", NORM_EPS, ACT_NONE);
     x = tape_linear(t, x, side, side, "fc", code);
-    n->code = tape_norm(t, x, "features", EPS, ACT_NONE);
+    n->code = tape_norm(t, x, "features", NORM_EPS, ACT_NONE);
     return 0;
 }
 

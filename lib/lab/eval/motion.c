@@ -4,7 +4,7 @@
 
 #include <math.h>
 
-#define DEGREES (180 / 3.14159265358979323846)
+#define DEGREES (180 / M_PI)
 
 /* The first 17 landmarks are the jaw line, the others the inner face. */
 void metric_points(struct metric_points *out, const float a[68][2],

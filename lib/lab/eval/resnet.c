@@ -3,7 +3,6 @@
 
 #include <string.h>
 
-#define EPS 1e-5f
 #define STEM ((size_t)64)
 #define WIDEN ((size_t)4)       /* channels of a block over those within */
 
@@ -19,7 +18,7 @@ static void resnet_conv_init(struct conv *c, struct batch_norm *norm,
                              size_t kernel, size_t stride)
 {
     conv_init(c, ps, conv_name, in, out, kernel, stride, false);
-    batch_norm_init(norm, ps, norm_name, out, EPS);
+    batch_norm_init(norm, ps, norm_name, out, NORM_EPS);
     c->norm = norm;
     c->act = ACT_RELU;
 }

@@ -10,7 +10,6 @@
 #define HEADS ((size_t)4)
 #define GATE ((size_t)64)       /* channels of a gate */
 #define GRID ((size_t)32)       /* places along a side */
-#define EPS 1e-5f
 
 static const float mean[3] = {0.485f, 0.456f, 0.406f};
 static const float deviation[3] = {0.229f, 0.224f, 0.225f};
@@ -20,12 +19,13 @@ static const float deviation[3] = {0.229f, 0.224f, 0.225f};
 static const struct transformer_kind self = {
     .norm1 = "norm1", .in = {"self_attn.in_proj"}, .out = "self_attn.out_proj",
     .norm2 = "norm2", .grow = "linear1", .shrink = "linear2", .widen = 4,
-    .act = ACT_GELU, .eps1 = EPS, .eps2 = EPS
+    .act = ACT_GELU, .eps1 = NORM_EPS, .eps2 = NORM_EPS
 };
 static const struct transformer_kind cross = {
     .norm1 = "norm1", .in = {"multihead_attn.in_proj"},
     .out = "multihead_attn.out_proj", .norm2 = "norm3", .grow = "linear1",
-    .shrink = "linear2", .widen = 4, .act = ACT_GELU, .eps1 = EPS, .eps2 = EPS
+    .shrink = "linear2", .widen = 4, .act = ACT_GELU,
+    .eps1 = NORM_EPS, .eps2 = NORM_EPS
 };
 
 /* The way to the tokens of level i, from maps of C channels. */
@@ -57,7 +57,7 @@ static void topiq_declare_cross(struct topiq_cross *c, struct params *ps, int i)
     char at[120], name[120];
 
     nn_name(at, "attn_blks.%d.layers.0.", i);
-    layer_norm_init(&c->norm, ps, nn_name(name, "%snorm2", at), WIDTH, EPS);
+    layer_norm_init(&c->norm, ps, nn_name(name, "%snorm2", at), WIDTH, NORM_EPS);
     transformer_init(&c->query, ps, at, &cross, WIDTH, HEADS);
 }
 
@@ -76,7 +76,7 @@ void topiq_declare(struct topiq *t, struct params *ps)
     transformer_init(&t->last, ps, "attn_pool.", &self, WIDTH, HEADS);
     for (int i = 0; i < 2; i++)
         layer_norm_init(&t->score_norm[i], ps,
-                        nn_name(name, "score_linear.%d", 3 * i), WIDTH, EPS);
+                        nn_name(name, "score_linear.%d", 3 * i), WIDTH, NORM_EPS);
     for (int i = 0; i < 3; i++) {
         linear_init(&t->score[i], ps,
                     nn_name(name, "score_linear.%d", i == 2 ? 6 : 3 * i + 1),

@@ -9,7 +9,6 @@
 
 #include "lib/base/cholesky.h"
 
-#define NORMAL_PIVOT 1e-12
 #define NORMAL_SWEEPS 200
 
 int normal_init(struct normal *e, size_t n, struct error *err)
@@ -57,7 +56,7 @@ void normal_prior(struct normal *e, size_t k, double weight, double value)
 static void normal_eliminate(struct normal *e, size_t k)
 {
     const double *row = e->a + k * e->n;
-    double pivot = fmax(row[k], NORMAL_PIVOT);
+    double pivot = fmax(row[k], CHOLESKY_PIVOT);
 
     for (size_t i = 0; i < k; i++) {
         double w = row[i] / pivot, *a = e->a + i * e->n;
@@ -103,7 +102,7 @@ void normal_solve_bounded(double *x, const struct normal *e, double low,
     for (int sweep = 0; moved > still && sweep < NORMAL_SWEEPS; sweep++) {
         moved = 0;
         for (size_t k = 0; k < e->n; k++) {
-            double pivot = fmax(e->a[k * e->n + k], NORMAL_PIVOT);
+            double pivot = fmax(e->a[k * e->n + k], CHOLESKY_PIVOT);
             double to = x[k] + (e->b[k] - normal_row(e, k, x)) / pivot;
 
             to = fmin(fmax(to, low), high);

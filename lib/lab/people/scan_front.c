@@ -178,7 +178,7 @@ static int front_add_revolved(struct figure *f, const float *h, const float *r,
     size_t i = p->f0;
     for (int k = 0; k < n; k++)
         for (int s = 0; s < SIDES; s++) {
-            float w = 6.2831853f * (float)s / SIDES;
+            float w = 2 * PI_F * (float)s / SIDES;
             float d[3] = {r[k] * cosf(w), h[k], r[k] * sinf(w)};
             float *o = f->place + 3 * (p->c0 + (size_t)(k * SIDES + s));
             rot3(o, turn, d);

@@ -305,7 +305,7 @@ static float light_turn_of(float y, float x)
     float r = ((-0.0464964749f * s + 0.15931422f) * s - 0.327622764f) * s * a
               + a;
 
-    r = ay > ax ? 1.57079637f - r : r;
+    r = ay > ax ? PI_F / 2 - r : r;
     r = x < 0 ? PI_F - r : r;
     return (y < 0 ? -r : r) / (2 * PI_F);
 }

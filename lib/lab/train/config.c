@@ -171,7 +171,7 @@ double train_rate(const struct train_config *c, uint64_t step)
     double span = fmax(1, (double)c->steps - warm);
     double t = fmin(1, fmax(0, (s - warm) / span));
     double rate = c->rate_end + (c->rate - c->rate_end) * 0.5 *
-                                    (1 + cos(3.14159265358979 * t));
+                                    (1 + cos(M_PI * t));
 
     return s < warm ? rate * (s + 1) / warm : rate;
 }

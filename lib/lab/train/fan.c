@@ -4,7 +4,6 @@
 #include <stdio.h>
 #include <sysexits.h>
 
-#define EPS 1e-5f
 #define LEVELS 4              /* an hourglass halves its maps so often */
 
 int fan_size(size_t *stacks, size_t *width, const struct safetensors *st,
@@ -32,7 +31,7 @@ int fan_size(size_t *stacks, size_t *width, const struct safetensors *st,
 static int fan_step(struct tape *t, int x, const char *norm, const char *conv,
                     size_t out, size_t kernel)
 {
-    return tape_conv(t, tape_norm(t, x, norm, EPS, ACT_RELU), conv, out,
+    return tape_conv(t, tape_norm(t, x, norm, NORM_EPS, ACT_RELU), conv, out,
                      kernel, false);
 }
 
@@ -92,7 +91,7 @@ static int fan_stack(struct fan *f, int x, size_t k, bool last)
                       nn_name(name, "top_m_%zu", k), W);
 
     y = fan_mix(t, y, "conv_last", k, W);
-    tape_fold_norm(t, y, nn_name(name, "bn_end%zu", k), EPS);
+    tape_fold_norm(t, y, nn_name(name, "bn_end%zu", k), NORM_EPS);
     tape_layer(t, y)->act = ACT_RELU;
     f->heat = fan_mix(t, y, "l", k, FAN_LANDMARKS);
     if (last)
@@ -110,7 +109,7 @@ void fan_init(struct fan *f, struct params *ps, size_t stacks, size_t width)
     x = tape_conv(t, 0, "conv1", width / 4, 7, true);
     tape_layer(t, x)->stride = 2;
     tape_layer(t, x)->act = ACT_RELU;
-    tape_fold_norm(t, x, "bn1", EPS);
+    tape_fold_norm(t, x, "bn1", NORM_EPS);
     x = tape_halve(t, fan_block(t, x, "conv2", width / 2));
     x = fan_block(t, x, "conv3", width / 2);
     x = fan_block(t, x, "conv4", width);
