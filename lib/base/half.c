@@ -1,9 +1,11 @@
 /* IEEE half precision and bfloat16, converted number by number with integer
- * arithmetic; the kernels have vector versions of their own. */
+ * arithmetic, or many at a time; the kernels have vectors of their own. */
 #include "lib/base/half.h"
 
 #include <math.h>
 #include <string.h>
+
+#include "lib/base/cpu.h"
 
 /* The upper half of a float's bits. */
 float bf16_to_float(uint16_t h)
@@ -28,7 +30,7 @@ uint16_t float_to_bf16(float f)
 
 /* A subnormal half is a normal float, a multiple of 2^-24; for the rest the
  * exponent's bias changes from 15 to 127. */
-static inline float half_widen(uint16_t h)
+float half_to_float(uint16_t h)
 {
     const uint32_t m = h & 0x3ff, e = h & 0x7c00;
     const float small = (float)(int32_t)m * 0x1p-24f;
@@ -42,22 +44,9 @@ static inline float half_widen(uint16_t h)
     return f;
 }
 
-float half_to_float(uint16_t h)
-{
-    return half_widen(h);
-}
-
 void half_to_floats(float *out, const void *in, size_t n)
 {
-    const char *from = in;
-
-#pragma omp simd
-    for (size_t i = 0; i < n; i++) {
-        uint16_t h;
-
-        memcpy(&h, from + 2 * i, sizeof h);
-        out[i] = half_widen(h);
-    }
+    CPU_PICK(half_widen)(out, in, n);
 }
 
 /* As float_to_bf16, with the bias changed back; what is below the smallest
