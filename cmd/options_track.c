@@ -19,11 +19,16 @@ void option_faces_tell(const char *name, const struct track_faces *faces,
            name, faces->n, at, faces->chosen + 1, option);
 }
 
-void option_source_tell(const char *name, bool damaged, bool guessed)
+void option_source_tell(const char *name, bool damaged, size_t beyond,
+                        bool guessed)
 {
     if (damaged)
         warn("%s: the picture is damaged or cut short: what is missing is grey",
              name);
+    if (beyond)
+        warn("%s: the picture's edge cuts the face (%zu of %d landmarks lie "
+             "beyond it): what is missing is made up", name, beyond,
+             HEAD_LANDMARKS);
     if (guessed)
         warn("%s: the matte is by the head's outline and the colours alone "
              "(--mask FILE gives a better one)", name);
@@ -57,4 +62,7 @@ void option_track_tell(const char *name, uint64_t frame,
              n, r->why);
     else if (r->event == TRACK_FOUND)
         warn("%s: frame %llu: face found again", name, n);
+    else if (r->event == TRACK_CUT)
+        warn("%s: frame %llu: another scene: its face is taken to be the same "
+             "person's", name, n);
 }

@@ -75,7 +75,7 @@ static void shape_read_pictures(struct program *p, const char *path)
     if (image_read(&p->picture, path, &err)
         || (mask_path && image_read(&p->mask, mask_path, &err)))
         die_error(&err);
-    option_source_tell(path, p->picture.damaged, false);
+    option_source_tell(path, p->picture.damaged, 0, false);
     stats_end("decode", begun);
 }
 
@@ -129,7 +129,7 @@ static void shape_make_identity(struct program *p, char **path, int paths)
     if (s->rotated)
         warn("%s: the face lay on its side or upside down: turned by %d "
              "degrees clockwise", path[0], 90 * s->rotated);
-    option_source_tell(path[0], false, s->how == SOURCE_HEAD);
+    option_source_tell(path[0], false, s->beyond, s->how == SOURCE_HEAD);
 }
 
 /* CONF, SRCI, SHAP and MOTN. */

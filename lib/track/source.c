@@ -69,6 +69,23 @@ static int source_find_upright(struct source *s, struct track *t,
     return track_start(t, r, &f, NULL, err);
 }
 
+/* How many of the face's landmarks lie beyond the picture's edges. */
+static size_t source_count_beyond(struct track *t, const struct motion *m,
+                                  const struct image *im)
+{
+    const float S = (float)t->opt.size;
+    const struct extent seen = square_extent((size_t)S, im->width, im->height,
+                                             t->window);
+    float uv[2 * HEAD_LANDMARKS];
+    size_t n = HEAD_LANDMARKS;
+
+    track_project(uv, t, m);
+    for (const float *p = uv; p < uv + 2 * HEAD_LANDMARKS; p += 2)
+        n -= p[0] >= 0 && p[0] < S && p[1] >= 0 && p[1] < S &&
+             extent_has(&seen, (size_t)p[0], (size_t)p[1]);
+    return n;
+}
+
 /* The face and its motion, with the mean head's landmarks for the crop. */
 static int source_find_face(struct source *s, struct track *t,
                             struct image *im, struct image *mask,
@@ -96,6 +113,7 @@ static int source_find_face(struct source *s, struct track *t,
     calm_face(&s->person.calm, &t->calm);
     s->person.has_source = true;
     s->confidence = r.confidence;
+    s->beyond = source_count_beyond(t, &r.motion, im);
     s->window = t->window;
     s->faces = t->faces;
     s->person.crop[0] = (float)t->window.x;

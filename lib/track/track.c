@@ -251,8 +251,7 @@ static void track_recover(struct track *t, struct track_result *r,
 /* NULL, or why E_m's motion of the crop in t->input cannot be that of the head
  * that was followed: blank, another scene, implausible, another's, or doubted by
  * E_m itself. */
-static const char *track_find_fault(struct track *t,
-                                    const struct track_result *r)
+static const char *track_find_fault(struct track *t, struct track_result *r)
 {
     float thumb[THUMB * THUMB];
     const struct square next = track_next_crop(t, &r->motion);
@@ -262,6 +261,8 @@ static const char *track_find_fault(struct track *t,
         return "the picture is blank there";
     if (t->has_thumb && thumb_correlate(t->thumb, thumb) < CUT_CORRELATION) {
         align_restart(&t->align);
+        oneeuro_reset(&t->filter);
+        r->event = TRACK_CUT;
         return "the scene changed";
     }
     if (thumb_correlate(t->first_thumb, thumb) < UNLIKE && !t->regained)

@@ -53,7 +53,8 @@ struct track_options {
 enum track_event {
     TRACK_NOTHING,
     TRACK_LOST,                 /* this frame is the first without a face */
-    TRACK_FOUND                 /* and the first with one again */
+    TRACK_FOUND,                /* and the first with one again */
+    TRACK_CUT                   /* one at once, in another scene */
 };
 
 /* What a frame gave. */

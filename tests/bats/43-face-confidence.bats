@@ -171,3 +171,29 @@ sys.stdout.buffer.write(b"P6 480 480 255\n" + x.tobytes())' >noise.ppm
     has "upright and turned"
     [ ! -e x.spid ]
 }
+
+@test "a face that the picture's edge cuts is said" {
+    need_sure
+    command -v ffmpeg >/dev/null || skip "no ffmpeg (apt: ffmpeg)"
+    ffmpeg -nostdin -v error -i "$TOP/examples/photo.jpg" -vf crop=iw*0.55:ih:0:0 cut.png
+    run spid-shape -m "$MODEL" cut.png -o cut.spid
+    [ "$status" -eq 0 ]
+    has "cut.png: the picture's edge cuts the face ("
+    run spid-shape -m "$MODEL" "$TOP/examples/photo.jpg" -o whole.spid
+    [ "$status" -eq 0 ]
+    [[ $output != *edge* ]]
+}
+
+@test "a cut to another person is said" {
+    need_sure
+    for seed in 3 4; do
+        spid-synth -q --frames 2 --size 256 --effects 0 --format pam -s $seed
+    done >cut.pam
+    run spid-motion cut.pam -o out.spid
+    [ "$status" -eq 0 ]
+    has 'cut.pam: frame 2: another scene'
+    spid-synth -q --frames 4 --size 256 --effects 0 --format pam -s 3 >one.pam
+    run spid-motion one.pam -o out.spid
+    [ "$status" -eq 0 ]
+    [[ $output != *scene* ]]
+}
