@@ -93,8 +93,6 @@ int dynamic_branch_plan(struct dynamic_branch *b, size_t points,
 {
     size_t D = b->count;
     const struct slice slices[] = {
-        {&b->start.opacity, D, false}, {&b->start.scale, 3 * D, false},
-        {&b->start.scale_shift, D, false}, {&b->start.visible, D, false},
         {&b->verts, 3 * D, false}, {&b->place, 2 * D, false},
         {&b->normals, 3 * D, false}, {&b->seen, D, false},
         {&b->facing, D, false},
@@ -233,9 +231,6 @@ PARALLEL(dynamic_branch_start_part, k, struct dynamic_branch *, b, float *, eye,
     b->trust[k] += (1 - b->chance[MATERIAL_SKIN * b->count + k]) *
                    (b->held[k] - b->trust[k]);
     memcpy(rgb + 3 * k, pixel, 3 * sizeof *rgb);
-    b->start.visible[k] = 1 - mesh->weights->lining[k];
-    b->start.scale_shift[k] =
-        attribute_logit(BRANCH_OVERLAP * b->spacing[k] / BRANCH_SCALE_MAX);
 }
 
 PARALLEL(dynamic_branch_logit_part, i, float *, rgb)
@@ -441,6 +436,16 @@ PARALLEL(dynamic_branch_inputs, k, struct dynamic_branch *, b)
            b->feature * sizeof *row);
 }
 
+/* Where Phi_D writes, or its gradients are: with the prior it says colours alone. */
+static struct gaussian_out dynamic_branch_decoded(const struct branch_set *s,
+                                                  const struct dynamic_branch *b)
+{
+    if (b->prior)
+        return (struct gaussian_out){.color = s->color};
+    return (struct gaussian_out){.color = s->color, .opacity = s->opacity,
+                                 .scale = s->scale, .quat = s->quat};
+}
+
 /* Rows [h_k, d_k, extras] through Phi_D; the centre is the vertex. */
 void dynamic_branch_forward(struct branch_set *out, const float *features,
                             const struct source_picture *picture,
@@ -459,12 +464,11 @@ void dynamic_branch_forward(struct branch_set *out, const float *features,
     parallel_each(dynamic_branch_inputs, b->count, 1, b);
     if (b->prior)
         dynamic_branch_start(picture, mesh, b);
-    struct gaussian_out raw = branch_decoder_out(out, &b->start, NULL);
-    mlp_decoder_forward(&raw, b->in, mesh->normal,
+    struct gaussian_out attributes = dynamic_branch_decoded(out, b);
+    mlp_decoder_forward(&attributes, b->in, mesh->normal,
                         b->prior ? b->logit : NULL, &b->decoder);
-    branch_prior_forward(out, &b->start, b->prior);
     if (b->prior)
-        disks_lay(out, b);
+        disks_lay(out, mesh, b);
     /* mu_k = densified vertex */
     memcpy(out->mean, b->verts, 3 * out->n * sizeof *out->mean);
     for (size_t k = 0; k < out->n; k++) {
@@ -498,9 +502,8 @@ void dynamic_branch_backward(float *dfeatures, struct branch_set *dout,
         lip_lining_shade_backward(dout, mesh);
         disks_lay_backward(dout, b);
     }
-    branch_prior_backward(dout, NULL, &b->start, b->prior);
-    struct gaussian_out draw = branch_decoder_gradient(dout, NULL);
-    mlp_decoder_backward(b->din, NULL, &draw, mesh->normal,
+    struct gaussian_out attributes = dynamic_branch_decoded(dout, b);
+    mlp_decoder_backward(b->din, NULL, &attributes, mesh->normal,
                          b->prior ? b->logit : NULL, &b->decoder);
     memset(b->dh, 0, b->count * width * sizeof *b->dh);
     memset(b->dsampled, 0, b->count * Cf * sizeof *b->dsampled);

@@ -33,7 +33,6 @@ struct dynamic_branch {
     size_t n, feature, width;           /* maps n x n, C_f, of h_k */
     size_t inputs;                      /* numbers a row the decoder gets */
     bool prior;                         /* rgb_skip */
-    struct branch_prior start;          /* (D) */
     /* Kept by the forward; with d, of the backward only: */
     float *verts;                       /* (D,3) densified source vertices */
     float *place;                       /* (D,2) p_k in [-1,1] */

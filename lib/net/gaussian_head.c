@@ -38,19 +38,20 @@ static float gaussian_quat_norm(const float *q)
  * computed at once. */
 enum { COLOR, OPACITY = COLOR + 3, SCALE, DEPTH = SCALE + 3, SIGMOIDS };
 
-/* y <- the sigmoids of these numbers of raw, colours with their prior. */
+/* y <- the sigmoids of these numbers of raw, colours with their prior; of others 0.5
+ * where only colours are wanted. */
 static void gaussian_sigmoids(float y[SIGMOIDS], const float *raw,
                               const float *logit,
-                              const struct gaussian_head *h)
+                              const struct gaussian_head *h, bool all)
 {
     const size_t C = h->colors;
 
     for (size_t c = 0; c < 3; c++) {
         y[COLOR + c] = (c < C ? raw[c] : 0) + (logit ? logit[c] : 0);
-        y[SCALE + c] = raw[C + 1 + c];
+        y[SCALE + c] = all ? raw[C + 1 + c] : 0;
     }
-    y[OPACITY] = raw[C];
-    y[DEPTH] = h->position == GAUSSIAN_POSITION_DEPTH ? raw[C + 8] : 0;
+    y[OPACITY] = all ? raw[C] : 0;
+    y[DEPTH] = all && h->position == GAUSSIAN_POSITION_DEPTH ? raw[C + 8] : 0;
 #pragma omp simd
     for (size_t i = 0; i < SIGMOIDS; i++)
         y[i] = math_sigmoid(y[i]);
@@ -89,8 +90,10 @@ PARALLEL(gaussian_forward, at, struct gaussian_out *, o, const float *, raws,
     const size_t C = h->colors, kept = h->kept ? h->kept : C;
     float y[SIGMOIDS];
 
-    gaussian_sigmoids(y, raw, logit, h);
+    gaussian_sigmoids(y, raw, logit, h, o->opacity != NULL);
     gaussian_colors(o->color + at * kept, raw, logit, y, h, at % N, image_w);
+    if (!o->opacity)
+        return;
     o->opacity[at] = y[OPACITY];
     for (size_t i = 0; i < 3; i++)
         o->scale[3 * at + i] = GAUSSIAN_SCALE_MAX * y[SCALE + i];
@@ -123,7 +126,7 @@ void gaussian_head_forward(struct gaussian_out *out, const float *raw,
 {
     parallel_each(gaussian_forward, B * N, 1, out, raw, rgb_logit, h, stride, N,
                   image_w);
-    if (!h->quirk_rotation)
+    if (!h->quirk_rotation || !out->quat)
         return;
     for (size_t b = 0; b < B; b++)
         for (size_t i = 0; i < 4; i++) {
@@ -196,7 +199,8 @@ PARALLEL(gaussian_backward, at, float *, draws, float *, dlogits,
     float *draw = draws + at * stride, y[SIGMOIDS];
     size_t C = h->colors;
 
-    gaussian_sigmoids(y, raw, logit, h);
+    gaussian_sigmoids(y, raw, logit, h,
+                      d->opacity || d->scale || d->position);
     gaussian_colors_backward(draw, d->color ? d->color + at * C : NULL, raw,
                              logit, y, h, at % N, image_w);
     for (size_t c = 0; dlogits && c < 3 && c < C; c++)

@@ -41,7 +41,8 @@ struct gaussian_head {
 /* Numbers in a raw row: colors, opacity, scale 3, rotation 4, position. */
 size_t gaussian_head_width(const struct gaussian_head *h);
 
-/* out <- raw (B,N,width of the head), stride floats from row to row.
+/* out <- raw (B,N,width of the head), stride floats from row to row; the colours alone
+ * where out has no opacity.
  *   rgb_logit (B,N,3) is added to the RGB logits, or NULL (rgb_skip off)
  *   image_w  columns of the image the N points are, for quirk_columns */
 void gaussian_head_forward(struct gaussian_out *out, const float *raw,

@@ -20,6 +20,7 @@ struct mlp_decoder_impl {
     struct conv trunk[4], inner[ATTRIBUTE_HEADS], outer[ATTRIBUTE_HEADS];
     struct attribute_heads heads;   /* of inner and outer, where... */
     bool halves;                 /* ... it learns in bfloat16: y and grad are */
+    int wanted;                  /* the first so many heads, by the last forward */
     size_t padded;               /* width + gamma, a multiple of 16 */
     const float *features;
     float *gamma, *dgamma;       /* (B,27) */
@@ -175,7 +176,7 @@ static void mlp_decoder_gather(struct mlp_decoder *d, float *const part[4],
     struct mlp_decoder_impl *im = d->impl;
     size_t rows = d->batch * d->points, row = d->head.colors + 8, at = 0;
 
-    for (int i = 0; i < 4; i++) {
+    for (int i = 0; i < im->wanted; i++) {
         size_t n = mlp_decoder_width(d, i);
 
         parallel_each(mlp_decoder_gather_part, rows, 1, part, im, back, i, n,
@@ -191,7 +192,7 @@ static void mlp_decoder_heads(struct mlp_decoder *d)
 
     concat_forward(im->x, im->y[3], im->gamma, d->batch * d->points, d->width,
                    HARMONIC_OUT, im->padded, d->points);
-    for (int i = 0; i < ATTRIBUTE_HEADS; i++) {
+    for (int i = 0; i < im->wanted; i++) {
         conv_forward(im->h[i], im->x, &im->inner[i]);
         conv_forward(im->o[i], im->h[i], &im->outer[i]);
     }
@@ -206,7 +207,7 @@ static void mlp_decoder_heads_backward(float *dy, float *b, bool dir,
     size_t rows = d->batch * d->points;
 
     mlp_decoder_gather(d, im->o, true);       /* o[i] holds its gradient now */
-    for (int i = 0; i < ATTRIBUTE_HEADS; i++) {
+    for (int i = 0; i < im->wanted; i++) {
         conv_backward(b, im->o[i], im->o[i], im->h[i], &im->outer[i]);
         conv_backward(i ? im->dx : im->dsum, b, im->h[i], im->x,
                       &im->inner[i]);
@@ -224,6 +225,7 @@ void mlp_decoder_forward(struct gaussian_out *out, const float *features,
     struct mlp_decoder_impl *im = d->impl;
 
     im->features = features;
+    im->wanted = out->opacity ? ATTRIBUTE_HEADS : 1;
     conv_forward(im->y[0], features, &im->trunk[0]);
     for (int i = 1; i < 4; i++)
         conv_forward(im->y[i], im->y[i - 1], &im->trunk[i]);

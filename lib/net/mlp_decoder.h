@@ -33,7 +33,8 @@ int mlp_decoder_plan(struct mlp_decoder *d, size_t batch, size_t points,
 void mlp_decoder_release(struct mlp_decoder *d);
 
 /* out (B,N,...) from features (B,N,in), dir (B,3), rgb_logit (B,N,3) or NULL;
- * features must stay as they are until the backward. */
+ * features must stay as they are until the backward.  The colours alone where out has
+ * no opacity; the backward's gradients are then of colours, too. */
 void mlp_decoder_forward(struct gaussian_out *out, const float *features,
                          const float *dir, const float *rgb_logit,
                          struct mlp_decoder *d);
