@@ -7,7 +7,6 @@
 #include "lib/base/parallel.h"
 #include "lib/base/vec3.h"
 
-#define RIM 0.4f        /* standard deviation over the spacing of lips' rims */
 #define THIN 0.15f      /* skin's thickness beside its size, 4 pixels of 512 on a
                          * cheek: an outline is about 2 of them, 1 pixel and not 8,
                          * wider than the mesh.  Twice and half: 0.02 dB
@@ -19,15 +18,6 @@ static float disks_visibility(const struct dynamic_branch *b, size_t k)
 {
     return b->in[(k + 1) * b->inputs - DYNAMIC_BRANCH_EXTRA + 2] *
            (1 - b->seam[k]) * (1 - b->fold[k]);
-}
-
-/* How thick the disk of Gaussian k is beside its size: hair and the rims of lips,
- * which turn inward, are as thick as wide, other skin is thin. */
-static float disks_thickness(const struct dynamic_branch *b, size_t k)
-{
-    const float hair = b->chance[MATERIAL_HAIR * b->count + k];
-
-    return THIN + (1 - THIN) * fmaxf(hair, b->seam[k]);
 }
 
 /* quat (4): the rotation by which the third axis becomes the normal n's, which is of
@@ -49,8 +39,8 @@ PARALLEL(disks_lay_part, k, const struct dynamic_branch *, b,
          const struct source_mesh *, mesh, struct branch_set *, out)
 {
     const float w = disks_visibility(b, k);
-    const float size = BRANCH_OVERLAP + b->seam[k] * (RIM - BRANCH_OVERLAP);
-    const float wide = fminf(size * b->spacing[k], BRANCH_SCALE_MAX);
+    const float hair = b->chance[MATERIAL_HAIR * b->count + k];
+    const float wide = fminf(BRANCH_OVERLAP * b->spacing[k], BRANCH_SCALE_MAX);
     float *color = out->color + k * out->channels, *scale = out->scale + 3 * k;
 
     for (size_t c = 0; c < 3; c++)
@@ -58,7 +48,7 @@ PARALLEL(disks_lay_part, k, const struct dynamic_branch *, b,
     for (size_t c = 3; c < out->channels; c++)
         color[c] *= w;
     scale[0] = scale[1] = wide;
-    scale[2] = disks_thickness(b, k) * wide;
+    scale[2] = (THIN + (1 - THIN) * hair) * wide;
     disks_turn(out->quat + 4 * k, b->normals + 3 * k);
     out->opacity[k] = BRANCH_SOLID * (1 - mesh->weights->lining[k]);
 }

@@ -2,10 +2,9 @@
  * whichever side it is seen.  What the decoder learned to cover from the source's own
  * camera, half clear and tilted, let the back of the head through in rows once it had
  * turned away.  Skin's disks are thin, or every outline that a turn brings about would
- * be wider than the mesh by their reach; hair's are as thick as wide.  What of them
- * stands out beside the person is the photograph's matter (seen of struct branch_set),
- * but for lips that part: their rims are as small as may be, or mouths would be less
- * open than the mesh.  The decoder colours what the source shows squarely; elsewhere it
+ * be wider than the mesh by their reach, and mouths less open; hair's are as thick as
+ * wide.  What of them stands out beside the person is the photograph's matter (seen of
+ * struct branch_set).  The decoder colours what the source shows squarely; elsewhere it
  * would give every head the back of its training people, so there the prior's colours
  * stand, and features beyond the colour become 0: a refiner adds nothing. */
 #ifndef SPID_AVATAR_DISKS_H

@@ -456,7 +456,7 @@ static void gradient_follow(struct world *w, const char *const *group)
 }
 
 /* Every Gaussian of the mesh is a solid disk on it: its third axis is the normal, and
- * thin where it is skin but for lips' rims; the decoder has no say in that. */
+ * thin where it is skin; the decoder has no say in that. */
 static void gradient_disks(void)
 {
     struct world w;
@@ -477,9 +477,8 @@ static void gradient_disks(void)
         const float *quat = w.a.set.quat + 4 * k;
         const double len = hypot(hypot(n[0], n[1]), n[2]);
         const double hair = b->chance[MATERIAL_HAIR * b->count + k];
-        const double wide = fmin((0.6 - 0.2 * b->seam[k]) * b->spacing[k],
-                                 BRANCH_SCALE_MAX);
-        const double thin = 0.15 + 0.85 * fmax(hair, b->seam[k]);
+        const double wide = fmin(0.6 * b->spacing[k], BRANCH_SCALE_MAX);
+        const double thin = 0.15 + 0.85 * hair;
         double R[9], q[4], square = 0;
 
         for (size_t c = 0; c < 4; c++)
