@@ -10,7 +10,6 @@
 #include "lib/base/harmonics.h"
 #include "lib/base/vec3.h"
 
-
 /* ",#RRGGBB", or nothing: white.  Light is the square of sRGB (lib/splat/relight.h).
  * false: something else, or black. */
 static bool target_light_set_color(struct target_light *t, const char *text)
