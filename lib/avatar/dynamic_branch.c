@@ -69,8 +69,12 @@ int dynamic_branch_init(struct dynamic_branch *b, struct params *ps,
                 (b->prior ? DYNAMIC_BRANCH_EXTRA : 0);
     b->head_base = params_add(ps, "dynamic.head_base", 2, rows, PARAM_NORMAL,
                               0.1f);
-    return mlp_decoder_init(&b->decoder, ps, "dynamic.", b->inputs,
-                            c->dynamic_width, c->dynamic_hidden, points, err);
+    if (mlp_decoder_init(&b->decoder, ps, "dynamic.", b->inputs,
+                         c->dynamic_width, c->dynamic_hidden, points, err))
+        return -1;
+    if (b->prior)
+        mlp_decoder_learn_colors(&b->decoder, ps);
+    return 0;
 }
 
 /* Last layers a tenth as large; opaque, unrotated, for a spacing of

@@ -72,6 +72,17 @@ int mlp_decoder_init(struct mlp_decoder *d, struct params *ps,
     return 0;
 }
 
+void mlp_decoder_learn_colors(struct mlp_decoder *d, struct params *ps)
+{
+    for (int i = 1; i < ATTRIBUTE_HEADS; i++) {
+        const struct conv *layer[2] = { &d->impl->inner[i], &d->impl->outer[i] };
+
+        for (int k = 0; k < 2; k++)
+            ps->tensor[layer[k]->weight].frozen =
+                ps->tensor[layer[k]->bias].frozen = true;
+    }
+}
+
 /* What the backward needs besides the activations. */
 static void mlp_decoder_plan_gradients(struct mlp_decoder *d, size_t rows)
 {

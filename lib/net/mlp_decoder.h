@@ -26,6 +26,8 @@ int mlp_decoder_init(struct mlp_decoder *d, struct params *ps,
                      const char *prefix, size_t in, size_t width,
                      size_t hidden, struct gaussian_head head,
                      struct error *err);
+/* Nobody will ask for more than colours: the other heads do not learn. */
+void mlp_decoder_learn_colors(struct mlp_decoder *d, struct params *ps);
 /* For batch items of `points` rows each. */
 int mlp_decoder_plan(struct mlp_decoder *d, size_t batch, size_t points,
                      struct nn_options opt, struct error *err);

@@ -96,10 +96,11 @@ has_labels() {
     "$PYTHON" -c '
 import numpy as np
 net, cut = (np.load(f"{k}/IMAG.mask.npy") / 255 for k in ("net", "cut"))
-# the network and the outline of the head agree about who is there
-both = np.minimum(net, cut).sum() / np.maximum(net, cut).sum()
-print(both)
-assert both > 0.6
+# whom the network sees is within what the outline of the head leads to, which
+# takes the door behind these people for their hair; all of a picture is not
+within = np.minimum(net, cut).sum() / net.sum()
+print(within, net.mean((1, 2)), cut.mean((1, 2)))
+assert within > 0.85 and (net.mean((1, 2)) > 0.25).all() and cut.mean() < 0.5
 assert (net[:, 128, 128] > 0.9).all() and (cut[:, 128, 128] > 0.9).all()
 assert (net[:, :20] < 0.5).mean() > 0.9'
 }
