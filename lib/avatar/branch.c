@@ -79,30 +79,23 @@ struct gaussian_out branch_decoder_out(const struct branch_set *out,
     };
 }
 
-struct gaussian_out branch_decoder_gradient(const struct branch_set *dout,
-                                            float *dposition)
+struct gaussian_out branch_attributes(const struct branch_set *s,
+                                      float *position)
 {
     return (struct gaussian_out){
-        .color = dout->color, .opacity = dout->opacity, .scale = dout->scale,
-        .quat = dout->quat, .position = dposition
+        .color = s->color, .opacity = s->opacity, .scale = s->scale,
+        .quat = s->quat, .position = position
     };
-}
-
-/* What is added to Gaussian i's logit of opacity. */
-static float branch_opacity_shift(const struct branch_prior *p, size_t i)
-{
-    return p->opacity_shift ? p->opacity_shift[i] : 0;
 }
 
 PARALLEL(branch_prior_forward_part, i, struct branch_set *, out,
          const struct branch_prior *, p)
 {
     out->opacity[i] =
-        p->visible[i] *
-        attribute_shift(p->opacity[i], branch_opacity_shift(p, i));
+        p->visible[i] * attribute_shift(p->opacity[i], p->opacity_shift[i]);
     for (size_t c = 3 * i; c < 3 * i + 3; c++)
         out->scale[c] =
-            branch_scale_max(p, i) *
+            p->scale_max[i] *
             attribute_shift(p->scale[c] / BRANCH_SCALE_MAX, p->scale_shift[i]);
 }
 
@@ -122,16 +115,15 @@ void branch_prior_forward(struct branch_set *out, const struct branch_prior *p,
 PARALLEL(branch_prior_backward_part, i, const struct branch_prior *, p,
          float *, dvisible, struct branch_set *, dout)
 {
-    float x = p->opacity[i], shift = branch_opacity_shift(p, i);
+    float x = p->opacity[i], shift = p->opacity_shift[i];
 
     /* opacity = visible shift(x) */
-    if (dvisible)
-        dvisible[i] = dout->opacity[i] * attribute_shift(x, shift);
+    dvisible[i] = dout->opacity[i] * attribute_shift(x, shift);
     dout->opacity[i] =
         attribute_shift_backward(dout->opacity[i] * p->visible[i], x, shift);
     for (size_t c = 3 * i; c < 3 * i + 3; c++)
         dout->scale[c] = attribute_shift_backward(
-            dout->scale[c] * branch_scale_max(p, i) / BRANCH_SCALE_MAX,
+            dout->scale[c] * p->scale_max[i] / BRANCH_SCALE_MAX,
             p->scale[c] / BRANCH_SCALE_MAX, p->scale_shift[i]);
 }
 

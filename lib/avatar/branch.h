@@ -11,8 +11,11 @@
 #include "lib/nn/params.h"
 
 #define BRANCH_SCALE_MAX GAUSSIAN_SCALE_MAX
-#define BRANCH_OVERLAP 0.6f     /* standard deviation over the spacing: no holes */
-#define BRANCH_SOLID 0.97f      /* opacity where no decoder says it: no holes */
+/* Standard deviation over the spacing, and opacity where no decoder says it: no
+ * holes.  Others: tests/bench/README.md, "Skin is thin", "The constants of hidden
+ * hair". */
+#define BRANCH_OVERLAP 0.6f
+#define BRANCH_SOLID 0.97f
 
 /* The paper's ablations: what an avatar is baked without. */
 enum avatar_without {
@@ -63,9 +66,9 @@ float attribute_logit_backward(float dy, float x);
 struct branch_prior {
     float *opacity;         /* (n) as the decoder gave it */
     float *scale;           /* (n,3) as the decoder gave it */
-    float *opacity_shift;   /* (n), or NULL: 0 */
+    float *opacity_shift;   /* (n) */
     float *scale_shift;     /* (n) */
-    float *scale_max;       /* (n), or NULL: BRANCH_SCALE_MAX */
+    float *scale_max;       /* (n) */
     float *visible;         /* (n) factor of the opacity */
 };
 
@@ -74,22 +77,16 @@ struct branch_prior {
 struct gaussian_out branch_decoder_out(const struct branch_set *out,
                                        const struct branch_prior *p,
                                        float *position);
-/* The same for gradients, after branch_prior_backward. */
-struct gaussian_out branch_decoder_gradient(const struct branch_set *dout,
-                                            float *dposition);
-
-/* The largest scale of Gaussian i. */
-static inline float branch_scale_max(const struct branch_prior *p, size_t i)
-{
-    return p->scale_max ? p->scale_max[i] : BRANCH_SCALE_MAX;
-}
+/* All of a set, where no prior counts, or its gradients. */
+struct gaussian_out branch_attributes(const struct branch_set *s,
+                                      float *position);
 
 /* out's opacity and scale from the decoder's; used: the prior counts
  * (rgb_skip), otherwise they are copied. */
 void branch_prior_forward(struct branch_set *out, const struct branch_prior *p,
                           bool used);
 /* Undo it: dout's opacity and scale become gradients of the decoder's, in
- * place; dvisible (n) is written unless NULL. */
+ * place; dvisible (n) is written. */
 void branch_prior_backward(struct branch_set *dout, float *dvisible,
                            const struct branch_prior *p, bool used);
 

@@ -444,10 +444,8 @@ PARALLEL(dynamic_branch_inputs, k, struct dynamic_branch *, b)
 static struct gaussian_out dynamic_branch_decoded(const struct branch_set *s,
                                                   const struct dynamic_branch *b)
 {
-    if (b->prior)
-        return (struct gaussian_out){.color = s->color};
-    return (struct gaussian_out){.color = s->color, .opacity = s->opacity,
-                                 .scale = s->scale, .quat = s->quat};
+    return b->prior ? (struct gaussian_out){.color = s->color}
+                    : branch_attributes(s, NULL);
 }
 
 /* Rows [h_k, d_k, extras] through Phi_D; the centre is the vertex. */

@@ -99,7 +99,6 @@ int mouth_branch_plan(struct mouth_branch *b, struct nn_options opt,
 {
     size_t M = b->count;
     const struct slice slices[] = {
-        {&b->start.opacity, M, false}, {&b->start.scale, 3 * M, false},
         {&b->grid, 3 * M, false}, {&b->uv, 2 * M, false},
         {&b->place, 2 * M, false}, {&b->sampled, M * b->feature, false},
         {&b->teeth, M * sizeof *b->teeth / sizeof(float), false},
@@ -360,7 +359,7 @@ void mouth_branch_forward(struct branch_set *out, const float *features,
     mouth_branch_inputs(features, b);
     if (b->prior)
         mouth_branch_start(r, 1e-3f * mesh->head->scale, b);
-    struct gaussian_out raw = branch_decoder_out(out, &b->start, b->q);
+    struct gaussian_out raw = branch_attributes(out, b->q);
     conv_decoder_forward(&raw, b->in, mesh->normal,
                          b->prior ? b->logit : NULL, &b->decoder);
     memset(out->neck, 0, b->count * sizeof *out->neck);
@@ -369,7 +368,6 @@ void mouth_branch_forward(struct branch_set *out, const float *features,
         mouth_branch_unseen(out, b);
         return;
     }
-    branch_prior_forward(out, &b->start, false);
     memcpy(out->mean, b->q, 3 * b->count * sizeof *out->mean);
     b->clamped = mouth_branch_clamp(out->mean, b->count, b->cap);
     for (size_t i = 0; i < 3 * b->count; i++)   /* l_d - l_s comes later */
@@ -392,7 +390,7 @@ void mouth_branch_backward(float *dfeatures, struct branch_set *dout,
         memcpy(b->dq, dout->mean, 3 * b->count * sizeof *b->dq);
         mouth_branch_clamp_backward(b->dq, b->q, b->count, b->cap);
     }
-    struct gaussian_out draw = branch_decoder_gradient(dout, b->dq);
+    struct gaussian_out draw = branch_attributes(dout, b->dq);
     conv_decoder_backward(b->din, NULL, NULL, &draw, mesh->normal,
                           b->prior ? b->logit : NULL, &b->decoder);
     for (size_t k = 0; k < b->count; k++)

@@ -33,7 +33,6 @@ struct mouth_branch {
     struct head_mouth lips;             /* l_s, r_lip, d_bowl, d_lip */
     float cap;                          /* head units */
     size_t clamped;                     /* Gaussians the cap changed */
-    struct branch_prior start;          /* (K*K) what the decoder gave */
     /* Kept by the forward; with d, of the backward only: */
     float *grid;                        /* (K,K,3) g */
     float *uv;                          /* (K,K,2) */

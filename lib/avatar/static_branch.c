@@ -439,7 +439,7 @@ void static_branch_backward(float *dfeatures, struct branch_set *dout,
 
     parallel_each(static_branch_backward_part, shifted, 1, b);
     branch_prior_backward(dout, b->dvisible, &b->start, b->prior);
-    struct gaussian_out draw = branch_decoder_gradient(dout, b->dp);
+    struct gaussian_out draw = branch_attributes(dout, b->dp);
     conv_decoder_backward(b->din, NULL, b->prior ? b->dlogit : NULL, &draw,
                           mesh->normal, b->prior ? b->logit : NULL,
                           &b->decoder);

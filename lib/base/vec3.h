@@ -12,7 +12,8 @@
 #define DEGREE_F (PI_F / 180)
 
 /* Of 1: what a photograph shows darker than that is its noise, and tells nothing of
- * light.  Before logarithms it is added, or the least. */
+ * light.  Before logarithms it is added, or the least.  Half and twice: tests/bench/README.md,
+ * "The constants of hidden hair". */
 #define SRGB_DARK 0.02f
 
 /* As fmaxf and fminf, which are calls; b where a is not a number. */

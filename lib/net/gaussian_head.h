@@ -1,5 +1,5 @@
 /* From a decoder's raw numbers to the attributes of Gaussians (section 3.2):
- * colour's first three and opacity through a sigmoid, scale its largest times one,
+ * colour's first three and opacity through a sigmoid, scale GAUSSIAN_SCALE_MAX times one,
  * rotation normalised, position sigmoid (static) or an offset (mouth). */
 #ifndef SPID_NET_GAUSSIAN_HEAD_H
 #define SPID_NET_GAUSSIAN_HEAD_H
@@ -9,7 +9,7 @@
 
 #include "lib/nn/graph.h"
 
-#define GAUSSIAN_SCALE_MAX 0.05f    /* head units */
+#define GAUSSIAN_SCALE_MAX 0.05f    /* head units; the paper's, section 3.2 */
 
 /* A view of caller's memory; N Gaussians. */
 struct gaussian_out {
