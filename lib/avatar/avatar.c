@@ -64,7 +64,7 @@ void avatar_init_weights(struct avatar *a)
 {
     static_branch_init_weights(a->ps, &a->config);
     mouth_branch_init_weights(a->ps, &a->config);
-    dynamic_branch_init_weights(a->ps, &a->config);
+    dynamic_branch_init_weights(a->ps);
 }
 
 /* The arrays of the whole set, for the most Gaussians there can be. */

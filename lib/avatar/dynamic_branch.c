@@ -53,6 +53,7 @@ int dynamic_branch_init(struct dynamic_branch *b, struct params *ps,
                         const struct densify *d, struct error *err)
 {
     struct gaussian_head points = {.colors = c->channels,
+                                   .colors_only = c->rgb_skip,
                                    .position = GAUSSIAN_POSITION_NONE,
                                    .quirk_rotation = c->public_quirks};
     size_t rows[2] = {h->V, c->vertex_width};
@@ -69,18 +70,13 @@ int dynamic_branch_init(struct dynamic_branch *b, struct params *ps,
                 (b->prior ? DYNAMIC_BRANCH_EXTRA : 0);
     b->head_base = params_add(ps, "dynamic.head_base", 2, rows, PARAM_NORMAL,
                               0.1f);
-    if (mlp_decoder_init(&b->decoder, ps, "dynamic.", b->inputs,
-                         c->dynamic_width, c->dynamic_hidden, points, err))
-        return -1;
-    if (b->prior)
-        mlp_decoder_learn_colors(&b->decoder, ps);
-    return 0;
+    return mlp_decoder_init(&b->decoder, ps, "dynamic.", b->inputs,
+                            c->dynamic_width, c->dynamic_hidden, points, err);
 }
 
-/* Last layers a tenth as large; opaque, unrotated, for a spacing of
- * 4 mm. */
-void dynamic_branch_init_weights(struct params *ps,
-                                 const struct avatar_config *c)
+/* Last layers a tenth as large; opaque, unrotated, for a spacing of 4 mm, where
+ * the decoder has a say in these. */
+void dynamic_branch_init_weights(struct params *ps)
 {
     branch_scale_tensor(ps, "dynamic.color_layers.2.weight", 0.1f);
     branch_scale_tensor(ps, "dynamic.opacity_layers.2.weight", 0.1f);
@@ -88,7 +84,7 @@ void dynamic_branch_init_weights(struct params *ps,
     branch_scale_tensor(ps, "dynamic.rotation_layers.2.weight", 0.1f);
     branch_set_bias(ps, "dynamic.opacity_layers.2.bias", 0, 1, 2.5f);
     branch_set_bias(ps, "dynamic.scale_layers.2.bias", 0, 3,
-                    branch_scale_bias(0.02f, c->rgb_skip));
+                    branch_scale_bias(0.02f, false));
     branch_set_bias(ps, "dynamic.rotation_layers.2.bias", 0, 1, 1);
 }
 
@@ -440,14 +436,6 @@ PARALLEL(dynamic_branch_inputs, k, struct dynamic_branch *, b)
            b->feature * sizeof *row);
 }
 
-/* Where Phi_D writes, or its gradients are: with the prior it says colours alone. */
-static struct gaussian_out dynamic_branch_decoded(const struct branch_set *s,
-                                                  const struct dynamic_branch *b)
-{
-    return b->prior ? (struct gaussian_out){.color = s->color}
-                    : branch_attributes(s, NULL);
-}
-
 /* Rows [h_k, d_k, extras] through Phi_D; the centre is the vertex. */
 void dynamic_branch_forward(struct branch_set *out, const float *features,
                             const struct source_picture *picture,
@@ -466,7 +454,7 @@ void dynamic_branch_forward(struct branch_set *out, const float *features,
     parallel_each(dynamic_branch_inputs, b->count, 1, b);
     if (b->prior)
         dynamic_branch_start(picture, mesh, b);
-    struct gaussian_out attributes = dynamic_branch_decoded(out, b);
+    struct gaussian_out attributes = branch_attributes(out, NULL);
     mlp_decoder_forward(&attributes, b->in, mesh->normal,
                         b->prior ? b->logit : NULL, &b->decoder);
     if (b->prior)
@@ -504,7 +492,7 @@ void dynamic_branch_backward(float *dfeatures, struct branch_set *dout,
         lip_lining_shade_backward(dout, mesh);
         disks_lay_backward(dout, b);
     }
-    struct gaussian_out attributes = dynamic_branch_decoded(dout, b);
+    struct gaussian_out attributes = branch_attributes(dout, NULL);
     mlp_decoder_backward(b->din, NULL, &attributes, mesh->normal,
                          b->prior ? b->logit : NULL, &b->decoder);
     memset(b->dh, 0, b->count * width * sizeof *b->dh);

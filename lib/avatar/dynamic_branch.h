@@ -79,8 +79,7 @@ int dynamic_branch_init(struct dynamic_branch *b, struct params *ps,
                         const struct avatar_config *c, const struct head *h,
                         const struct densify *d, struct error *err);
 /* After params_randomise: see avatar_init_weights. */
-void dynamic_branch_init_weights(struct params *ps,
-                                 const struct avatar_config *c);
+void dynamic_branch_init_weights(struct params *ps);
 /* points: how many the decoder computes, V + E or V. */
 int dynamic_branch_plan(struct dynamic_branch *b, size_t points,
                         struct nn_options opt, struct error *err);

@@ -15,7 +15,7 @@ size_t gaussian_head_width(const struct gaussian_head *h)
 {
     static const size_t extra[] = { 0, 1, 3 };
 
-    return h->colors + 8 + extra[h->position];
+    return h->colors + (h->colors_only ? 0 : 8 + extra[h->position]);
 }
 
 /* Whether colour channel c of point n goes through the sigmoid. */
@@ -42,8 +42,9 @@ enum { COLOR, OPACITY = COLOR + 3, SCALE, DEPTH = SCALE + 3, SIGMOIDS };
  * where only colours are wanted. */
 static void gaussian_sigmoids(float y[SIGMOIDS], const float *raw,
                               const float *logit,
-                              const struct gaussian_head *h, bool all)
+                              const struct gaussian_head *h)
 {
+    const bool all = !h->colors_only;
     const size_t C = h->colors;
 
     for (size_t c = 0; c < 3; c++) {
@@ -90,9 +91,9 @@ PARALLEL(gaussian_forward, at, struct gaussian_out *, o, const float *, raws,
     const size_t C = h->colors, kept = h->kept ? h->kept : C;
     float y[SIGMOIDS];
 
-    gaussian_sigmoids(y, raw, logit, h, o->opacity != NULL);
+    gaussian_sigmoids(y, raw, logit, h);
     gaussian_colors(o->color + at * kept, raw, logit, y, h, at % N, image_w);
-    if (!o->opacity)
+    if (h->colors_only)
         return;
     o->opacity[at] = y[OPACITY];
     for (size_t i = 0; i < 3; i++)
@@ -126,7 +127,7 @@ void gaussian_head_forward(struct gaussian_out *out, const float *raw,
 {
     parallel_each(gaussian_forward, B * N, 1, out, raw, rgb_logit, h, stride, N,
                   image_w);
-    if (!h->quirk_rotation || !out->quat)
+    if (!h->quirk_rotation || h->colors_only)
         return;
     for (size_t b = 0; b < B; b++)
         for (size_t i = 0; i < 4; i++) {
@@ -199,12 +200,13 @@ PARALLEL(gaussian_backward, at, float *, draws, float *, dlogits,
     float *draw = draws + at * stride, y[SIGMOIDS];
     size_t C = h->colors;
 
-    gaussian_sigmoids(y, raw, logit, h,
-                      d->opacity || d->scale || d->position);
+    gaussian_sigmoids(y, raw, logit, h);
     gaussian_colors_backward(draw, d->color ? d->color + at * C : NULL, raw,
                              logit, y, h, at % N, image_w);
     for (size_t c = 0; dlogits && c < 3 && c < C; c++)
         dlogits[3 * at + c] = draw[c];
+    if (h->colors_only)
+        return;
     draw[C] = d->opacity ? d->opacity[at] * gaussian_sigmoid_slope(y[OPACITY])
                          : 0;
     for (size_t i = 0; i < 3; i++)
@@ -252,7 +254,7 @@ void gaussian_head_backward(float *draw, float *drgb_logit,
 {
     parallel_each(gaussian_backward, B * N, 1, draw, drgb_logit, dout, raw,
                   rgb_logit, h, stride, N, image_w);
-    if (h->quirk_rotation && dout->quat)
+    if (h->quirk_rotation && !h->colors_only && dout->quat)
         for (size_t b = 0; b < B; b++)
             gaussian_points_backward(draw + b * N * stride,
                                      dout->quat + 4 * b * N,
@@ -267,10 +269,6 @@ void gaussian_head_graph(struct graph *g, int raw, int rgb_logit, size_t N,
 {
     const size_t C = h->colors, all = gaussian_head_width(h);
     int rgb = GRAPH_NODE(g, "Add", graph_slice(g, raw, 0, 3), rgb_logit);
-    int scale = graph_act(g, graph_slice(g, raw, C + 1, C + 4),
-                          ACT_SIGMOID);
-    int quat = graph_slice(g, raw, C + 4, C + 8);
-    int last = graph_slice(g, raw, C + 8, all);
 
     if (h->quirk_columns || h->quirk_rotation || C < 4)
         graph_fail(g, EX_CONFIG, "a decoder with the public code's slips has "
@@ -278,6 +276,13 @@ void gaussian_head_graph(struct graph *g, int raw, int rgb_logit, size_t N,
     GRAPH_OUTPUT(g, graph_concat(g, graph_act(g, rgb, ACT_SIGMOID),
                                  graph_slice(g, raw, 3, C)),
                  "color", N, C);
+    if (h->colors_only)
+        return;
+    int scale = graph_act(g, graph_slice(g, raw, C + 1, C + 4),
+                          ACT_SIGMOID);
+    int quat = graph_slice(g, raw, C + 4, C + 8);
+    int last = graph_slice(g, raw, C + 8, all);
+
     GRAPH_OUTPUT(g, graph_act(g, graph_slice(g, raw, C, C + 1),
                               ACT_SIGMOID), "opacity", N, 1);
     GRAPH_OUTPUT(g, GRAPH_NODE(g, "Mul", scale,

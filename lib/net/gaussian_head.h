@@ -31,6 +31,8 @@ struct gaussian_head {
     size_t colors;                   /* 32; the first three are RGB */
     size_t kept;                     /* of them, the first so many are written,
                                       * by the forward alone; 0: all */
+    bool colors_only;                /* a row is its colours; the rest is the
+                                      * caller's to say */
     enum gaussian_position position;
     /* The public base code's slips (golden README, 5.2 and 5.3): the first
      * three image columns' sigmoid (width > 0 is the image's), or rotation
@@ -38,11 +40,11 @@ struct gaussian_head {
     bool quirk_columns, quirk_rotation;
 };
 
-/* Numbers in a raw row: colors, opacity, scale 3, rotation 4, position. */
+/* Numbers in a raw row: colors, opacity, scale 3, rotation 4, position; or
+ * colors. */
 size_t gaussian_head_width(const struct gaussian_head *h);
 
-/* out <- raw (B,N,width of the head), stride floats from row to row; the colours alone
- * where out has no opacity.
+/* out <- raw (B,N,width of the head), stride floats from row to row.
  *   rgb_logit (B,N,3) is added to the RGB logits, or NULL (rgb_skip off)
  *   image_w  columns of the image the N points are, for quirk_columns */
 void gaussian_head_forward(struct gaussian_out *out, const float *raw,
@@ -59,7 +61,7 @@ void gaussian_head_backward(float *draw, float *drgb_logit,
 
 /* The same as a graph: outputs "color" (N,colors), "opacity" (N,1), "scale"
  * (N,3), "quat" (N,4) and, where there are positions, "position" (N,1 or 3)
- * from raw (N,width of the head) and rgb_logit (N,3). */
+ * from raw (N,width of the head) and rgb_logit (N,3); or the first of them. */
 void gaussian_head_graph(struct graph *g, int raw, int rgb_logit, size_t N,
                          const struct gaussian_head *h);
 

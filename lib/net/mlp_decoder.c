@@ -7,28 +7,28 @@
 #include <sysexits.h>
 
 #include "lib/base/parallel.h"
-#include "lib/net/attribute_heads.h"
 #include "lib/net/harmonic.h"
 #include "lib/nn/conv.h"
 #include "lib/nn/image.h"
 
-static const char *const attribute[4] = { "color", "opacity", "scale",
-                                          "rotation" };
+#define ATTRIBUTES 4
+
+static const char *const attribute[ATTRIBUTES] = { "color", "opacity", "scale",
+                                                   "rotation" };
 
 struct mlp_decoder_impl {
     struct nn_plan plan;
-    struct conv trunk[4], inner[ATTRIBUTE_HEADS], outer[ATTRIBUTE_HEADS];
-    struct attribute_heads heads;   /* of inner and outer, where... */
-    bool halves;                 /* ... it learns in bfloat16: y and grad are */
-    int wanted;                  /* the first so many heads, by the last forward */
+    struct conv trunk[4], inner[ATTRIBUTES], outer[ATTRIBUTES];
+    int heads;                   /* of inner and outer: 4, or colours' alone */
     size_t padded;               /* width + gamma, a multiple of 16 */
     const float *features;
     float *gamma, *dgamma;       /* (B,27) */
-    void *y[4];                  /* (B,N,width) */
+    float *y[4];                 /* (B,N,width) */
     float *x;                    /* (B,N,padded) */
-    float *h[4], *o[4];          /* (B,N,hidden), (B,N,attribute) */
-    float *raw, *draw;           /* (B,N,colors + 8) */
-    void *grad[2];
+    float *h[ATTRIBUTES];        /* (B,N,hidden) */
+    float *o[ATTRIBUTES];        /* (B,N,attribute) */
+    float *raw, *draw;           /* (B,N,width of the head) */
+    float *grad[2];
     float *dx, *dsum;
 };
 
@@ -54,13 +54,14 @@ int mlp_decoder_init(struct mlp_decoder *d, struct params *ps,
     d->in = in;
     d->width = width;
     d->hidden = hidden;
+    im->heads = head.colors_only ? 1 : ATTRIBUTES;
     for (int i = 0; i < 4; i++) {
         nn_name(name, "%sfeature_layers.%d", prefix, 2 * i);
         linear_init(&im->trunk[i], ps, name, i ? width : in, width);
         im->trunk[i].act = i < 3 ? ACT_RELU : ACT_NONE;
         ps->tensor[im->trunk[i].weight].gain = i < 3 ? 1.4142135f : 1;
     }
-    for (int i = 0; i < 4; i++) {
+    for (int i = 0; i < im->heads; i++) {
         nn_name(name, "%s%s_layers.0", prefix, attribute[i]);
         linear_init(&im->inner[i], ps, name, width + HARMONIC_OUT, hidden);
         im->inner[i].act = ACT_RELU;
@@ -70,17 +71,6 @@ int mlp_decoder_init(struct mlp_decoder *d, struct params *ps,
         ps->tensor[im->outer[i].weight].gain = 0.3f;
     }
     return 0;
-}
-
-void mlp_decoder_learn_colors(struct mlp_decoder *d, struct params *ps)
-{
-    for (int i = 1; i < ATTRIBUTE_HEADS; i++) {
-        const struct conv *layer[2] = { &d->impl->inner[i], &d->impl->outer[i] };
-
-        for (int k = 0; k < 2; k++)
-            ps->tensor[layer[k]->weight].frozen =
-                ps->tensor[layer[k]->bias].frozen = true;
-    }
 }
 
 /* What the backward needs besides the activations. */
@@ -93,9 +83,9 @@ static void mlp_decoder_plan_gradients(struct mlp_decoder *d, size_t rows)
     max = max > d->head.colors ? max : d->head.colors;
     im->grad[0] = nn_plan_floats(p, rows * max);
     im->grad[1] = nn_plan_floats(p, rows * max);
-    im->dx = im->halves ? NULL : nn_plan_floats(p, rows * im->padded);
-    im->dsum = im->halves ? NULL : nn_plan_floats(p, rows * im->padded);
-    im->draw = nn_plan_floats(p, rows * (d->head.colors + 8));
+    im->dx = nn_plan_floats(p, rows * im->padded);
+    im->dsum = nn_plan_floats(p, rows * im->padded);
+    im->draw = nn_plan_floats(p, rows * gaussian_head_width(&d->head));
     im->dgamma = nn_plan_floats(p, d->batch * HARMONIC_OUT);
 }
 
@@ -106,7 +96,7 @@ static void mlp_decoder_plan_heads(struct mlp_decoder *d, size_t rows)
     struct nn_plan *p = &im->plan;
 
     im->x = nn_plan_map(p, rows * im->padded);
-    for (int i = 0; i < ATTRIBUTE_HEADS; i++) {
+    for (int i = 0; i < im->heads; i++) {
         im->inner[i].in_data = im->padded;
         im->h[i] = nn_plan_map(p, rows * d->hidden);
         linear_plan(&im->inner[i], p, rows);
@@ -114,17 +104,6 @@ static void mlp_decoder_plan_heads(struct mlp_decoder *d, size_t rows)
         linear_plan(&im->outer[i], p, rows);
         nn_plan_recycle(p, im->h[i]);
     }
-}
-
-/* Whether maps are halves: of one picture, and where every layer fills whole
- * vectors (the gradients of others' inputs are computed in float). */
-static bool mlp_decoder_halves(const struct mlp_decoder *d)
-{
-    const struct mlp_decoder_impl *im = d->impl;
-
-    return d->batch == 1 && d->width % 16 == 0 &&
-           ATTRIBUTE_HEADS * d->hidden % 16 == 0 &&
-           attribute_heads_wanted(im->inner, im->outer, &im->plan);
 }
 
 int mlp_decoder_plan(struct mlp_decoder *d, size_t batch, size_t points,
@@ -140,21 +119,14 @@ int mlp_decoder_plan(struct mlp_decoder *d, size_t batch, size_t points,
     d->points = points;
     im->padded = (d->width + HARMONIC_OUT + 15) / 16 * 16;
     im->gamma = nn_plan_floats(p, batch * HARMONIC_OUT);
-    im->raw = nn_plan_map(p, rows * (d->head.colors + 8));
-    im->halves = mlp_decoder_halves(d);
+    im->raw = nn_plan_map(p, rows * gaussian_head_width(&d->head));
     for (int i = 0; i < 4; i++) {
         im->y[i] = nn_plan_map(p, rows * d->width);
-        im->trunk[i].half_in = im->halves && i > 0;
-        im->trunk[i].half_out = im->halves;
         linear_plan(&im->trunk[i], p, rows);
         if (i)
             nn_plan_recycle(p, im->y[i - 1]);
     }
-    if (im->halves)
-        attribute_heads_plan(&im->heads, im->inner, im->outer, p, rows,
-                             d->width);
-    else
-        mlp_decoder_plan_heads(d, rows);
+    mlp_decoder_plan_heads(d, rows);
     if (nn_plan_backward(p))
         mlp_decoder_plan_gradients(d, rows);
     return nn_plan_finish(p, err);
@@ -170,28 +142,26 @@ void mlp_decoder_release(struct mlp_decoder *d)
 }
 
 /* One row. */
-PARALLEL(mlp_decoder_gather_part, r, float *const *, part,
-         struct mlp_decoder_impl *, im, _Bool, back, int, i, size_t, n,
-         size_t, row, size_t, at)
+PARALLEL(mlp_decoder_gather_part, r, struct mlp_decoder_impl *, im,
+         _Bool, back, int, i, size_t, n, size_t, row, size_t, at)
 {
     if (back)
-        memcpy(part[i] + r * n, im->draw + r * row + at, n * sizeof(float));
+        memcpy(im->o[i] + r * n, im->draw + r * row + at, n * sizeof(float));
     else
-        memcpy(im->raw + r * row + at, part[i] + r * n, n * sizeof(float));
+        memcpy(im->raw + r * row + at, im->o[i] + r * n, n * sizeof(float));
 }
 
-/* raw (rows,colors+8) <-> the four attributes' own arrays. */
-static void mlp_decoder_gather(struct mlp_decoder *d, float *const part[4],
-                               bool back)
+/* raw (rows,width of the head) <-> the attributes' own arrays. */
+static void mlp_decoder_gather(struct mlp_decoder *d, bool back)
 {
     struct mlp_decoder_impl *im = d->impl;
-    size_t rows = d->batch * d->points, row = d->head.colors + 8, at = 0;
+    size_t rows = d->batch * d->points, at = 0;
+    const size_t row = gaussian_head_width(&d->head);
 
-    for (int i = 0; i < im->wanted; i++) {
+    for (int i = 0; i < im->heads; i++) {
         size_t n = mlp_decoder_width(d, i);
 
-        parallel_each(mlp_decoder_gather_part, rows, 1, part, im, back, i, n,
-                      row, at);
+        parallel_each(mlp_decoder_gather_part, rows, 1, im, back, i, n, row, at);
         at += n;
     }
 }
@@ -203,11 +173,11 @@ static void mlp_decoder_heads(struct mlp_decoder *d)
 
     concat_forward(im->x, im->y[3], im->gamma, d->batch * d->points, d->width,
                    HARMONIC_OUT, im->padded, d->points);
-    for (int i = 0; i < im->wanted; i++) {
+    for (int i = 0; i < im->heads; i++) {
         conv_forward(im->h[i], im->x, &im->inner[i]);
         conv_forward(im->o[i], im->h[i], &im->outer[i]);
     }
-    mlp_decoder_gather(d, im->o, false);
+    mlp_decoder_gather(d, false);
 }
 
 /* Reverse of mlp_decoder_heads: dy (B,N,width) from draw; b is scratch. */
@@ -217,8 +187,8 @@ static void mlp_decoder_heads_backward(float *dy, float *b, bool dir,
     struct mlp_decoder_impl *im = d->impl;
     size_t rows = d->batch * d->points;
 
-    mlp_decoder_gather(d, im->o, true);       /* o[i] holds its gradient now */
-    for (int i = 0; i < im->wanted; i++) {
+    mlp_decoder_gather(d, true);              /* o[i] holds its gradient now */
+    for (int i = 0; i < im->heads; i++) {
         conv_backward(b, im->o[i], im->o[i], im->h[i], &im->outer[i]);
         conv_backward(i ? im->dx : im->dsum, b, im->h[i], im->x,
                       &im->inner[i]);
@@ -236,17 +206,13 @@ void mlp_decoder_forward(struct gaussian_out *out, const float *features,
     struct mlp_decoder_impl *im = d->impl;
 
     im->features = features;
-    im->wanted = out->opacity ? ATTRIBUTE_HEADS : 1;
     conv_forward(im->y[0], features, &im->trunk[0]);
     for (int i = 1; i < 4; i++)
         conv_forward(im->y[i], im->y[i - 1], &im->trunk[i]);
     harmonic_forward(im->gamma, dir, d->batch);
-    if (im->halves)
-        attribute_heads_forward(im->raw, im->y[3], im->gamma, &im->heads);
-    else
-        mlp_decoder_heads(d);
+    mlp_decoder_heads(d);
     gaussian_head_forward(out, im->raw, rgb_logit, &d->head, d->batch,
-                          d->points, d->head.colors + 8, d->points);
+                          d->points, gaussian_head_width(&d->head), d->points);
 }
 
 void mlp_decoder_backward(float *dfeatures, float *ddir,
@@ -254,24 +220,20 @@ void mlp_decoder_backward(float *dfeatures, float *ddir,
                           const float *rgb_logit, struct mlp_decoder *d)
 {
     struct mlp_decoder_impl *im = d->impl;
-    void *a = im->grad[0], *b = im->grad[1];
+    float *a = im->grad[0], *b = im->grad[1];
 
     gaussian_head_backward(im->draw, NULL, dout, im->raw, rgb_logit,
-                           &d->head, d->batch, d->points, d->head.colors + 8,
-                           d->points);
+                           &d->head, d->batch, d->points,
+                           gaussian_head_width(&d->head), d->points);
     memset(im->dgamma, 0, d->batch * HARMONIC_OUT * sizeof *im->dgamma);
-    if (im->halves)
-        attribute_heads_backward(a, im->dgamma, im->draw, im->raw, im->y[3],
-                                 &im->heads);
-    else
-        mlp_decoder_heads_backward(a, b, ddir != NULL, d);
+    mlp_decoder_heads_backward(a, b, ddir != NULL, d);
     if (ddir) {
         memset(ddir, 0, 3 * d->batch * sizeof *ddir);
         harmonic_backward(ddir, im->dgamma, dir, d->batch);
     }
     for (int i = 3; i > 0; i--) {
         conv_backward(b, a, im->y[i], im->y[i - 1], &im->trunk[i]);
-        void *swap = a;
+        float *swap = a;
         a = b;
         b = swap;
     }
@@ -284,7 +246,7 @@ void mlp_decoder_graph(struct graph *g, size_t N,
                        const struct mlp_decoder *d)
 {
     const struct mlp_decoder_impl *im = d->impl;
-    int x = GRAPH_INPUT(g, "features", N, d->in), part[4];
+    int x = GRAPH_INPUT(g, "features", N, d->in), part[ATTRIBUTES];
     int gamma = harmonic_graph(g, GRAPH_INPUT(g, "direction", 1, 3));
     int logit = GRAPH_INPUT(g, "rgb_logit", N, 3);
 
@@ -293,10 +255,10 @@ void mlp_decoder_graph(struct graph *g, size_t N,
     gamma = GRAPH_NODE(g, "Expand", gamma,
                        GRAPH_INTS(g, (int64_t)N, HARMONIC_OUT));
     x = graph_concat(g, x, gamma);
-    for (int i = 0; i < 4; i++)
+    for (int i = 0; i < im->heads; i++)
         part[i] = graph_linear(g, graph_linear(g, x, &im->inner[i]),
                                &im->outer[i]);
-    int raw = graph_node(g, "Concat", part, 4);
+    int raw = graph_node(g, "Concat", part, (size_t)im->heads);
     graph_set_int(g, "axis", 1);
     gaussian_head_graph(g, raw, logit, N, &d->head);
 }

@@ -1,6 +1,6 @@
 /* Phi_D: the dynamic branch's decoder.  Four linear layers (ReLU between),
  * gamma(n) appended, then for colour, opacity, scale and rotation a hidden
- * layer of its own.  Tensors "<prefix>feature_layers.{0,2,4,6}.*",
+ * layer of its own, or for colour alone.  Tensors "<prefix>feature_layers.{0,2,4,6}.*",
  * "<prefix>{color,opacity,scale,rotation}_layers.{0,2}.*". */
 #ifndef SPID_NET_MLP_DECODER_H
 #define SPID_NET_MLP_DECODER_H
@@ -26,8 +26,6 @@ int mlp_decoder_init(struct mlp_decoder *d, struct params *ps,
                      const char *prefix, size_t in, size_t width,
                      size_t hidden, struct gaussian_head head,
                      struct error *err);
-/* Nobody will ask for more than colours: the other heads do not learn. */
-void mlp_decoder_learn_colors(struct mlp_decoder *d, struct params *ps);
 /* For batch items of `points` rows each. */
 int mlp_decoder_plan(struct mlp_decoder *d, size_t batch, size_t points,
                      struct nn_options opt, struct error *err);
@@ -35,8 +33,7 @@ int mlp_decoder_plan(struct mlp_decoder *d, size_t batch, size_t points,
 void mlp_decoder_release(struct mlp_decoder *d);
 
 /* out (B,N,...) from features (B,N,in), dir (B,3), rgb_logit (B,N,3) or NULL;
- * features must stay as they are until the backward.  The colours alone where out has
- * no opacity; the backward's gradients are then of colours, too. */
+ * features must stay as they are until the backward. */
 void mlp_decoder_forward(struct gaussian_out *out, const float *features,
                          const float *dir, const float *rgb_logit,
                          struct mlp_decoder *d);

@@ -372,8 +372,7 @@ static const float *conv_staged_weights(struct conv *c)
     const struct batch_norm *bn = c->norm;
     struct conv_impl *im = c->impl;
     const float *w = c->from ? c->from : param_w(c->ps, c->weight);
-    const float *b = c->from_bias ? c->from_bias
-                   : c->bias == NN_NONE ? NULL : param_w(c->ps, c->bias);
+    const float *b = c->bias == NN_NONE ? NULL : param_w(c->ps, c->bias);
     size_t taps = c->kernel * c->kernel;
 
     for (size_t o = 0; o < c->out; o++)
@@ -468,8 +467,7 @@ void conv_backward(void *din, void *dout, const void *out, const void *in,
                    struct conv *c)
 {
     bool learns = c->bias != NN_NONE && !c->ps->tensor[c->bias].frozen;
-    float *db = c->from_bias_g ? c->from_bias_g
-              : learns ? param_g(c->ps, c->bias) : NULL;
+    float *db = learns ? param_g(c->ps, c->bias) : NULL;
     float *each = c->impl->sums + NN_SUMS * c->out;
 
     if (c->shuffle && learns) {

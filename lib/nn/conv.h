@@ -35,9 +35,8 @@ struct conv {
     const float *from;            /* weights in place of the tensor's, for
                                    * conv_update (conditional_conv.h), or
                                    * NULL */
-    const float *from_bias;       /* a bias in place of the tensor's; or NULL */
-    float *from_g, *from_bias_g;  /* where their gradients are added then, in
-                                   * place of the tensors'; or NULL */
+    float *from_g;                /* where their gradients are added then, in
+                                   * place of the tensor's; or NULL */
     size_t shuffle;               /* factor of a transposed convolution, or 0:
                                    * `out` then counts its pixels too */
     size_t in_data;               /* channels in memory if more than `in`

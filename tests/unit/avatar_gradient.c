@@ -464,10 +464,6 @@ static void gradient_disks(void)
 
     printf("-- disks\n");
     gradient_make(&w, true, 0);
-    float *bias = param_w(&w.ps,
-                          params_find(&w.ps, "dynamic.scale_layers.2.bias"));
-    for (size_t i = 0; i < 3; i++)
-        bias[i] = -3;
     memset(w.ps.g, 0, w.ps.total * sizeof *w.ps.g);
     gradient_loss(&w);
 

@@ -176,12 +176,15 @@ struct attributes {
 static void attributes_init(struct attributes *a, size_t n,
                             const struct gaussian_head *h)
 {
-    *a = (struct attributes){.n = n, .colors = h->colors,
-                             .positions = gaussian_head_width(h) -
-                                          h->colors - 8};
-    float *at = calloc(n * (a->colors + 8 + a->positions), sizeof *at);
+    const size_t width = gaussian_head_width(h);
+    float *at = calloc(n * width, sizeof *at);
+
     REQUIRE(at, "out of memory");
+    *a = (struct attributes){.n = n, .colors = h->colors};
     a->out.color = at;
+    if (h->colors_only)
+        return;
+    a->positions = width - h->colors - 8;
     a->out.opacity = at + n * a->colors;
     a->out.scale = a->out.opacity + n;
     a->out.quat = a->out.scale + 3 * n;
@@ -191,9 +194,11 @@ static void attributes_init(struct attributes *a, size_t n,
 static void attributes_save(struct attributes *a, const char *net)
 {
     save(net, "color", a->out.color, a->n * a->colors);
-    save(net, "opacity", a->out.opacity, a->n);
-    save(net, "scale", a->out.scale, 3 * a->n);
-    save(net, "quat", a->out.quat, 4 * a->n);
+    if (a->out.opacity) {
+        save(net, "opacity", a->out.opacity, a->n);
+        save(net, "scale", a->out.scale, 3 * a->n);
+        save(net, "quat", a->out.quat, 4 * a->n);
+    }
     if (a->positions)
         save(net, "position", a->out.position, a->n * a->positions);
     free(a->out.color);

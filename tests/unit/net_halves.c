@@ -13,7 +13,6 @@
 #include "lib/base/random.h"
 #include "lib/net/backbone.h"
 #include "lib/net/conv_decoder.h"
-#include "lib/net/mlp_decoder.h"
 #include "lib/net/plane_init.h"
 #include "tests/check.h"
 
@@ -24,9 +23,9 @@
 #define WIDTH 32
 #define INPUTS 38
 
-enum network { PLANE, POINTS, INIT, BACKBONE, NETWORKS };
+enum network { PLANE, INIT, BACKBONE, NETWORKS };
 static const char *const network_name[NETWORKS] = {
-    "conv_decoder", "mlp_decoder", "plane_init", "backbone"};
+    "conv_decoder", "plane_init", "backbone"};
 
 /* What a network gives of fixed noise. */
 struct halves_result {
@@ -48,12 +47,11 @@ static void halves_noise(float *x, size_t n, const char *what)
 }
 
 /* The attributes of all Gaussians, one after another in memory. */
-static struct gaussian_out halves_views(float *at, bool depth)
+static struct gaussian_out halves_views(float *at)
 {
     return (struct gaussian_out){
         at, at + COLORS * PIXELS, at + (COLORS + 1) * PIXELS,
-        at + (COLORS + 4) * PIXELS,
-        depth ? at + (COLORS + 8) * PIXELS : NULL};
+        at + (COLORS + 4) * PIXELS, at + (COLORS + 8) * PIXELS};
 }
 
 /* Tensors that start as zeros would hide what lies before them. */
@@ -77,11 +75,11 @@ static void halves_plane(struct halves_result *r, struct nn_options opt,
                                  .position = GAUSSIAN_POSITION_DEPTH};
     struct conv_decoder d;
     struct error err = {0};
-    struct gaussian_out out = halves_views(r->out, true);
+    struct gaussian_out out = halves_views(r->out);
     static float copy[PIXELS * RAW];
 
     memcpy(copy, dout, sizeof copy);
-    struct gaussian_out back = halves_views(copy, true);
+    struct gaussian_out back = halves_views(copy);
     r->outs = PIXELS * RAW;
     r->ins = PIXELS * INPUTS;
     if (conv_decoder_init(&d, &r->ps, "", INPUTS, WIDTH, head, &err))
@@ -92,30 +90,6 @@ static void halves_plane(struct halves_result *r, struct nn_options opt,
     conv_decoder_forward(&out, in, dir, NULL, &d);
     conv_decoder_backward(r->din, r->ddir, NULL, &back, dir, NULL, &d);
     conv_decoder_release(&d);
-}
-
-static void halves_points(struct halves_result *r, struct nn_options opt,
-                          const float *in, const float *dout)
-{
-    struct gaussian_head head = {.colors = COLORS,
-                                 .position = GAUSSIAN_POSITION_NONE};
-    struct mlp_decoder d;
-    struct error err = {0};
-    struct gaussian_out out = halves_views(r->out, false);
-    static float copy[PIXELS * RAW];
-
-    memcpy(copy, dout, sizeof copy);
-    struct gaussian_out back = halves_views(copy, false);
-    r->outs = PIXELS * (RAW - 1);
-    r->ins = PIXELS * INPUTS;
-    if (mlp_decoder_init(&d, &r->ps, "", INPUTS, 2 * WIDTH, WIDTH, head, &err))
-        exit(1);
-    halves_weights(&r->ps);
-    if (mlp_decoder_plan(&d, 1, PIXELS, opt, &err))
-        exit(1);
-    mlp_decoder_forward(&out, in, dir, NULL, &d);
-    mlp_decoder_backward(r->din, r->ddir, &back, dir, NULL, &d);
-    mlp_decoder_release(&d);
 }
 
 static void halves_init(struct halves_result *r, struct nn_options opt,
@@ -203,7 +177,7 @@ static void halves_compare(enum network k, const struct halves_result *half,
     CHECK(out <= 0.01, "%s: output differs by %.3g", network_name[k], out);
     if (full->ins)
         max = halves_check(k, "the input", half->din, full->din, full->ins);
-    if (k == PLANE || k == POINTS)
+    if (k == PLANE)
         halves_check(k, "the direction", half->ddir, full->ddir, 3);
     for (size_t t = 0; t < ps->count; t++)
         max = fmax(max, halves_check(k, ps->tensor[t].name,
@@ -218,7 +192,7 @@ int main(void)
     static void (*const run[NETWORKS])(
         struct halves_result *, struct nn_options, const float *,
         const float *) = {
-        halves_plane, halves_points, halves_init, halves_backbone};
+        halves_plane, halves_init, halves_backbone};
     static const enum nn_type type[2] = {NN_BF16, NN_F32};
     static float in[PIXELS * INPUTS], dout[PIXELS * INPUTS];
     static struct halves_result r[2];
