@@ -2,12 +2,14 @@
  * refine, and pictures are written by ticket, in order. */
 #include "lib/animate/animate.h"
 
+#include <sched.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 
 #include "lib/base/cpu.h"
 #include "lib/base/parallel.h"
+#include "lib/base/processors.h"
 
 /* ---- workers ----------------------------------------------------------- */
 
@@ -108,40 +110,75 @@ static void animate_fail(struct animate *a, const struct error *err)
     pthread_mutex_unlock(&a->out);
 }
 
-/* Wait until one more may work; false when a frame failed. */
-static bool animate_begin(struct animate *a)
+/* The worker is one of those that work, on a processor of its own if there are
+ * enough.  a->out is held. */
+static void animate_work(struct animate_worker *w)
 {
+    struct animate *a = w->owner;
+    int taken[PARALLEL_MAX + 1];
+
+    for (int i = 0; i < a->count; i++)
+        taken[i] = a->worker[i].processor;
+    processors_avoid(pthread_self(), taken, a->count);
+    w->processor = sched_getcpu();
+    a->working++;
+}
+
+/* It is none of them any more.  a->out is held. */
+static void animate_rest(struct animate_worker *w)
+{
+    w->processor = -1;
+    w->owner->working--;
+    pthread_cond_broadcast(&w->owner->turn);
+}
+
+static void animate_stop(struct animate_worker *w)
+{
+    pthread_mutex_lock(&w->owner->out);
+    animate_rest(w);
+    pthread_mutex_unlock(&w->owner->out);
+}
+
+/* Wait until one more may work; false when a frame failed. */
+static bool animate_begin(struct animate_worker *w)
+{
+    struct animate *a = w->owner;
+
     pthread_mutex_lock(&a->out);
     while (a->working >= a->opt.workers && !a->failed)
         pthread_cond_wait(&a->turn, &a->out);
-    a->working++;
+    animate_work(w);
     pthread_mutex_unlock(&a->out);
     return !a->failed;
 }
 
 /* Wait until *next, a count of frames, has come to this one, while another may work;
  * false when one failed. */
-static bool animate_wait(struct animate *a, const uint64_t *next,
+static bool animate_wait(struct animate_worker *w, const uint64_t *next,
                          uint64_t ticket)
 {
+    struct animate *a = w->owner;
+
     pthread_mutex_lock(&a->out);
     if (*next != ticket) {
-        a->working--;
-        pthread_cond_broadcast(&a->turn);
+        animate_rest(w);
         while (*next != ticket && !a->failed)
             pthread_cond_wait(&a->turn, &a->out);
-        a->working++;
+        animate_work(w);
     }
     pthread_mutex_unlock(&a->out);
     return !a->failed;
 }
 
 /* The turn goes to the next frame. */
-static void animate_pass_on(struct animate *a, uint64_t *next)
+static void animate_pass_on(struct animate_worker *w, uint64_t *next)
 {
+    struct animate *a = w->owner;
+
     pthread_mutex_lock(&a->out);
     ++*next;
-    a->working -= next == &a->next_out;     /* it is done */
+    if (next == &a->next_out)
+        animate_rest(w);                    /* it is done */
     pthread_cond_broadcast(&a->turn);
     pthread_mutex_unlock(&a->out);
 }
@@ -158,21 +195,24 @@ static bool animate_is_busy(struct animate *a)
 
 /* Take the next frame and track it: 1, or 0 when there is none.  *ticket is
  * its place in the order. */
-static int animate_take(struct animate *a, struct driver_frame *f,
+static int animate_take(struct animate_worker *w, struct driver_frame *f,
                         uint64_t *ticket, double *arrived)
 {
+    struct animate *a = w->owner;
     struct error err = {0};
     int rc = 0;
 
     pthread_mutex_lock(&a->in);
     if (!a->ended && (!a->opt.frames || a->next_in < a->opt.frames) &&
-        animate_begin(a)) {
+        animate_begin(w)) {
         /* one at a time, so with whoever is free: the longest of what frames
          * cannot do beside each other */
         parallel_alone(false);
         rc = driver_next(a->driver, f, &err);
         parallel_alone(animate_is_busy(a));
         a->ended = rc <= 0;
+        if (rc == 0)
+            animate_stop(w);
         *ticket = a->next_in;
         a->next_in += rc == 1;
         *arrived = a->live ? live_arrived(a->live) : 0;
@@ -180,7 +220,7 @@ static int animate_take(struct animate *a, struct driver_frame *f,
     pthread_mutex_unlock(&a->in);
     if (rc < 0) {
         /* let the frames before it out first */
-        animate_wait(a, &a->next_out, *ticket);
+        animate_wait(w, &a->next_out, *ticket);
         animate_fail(a, &err);
     }
     return rc == 1;
@@ -246,8 +286,10 @@ static int animate_deliver(struct animate_worker *w, struct driver_frame *f,
     const struct framesink_frame g = animate_worker_frame(w, &f->picture);
     struct error err = {0};
 
-    if (!animate_wait(a, &a->next_out, ticket))
+    if (!animate_wait(w, &a->next_out, ticket))
         return -1;
+    /* threads that an encoder starts are not held */
+    processors_avoid(pthread_self(), NULL, 0);
     const double begun = cpu_seconds();
     if (framesink_write(a->sink, &g, &err)) {
         animate_fail(a, &err);
@@ -262,7 +304,7 @@ static int animate_deliver(struct animate_worker *w, struct driver_frame *f,
         };
         a->done(a->ctx, &r);
     }
-    animate_pass_on(a, &a->next_out);
+    animate_pass_on(w, &a->next_out);
     return 0;
 }
 
@@ -274,10 +316,10 @@ static int animate_draw(struct animate_worker *w, struct pipeline_times *t,
     struct animate *a = w->owner;
 
     if (pipeline_splat(&w->pipeline, t, m, err) ||
-        !animate_wait(a, &a->next_refined, ticket) ||
+        !animate_wait(w, &a->next_refined, ticket) ||
         pipeline_refine(&w->pipeline, t, err))
         return -1;
-    animate_pass_on(a, &a->next_refined);
+    animate_pass_on(w, &a->next_refined);
     return pipeline_finish(&w->pipeline, t, err);
 }
 
@@ -291,7 +333,7 @@ static void *animate_worker_run(void *arg)
     double arrived;
 
     cpu_flush_denormals();
-    while (!a->failed && animate_take(a, &f, &ticket, &arrived)) {
+    while (!a->failed && animate_take(w, &f, &ticket, &arrived)) {
         struct animate_times t = {
             .decode = f.decode_s, .crop = f.r.crop_s,
             .network = f.r.network_s, .heads = f.r.heads_s
@@ -324,6 +366,8 @@ int animate_run(struct animate *a, struct driver *d, struct live *live,
     a->ctx = ctx;
     a->next_in = a->next_refined = a->next_out = 0;
     a->working = 0;
+    for (int i = 0; i < a->count; i++)
+        a->worker[i].processor = -1;
     a->ended = false;
     a->failed = false;
     if (a->opt.workers == 1)

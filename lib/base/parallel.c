@@ -46,8 +46,10 @@ static struct {
     struct job *jobs;           /* the open ones */
     atomic_int open;            /* how many they are */
     int threads, asleep;
+    pthread_t thread[PARALLEL_MAX];
+    int caller;                 /* its processor, which they keep off; or -1 */
 } pool = {.lock = PTHREAD_MUTEX_INITIALIZER, .work = PTHREAD_COND_INITIALIZER,
-          .done = PTHREAD_COND_INITIALIZER};
+          .done = PTHREAD_COND_INITIALIZER, .caller = -1};
 
 static _Thread_local bool alone;    /* shares nothing, or is inside a job */
 static _Thread_local int slot;
@@ -195,18 +197,30 @@ static void *parallel_run(void *arg)
 static void parallel_start(int shares)
 {
     sigset_t all, before;
-    pthread_t thread;
+    pthread_t *thread = &pool.thread[pool.threads];
 
     if (pool.threads >= shares - 1)
         return;
     sigfillset(&all);
     pthread_sigmask(SIG_SETMASK, &all, &before);
     while (pool.threads < shares - 1 &&
-           !pthread_create(&thread, NULL, parallel_run, NULL)) {
-        pthread_detach(thread);
+           !pthread_create(thread, NULL, parallel_run, NULL)) {
+        pthread_detach(*thread++);
         pool.threads++;
+        pool.caller = -1;
     }
     pthread_sigmask(SIG_SETMASK, &before, NULL);
+}
+
+/* Whoever is woken must not have to wait until its caller is put off.  The lock is
+ * held. */
+static void parallel_spread(void)
+{
+    const int here = sched_getcpu();
+
+    for (int i = 0; here != pool.caller && i < pool.threads; i++)
+        processors_avoid(pool.thread[i], &here, 1);
+    pool.caller = here;
 }
 
 /* ---- callers ------------------------------------------------------------ */
@@ -216,6 +230,7 @@ static void parallel_open(struct job *j)
 {
     pthread_mutex_lock(&pool.lock);
     parallel_start(j->shares);
+    parallel_spread();
     j->next = pool.jobs;
     pool.jobs = j;
     atomic_fetch_add(&pool.open, 1);

@@ -12,18 +12,25 @@
 
 #define PROCESSORS_MAX 8192    /* processors of a mask */
 
+/* As the process began; empty where it cannot be told. */
+static cpu_set_t allowed[PROCESSORS_MAX / CPU_SETSIZE];
+static pthread_once_t allowed_read = PTHREAD_ONCE_INIT;
+
+static void processors_read_allowed(void)
+{
+    if (sched_getaffinity(0, sizeof allowed, allowed))
+        CPU_ZERO_S(sizeof allowed, allowed);
+}
+
 /* In the mask, at least 1. */
 static int processors_of_mask(void)
 {
-    cpu_set_t *set = CPU_ALLOC(PROCESSORS_MAX);
-    const size_t bytes = CPU_ALLOC_SIZE(PROCESSORS_MAX);
-    int n = 0;
+    int n;
 
-    if (set && !sched_getaffinity(0, bytes, set))
-        n = CPU_COUNT_S(bytes, set);
-    else
+    pthread_once(&allowed_read, processors_read_allowed);
+    n = CPU_COUNT_S(sizeof allowed, allowed);
+    if (n == 0)
         n = (int)sysconf(_SC_NPROCESSORS_ONLN);
-    CPU_FREE(set);
     return n < 1 ? 1 : n;
 }
 
@@ -119,6 +126,18 @@ double processors_quota(const char *root)
     if (f)
         fclose(f);
     return min;
+}
+
+void processors_avoid(pthread_t thread, const int *taken, int count)
+{
+    cpu_set_t left[PROCESSORS_MAX / CPU_SETSIZE];
+
+    pthread_once(&allowed_read, processors_read_allowed);
+    memcpy(left, allowed, sizeof left);
+    for (int i = 0; i < count; i++)
+        CPU_CLR_S((size_t)taken[i], sizeof left, left);     /* < 0: beyond it */
+    pthread_setaffinity_np(thread, sizeof left,
+                           CPU_COUNT_S(sizeof left, left) ? left : allowed);
 }
 
 int processors_allowed(void)

@@ -1,6 +1,9 @@
-/* How many processors this process may use. */
+/* The processors that this process may use: how many, and which its threads
+ * leave to each other. */
 #ifndef SPID_BASE_PROCESSORS_H
 #define SPID_BASE_PROCESSORS_H
+
+#include <pthread.h>
 
 /* Those of its affinity mask (taskset, cpusets of containers and batch systems;
  * not all that are online), or fewer where a control group's quota of processor
@@ -12,5 +15,13 @@ int processors_allowed(void);
  * and cpu.cfs_period_us (version 1) under the folder root ("" is the real
  * one); 0 where none is set. */
 double processors_quota(const char *root);
+
+/* Keep one of this process's threads off the processors taken[0] to
+ * taken[count - 1] (negative: none), unless no other would be left of the mask
+ * that the process began with: then, as with none taken, it may be on all.  For
+ * threads that work at once.  Where another program keeps a processor busy, the
+ * system leaves two of ours together on the next: to it that is no worse than
+ * one of them beside that program. */
+void processors_avoid(pthread_t thread, const int *taken, int count);
 
 #endif

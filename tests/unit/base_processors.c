@@ -1,7 +1,9 @@
 /* Quotas of control groups, read from a made /proc and /sys: version 2 and 1,
- * the least of a group and those above it, none set. */
+ * the least of a group and those above it, none set; and a thread that keeps off
+ * processors. */
 #include "lib/base/processors.h"
 
+#include <sched.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <unistd.h>
@@ -19,6 +21,32 @@ static void processors_put(const char *path, const char *text)
              "mkdir -p $(dirname %s%s) && printf '%%b' '%s' > %s%s", root, path,
              text, root, path);
     CHECK(system(command) == 0, "cannot write %s", path);
+}
+
+/* Off the processor it is on, off none, and off all of them. */
+static void processors_keep_off(void)
+{
+    const int here = sched_getcpu(), taken[] = {-1, here};
+    int every[CPU_SETSIZE];
+    cpu_set_t mask;
+
+    sched_getaffinity(0, sizeof mask, &mask);
+    const int all = CPU_COUNT(&mask);
+    if (all < 2)
+        return;
+    processors_avoid(pthread_self(), taken, 2);
+    sched_getaffinity(0, sizeof mask, &mask);
+    check_that("not on the one that is taken",
+               !CPU_ISSET(here, &mask) && sched_getcpu() != here);
+    expect("on all others", CPU_COUNT(&mask), all - 1, 0);
+    processors_avoid(pthread_self(), taken, 1);
+    sched_getaffinity(0, sizeof mask, &mask);
+    expect("none is taken", CPU_COUNT(&mask), all, 0);
+    for (int i = 0; i < CPU_SETSIZE; i++)
+        every[i] = i;
+    processors_avoid(pthread_self(), every, CPU_SETSIZE);
+    sched_getaffinity(0, sizeof mask, &mask);
+    expect("all are taken", CPU_COUNT(&mask), all, 0);
 }
 
 int main(void)
@@ -42,6 +70,7 @@ int main(void)
     processors_put("/sys/fs/cgroup/cpu,cpuacct/cpu.cfs_quota_us", "-1\\n");
     expect("version 1 with no limit", processors_quota(root), 0, 1e-12);
     check_that("there is a processor", processors_allowed() >= 1);
+    processors_keep_off();
     char command[64];
     snprintf(command, sizeof command, "rm -r %s", root);
     check_that("the files are removed", system(command) == 0);
