@@ -7,7 +7,6 @@
 
 #include <libavcodec/avcodec.h>
 #include <libavformat/avformat.h>
-#include <libavutil/audio_fifo.h>
 #include <libavutil/opt.h>
 #include <libswresample/swresample.h>
 
@@ -19,8 +18,7 @@ struct sound {
     AVFormatContext *in, *file;
     AVStream *from, *to;
     AVCodecContext *decoder, *encoder;  /* NULL: the packets are copied */
-    SwrContext *resample;
-    AVAudioFifo *fifo;          /* what the encoder has not had */
+    SwrContext *resample;       /* and what the encoder has not had */
     AVPacket *packet, *coded;
     AVFrame *frame, *part;
     double shift;               /* of the clip's times to the file's */
@@ -43,8 +41,6 @@ void sound_close(struct sound *s)
     avcodec_free_context(&s->decoder);
     avcodec_free_context(&s->encoder);
     swr_free(&s->resample);
-    if (s->fifo)
-        av_audio_fifo_free(s->fifo);
     avformat_close_input(&s->in);
     free(s);
 }
@@ -153,11 +149,7 @@ static int sound_open_codecs(struct sound *s)
     rc = swr_alloc_set_opts2(&s->resample, &e->ch_layout, e->sample_fmt,
                              e->sample_rate, &d->ch_layout, d->sample_fmt,
                              d->sample_rate, 0, NULL);
-    if (rc < 0 || (rc = swr_init(s->resample)) < 0)
-        return rc;
-    s->fifo = av_audio_fifo_alloc(e->sample_fmt, e->ch_layout.nb_channels,
-                                  FRAME);
-    return s->fifo ? 0 : AVERROR(ENOMEM);
+    return rc < 0 ? rc : swr_init(s->resample);
 }
 
 /* Its stream in the file; a libav error number. */
@@ -278,32 +270,37 @@ static int sound_drain(struct sound *s)
     return rc == AVERROR(EAGAIN) || rc == AVERROR_EOF ? 0 : rc;
 }
 
-/* As many samples as the encoder wants at a time; at the end also fewer. */
+/* As many samples as the encoder wants at a time; at the end also fewer.  Until
+ * then a frame's worth stays behind, more than the resampler's filter is long. */
 static int sound_encode(struct sound *s, bool end)
 {
-    const int want = s->encoder->frame_size ? s->encoder->frame_size : FRAME;
-    int rc = 0;
+    AVCodecContext *e = s->encoder;
+    const int want = e->frame_size ? e->frame_size : FRAME;
+    const uint8_t **none = end ? NULL
+                               : (const uint8_t **)s->frame->extended_data;
+    AVFrame *f = s->part;
+    int rc = 0, n = want;
 
-    while (rc >= 0 && av_audio_fifo_size(s->fifo) >= (end ? 1 : want)) {
-        AVFrame *f = s->part;
-        const int have = av_audio_fifo_size(s->fifo);
-
+    while (rc >= 0 && n == want &&
+           (end || swr_get_delay(s->resample, e->sample_rate) >= want + FRAME)) {
         av_frame_unref(f);
-        f->nb_samples = have < want ? have : want;
-        f->format = s->encoder->sample_fmt;
-        f->sample_rate = s->encoder->sample_rate;
-        if ((rc = av_channel_layout_copy(&f->ch_layout,
-                                         &s->encoder->ch_layout)) < 0 ||
+        f->nb_samples = want;
+        f->format = e->sample_fmt;
+        f->sample_rate = e->sample_rate;
+        if ((rc = av_channel_layout_copy(&f->ch_layout, &e->ch_layout)) < 0 ||
             (rc = av_frame_get_buffer(f, 0)) < 0)
             return rc;
-        av_audio_fifo_read(s->fifo, (void **)f->data, f->nb_samples);
+        rc = n = swr_convert(s->resample, f->data, want, none, 0);
+        if (n <= 0)
+            break;
+        f->nb_samples = n;
         f->pts = s->samples;
-        s->samples += f->nb_samples;
-        rc = avcodec_send_frame(s->encoder, f);
+        s->samples += n;
+        rc = avcodec_send_frame(e, f);
         if (rc >= 0)
             rc = sound_drain(s);
     }
-    if (rc >= 0 && end && (rc = avcodec_send_frame(s->encoder, NULL)) >= 0)
+    if (rc >= 0 && end && (rc = avcodec_send_frame(e, NULL)) >= 0)
         rc = sound_drain(s);
     return rc;
 }
@@ -311,55 +308,20 @@ static int sound_encode(struct sound *s, bool end)
 /* Silence where the clip has a gap, so that what follows stays in step. */
 static int sound_fill(struct sound *s, int64_t at)
 {
-    const int64_t here = s->samples + av_audio_fifo_size(s->fifo);
-    int64_t gap = at - here;
+    const int64_t rate = s->encoder->sample_rate;
+    int64_t gap = at - s->samples - swr_get_delay(s->resample, rate);
     int rc = 0;
 
-    if (gap < s->encoder->sample_rate / 20 ||
-        gap > 3600 * (int64_t)s->encoder->sample_rate)
+    if (gap < rate / 20 || gap > 3600 * rate)
         return 0;
-    while (rc >= 0 && gap > 0) {
-        AVFrame *f = s->part;
-
-        av_frame_unref(f);
-        f->nb_samples = gap < FRAME ? (int)gap : FRAME;
-        f->format = s->encoder->sample_fmt;
-        if ((rc = av_channel_layout_copy(&f->ch_layout,
-                                         &s->encoder->ch_layout)) < 0 ||
-            (rc = av_frame_get_buffer(f, 0)) < 0)
-            break;
-        av_samples_set_silence(f->data, 0, f->nb_samples,
-                               f->ch_layout.nb_channels,
-                               s->encoder->sample_fmt);
-        rc = av_audio_fifo_write(s->fifo, (void **)f->data, f->nb_samples);
-        gap -= f->nb_samples;
+    gap = gap * s->decoder->sample_rate / rate;
+    for (int n; rc >= 0 && gap > 0; gap -= n) {
+        n = gap < FRAME ? (int)gap : FRAME;
+        rc = swr_inject_silence(s->resample, n);
         if (rc >= 0)
             rc = sound_encode(s, false);
     }
     return rc;
-}
-
-/* A decoded frame (NULL: what is left) resampled for the encoder. */
-static int sound_convert(struct sound *s, const AVFrame *in)
-{
-    AVFrame *f = s->part;
-    int rc = swr_get_out_samples(s->resample, in ? in->nb_samples : 0);
-
-    if (rc <= 0)
-        return rc;
-    av_frame_unref(f);
-    f->nb_samples = rc;
-    f->format = s->encoder->sample_fmt;
-    if ((rc = av_channel_layout_copy(&f->ch_layout,
-                                     &s->encoder->ch_layout)) < 0 ||
-        (rc = av_frame_get_buffer(f, 0)) < 0)
-        return rc;
-    rc = swr_convert(s->resample, f->data, f->nb_samples,
-                     in ? (const uint8_t **)in->extended_data : NULL,
-                     in ? in->nb_samples : 0);
-    if (rc > 0)
-        rc = av_audio_fifo_write(s->fifo, (void **)f->data, rc);
-    return rc < 0 ? rc : sound_encode(s, false);
 }
 
 /* Where in the file the decoded frame sounds, in samples. */
@@ -389,13 +351,13 @@ static int sound_recode(struct sound *s, bool end)
         return 0;               /* a damaged packet is silent */
     while (avcodec_receive_frame(s->decoder, s->frame) >= 0) {
         if ((rc = sound_place(s)) < 0 ||
-            (rc = sound_convert(s, s->frame)) < 0)
+            (rc = swr_convert(s->resample, NULL, 0,
+                              (const uint8_t **)s->frame->extended_data,
+                              s->frame->nb_samples)) < 0 ||
+            (rc = sound_encode(s, false)) < 0)
             return rc;
     }
-    if (!end)
-        return 0;
-    rc = sound_convert(s, NULL);
-    return rc < 0 ? rc : sound_encode(s, true);
+    return end ? sound_encode(s, true) : 0;
 }
 
 int sound_write(struct sound *s, double until)
