@@ -12,7 +12,7 @@
 #include "lib/lab/head/template.h"
 #include "lib/lab/head/transfer.h"
 
-static const char *from, *check, *head_path, *avatar_path;
+static const char *from, *check, *head_path;
 static bool subdivide;
 static long people = 100;
 
@@ -21,8 +21,6 @@ static const struct cli_option options[] = {
                   "give it the shapes of ICT-FaceKit's ict.safetensors"),
     OPTION_STRING("check", 0, &check, "SCANS",
                   "print how far a head is from random faces of the scans"),
-    OPTION_STRING("avatar", 0, &avatar_path, "FILE",
-                  "compute the template avatar of this head anew, in place"),
     OPTION_FLAG("subdivide", 0, &subdivide,
                 "write it with a vertex in the middle of every edge"),
     OPTION_INT("people", 0, &people, 1, 10000, "N",
@@ -104,7 +102,7 @@ int main(int argc, char **argv)
     if (cli_parse(&usage, argc, argv) < argc)
         die(EX_USAGE, "operands are not taken");
     int writes = strcmp(cli.output, "-") != 0;
-    if (!avatar_path && !writes && (from || !check))
+    if (!writes && (from || !check))
         die(EX_USAGE, "no output file (expected -o FILE)");
     if (subdivide && from)
         die(EX_USAGE, "--subdivide and --from together (expected one after "
@@ -113,11 +111,6 @@ int main(int argc, char **argv)
         if (cli_find_model("head.safetensors", found, sizeof found, &err))
             die_error(&err);
         head_path = found;
-    }
-    if (avatar_path) {
-        if (avatar_make_file(avatar_path, head_path, &err))
-            die_error(&err);
-        return EX_OK;
     }
     if (writes) {
         if (!subdivide)
