@@ -100,7 +100,7 @@ struct framesink;
 void option_sound_tell(const struct framesink *s);
 /* Say that a source's picture is damaged, how many of the face's landmarks lie
  * beyond it, and that its matte is a guess. */
-void option_source_tell(const char *name, bool damaged, size_t beyond,
+void option_source_tell(const char *name, bool damaged, size_t outside,
                         bool guessed);
 /* Say where the faces of an input are, when there are several, and which was
  * taken; `option` takes another. */

@@ -19,15 +19,15 @@ void option_faces_tell(const char *name, const struct track_faces *faces,
            name, faces->n, at, faces->chosen + 1, option);
 }
 
-void option_source_tell(const char *name, bool damaged, size_t beyond,
+void option_source_tell(const char *name, bool damaged, size_t outside,
                         bool guessed)
 {
     if (damaged)
         warn("%s: the picture is damaged or cut short: what is missing is grey",
              name);
-    if (beyond)
+    if (outside)
         warn("%s: the picture's edge cuts the face (%zu of %d landmarks lie "
-             "beyond it): what is missing is made up", name, beyond,
+             "beyond it): what is missing is made up", name, outside,
              HEAD_LANDMARKS);
     if (guessed)
         warn("%s: the matte is by the head's outline and the colours alone "

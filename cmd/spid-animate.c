@@ -86,7 +86,7 @@ static void animate_check_usage(char **operand, int operands)
 static void animate_report_source(const struct prepared *s, const char *name)
 {
     option_faces_tell(name, &s->faces, "face");
-    option_source_tell(name, s->damaged, s->beyond, s->guessed);
+    option_source_tell(name, s->damaged, s->outside, s->guessed);
     if (cli.stats) {
         stats_end("A: shape", stats_begin() - s->shape_s);
         stats_end("A: branches", stats_begin() - s->bake_s);

@@ -129,7 +129,7 @@ static void shape_make_identity(struct program *p, char **path, int paths)
     if (s->rotated)
         warn("%s: the face lay on its side or upside down: turned by %d "
              "degrees clockwise", path[0], 90 * s->rotated);
-    option_source_tell(path[0], false, s->beyond, s->how == SOURCE_HEAD);
+    option_source_tell(path[0], false, s->outside, s->how == SOURCE_HEAD);
 }
 
 /* CONF, SRCI, SHAP and MOTN. */

@@ -47,7 +47,7 @@ bool array_view_pack(struct array_view *v, bool fortran)
     return true;
 }
 
-size_t array_view_reach(const struct array_view *v)
+size_t array_view_extent(const struct array_view *v)
 {
     unsigned __int128 last = 0;
 

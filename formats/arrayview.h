@@ -31,7 +31,7 @@ bool array_view_pack(struct array_view *v, bool fortran);
 
 /* Elements that must lie at and behind the view's first one for all of it to
  * be there: 0 when it is empty, SIZE_MAX when the number does not fit. */
-size_t array_view_reach(const struct array_view *v);
+size_t array_view_extent(const struct array_view *v);
 
 /* out = the count elements, row-major, little-endian, from data, where the
  * first element lies. */

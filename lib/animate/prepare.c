@@ -174,7 +174,7 @@ static int prepare_read_picture(struct prepared *s, struct prepare *p,
         goto out;
     }
     s->guessed = src.how == SOURCE_HEAD;
-    s->beyond = src.beyond;
+    s->outside = src.outside;
     s->faces = src.faces;
     s->person = source_move_person(&src);
     s->damaged = s->picture.damaged;

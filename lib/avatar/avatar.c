@@ -202,12 +202,12 @@ static void avatar_views(struct avatar *a)
 }
 
 /* The picture, unless it was the last one looked at, and the mesh on it. */
-static void avatar_look(struct avatar *a, const struct avatar_source *src)
+static void avatar_observe(struct avatar *a, const struct avatar_source *src)
 {
-    if (src->rgb != a->looked)
+    if (src->rgb != a->observed)
         source_picture_set(&a->picture, src->rgb, src->matte, src->certain,
                            a->config.rgb_skip);
-    a->looked = src->rgb;
+    a->observed = src->rgb;
     source_mesh_set(&a->source, src->verts, src->rest, src->cam,
                     !(a->without & WITHOUT_NECK));
 }
@@ -236,21 +236,21 @@ static void avatar_mouth_white(float white[3], const struct avatar *a,
 
 /* What further pictures show is noted before the first one is baked; where it is
  * not known how they are lit, as the first one. */
-static void avatar_look_further(struct avatar *a,
+static void avatar_observe_further(struct avatar *a,
                                 const struct avatar_source *src)
 {
     a->dynamic.has_more = false;
     mouth_branch_begin(&a->mouth);
     if (!src->nmore || !a->config.rgb_skip || a->without & WITHOUT_DYNAMIC)
         return;
-    avatar_look(a, src);
+    avatar_observe(a, src);
     dynamic_branch_begin(&a->picture, &a->source, &a->dynamic);
     for (size_t k = 0; k < src->nmore; k++) {
         const struct avatar_source *more = src->more + k;
         float light[3], white[3];
 
         avatar_light(light, more->light ? more->light : src->light, more->cam);
-        avatar_look(a, more);
+        avatar_observe(a, more);
         dynamic_branch_add(&a->picture, &a->source, light, &a->dynamic);
         avatar_mouth_white(white, a, light);
         mouth_branch_add(&a->picture, &a->source, white, &a->mouth);
@@ -266,12 +266,12 @@ void avatar_relief(float *offset, struct avatar *a,
     if (!a->config.rgb_skip || a->without & WITHOUT_DYNAMIC)
         return;
     for (size_t k = 0; k <= src->nmore; k++) {
-        avatar_look(a, k ? src->more + k - 1 : src);
+        avatar_observe(a, k ? src->more + k - 1 : src);
         dynamic_branch_relief(relief, k > 0, &a->picture, &a->source,
                               &a->dynamic);
     }
     if (src->nmore)
-        avatar_look(a, src);
+        avatar_observe(a, src);
     dynamic_branch_meet(relief, &a->picture, &a->source, &a->dynamic);
     relief_drape(offset, a->dynamic.tmp, relief, &a->source, &a->dense);
     const float rise = lip_lining_rise(&a->picture, &a->source);
@@ -309,9 +309,9 @@ void avatar_bake(struct avatar *a, const struct avatar_source *src)
 
     avatar_light(a->light, a->config.rgb_skip ? src->light : NULL, src->cam);
     memcpy(a->dynamic.light, a->light, sizeof a->light);
-    avatar_look_further(a, src);
-    avatar_look(a, src);
-    a->looked = NULL;           /* the next one's may lie where it does */
+    avatar_observe_further(a, src);
+    avatar_observe(a, src);
+    a->observed = NULL;         /* the next one's may lie where it does */
     tilt_find(&a->tilted, &a->picture, &a->source);
     backbone_forward(a->features, a->picture.rgb, &a->backbone);
     /* the dynamic branch first: its decoder may write rows beyond its own,
@@ -319,7 +319,7 @@ void avatar_bake(struct avatar *a, const struct avatar_source *src)
     dynamic_branch_forward(&dynamic, a->features, &a->picture, &a->source,
                            &a->dynamic);
     static_branch_forward(&plane, a->features, &a->picture, &a->source,
-                          a->dynamic.look, &a->plane);
+                          a->dynamic.colors, &a->plane);
     avatar_mouth_white(white, a, a->light);
     mouth_branch_forward(&mouth, a->features, &a->picture, &a->source, white,
                          &a->mouth);

@@ -86,7 +86,7 @@ struct avatar {
 
     /* Set by avatar_bake. */
     struct source_picture picture;
-    const uint8_t *looked;              /* whose it is, from avatar_relief to
+    const uint8_t *observed;            /* whose it is, from avatar_relief to
                                          * avatar_bake; else NULL */
     struct source_mesh source;
     struct tilt tilted;                 /* slopes of what the source shows */

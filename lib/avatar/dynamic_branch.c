@@ -247,7 +247,7 @@ static float dynamic_branch_front(const struct dynamic_branch *b, size_t k)
 /* What the picture shows of every densified vertex: visibility, coverage and
  * matte, into the extra columns of the decoder's input; colours, trust in them
  * (none where a nearer surface is as close as the pose may be off) and shifts. */
-static void dynamic_branch_look(const struct source_picture *picture,
+static void dynamic_branch_observe(const struct source_picture *picture,
                                 const struct source_mesh *mesh,
                                 struct dynamic_branch *b)
 {
@@ -262,7 +262,7 @@ static void dynamic_branch_look(const struct source_picture *picture,
     coverage_seen(b->trust, b->verts, b->count, mesh->near, mesh->n, mesh->cam,
                   SLACK + STEEP * SOURCE_MESH_OFF);
     for (size_t k = 0; k < b->count; k++)
-        if (!source_picture_shows(picture, b->place + 2 * k))
+        if (!source_picture_contains(picture, b->place + 2 * k))
             b->seen[k] = b->trust[k] = 0;
     eyes_hide(b->seen, b->shut, mesh->weights);
     source_picture_sample(b->pixel, picture, b->place, b->count);
@@ -277,7 +277,7 @@ void dynamic_branch_begin(const struct source_picture *picture,
                           struct dynamic_branch *b)
 {
     dynamic_branch_geometry(mesh, b);
-    dynamic_branch_look(picture, mesh, b);
+    dynamic_branch_observe(picture, mesh, b);
     for (size_t k = 0; k < b->count; k++) {
         memcpy(b->first + 4 * k, b->pixel + 4 * k, 3 * sizeof *b->first);
         b->first[4 * k + 3] = b->trust[k];
@@ -292,12 +292,12 @@ void dynamic_branch_relief(float *relief, bool more,
                            struct dynamic_branch *b)
 {
     const struct white_point_colors seen = {b->pixel, b->trust, b->tmp};
-    const struct relief_work work = {b->look, b->beside, b->as,
+    const struct relief_work work = {b->colors, b->likelihood, b->as,
                                      b->tmp + b->count};
     float *front = b->tmp;
 
     dynamic_branch_geometry(mesh, b);
-    dynamic_branch_look(picture, mesh, b);
+    dynamic_branch_observe(picture, mesh, b);
     if (!more)
         relief_find(relief, &work, &seen, b->held, picture, mesh, b->dense);
     for (size_t v = 0; v < b->dense->V; v++)
@@ -316,7 +316,7 @@ void dynamic_branch_meet(float *relief, const struct source_picture *picture,
     for (size_t v = 0; v < b->dense->V; v++)
         rim[v] = 1 - branch_ramp(fabsf(dynamic_branch_facing(b, v, eye)),
                                  SIDEWAYS, SQUARE);
-    relief_meet(relief, rim, b->as + MATERIAL_HAIR * b->count, b->look, picture,
+    relief_meet(relief, rim, b->as + MATERIAL_HAIR * b->count, b->colors, picture,
                 mesh, b->dense, rim + b->dense->V);
 }
 
@@ -351,7 +351,7 @@ void dynamic_branch_add(const struct source_picture *picture,
     float gain[3];
 
     dynamic_branch_geometry(mesh, b);
-    dynamic_branch_look(picture, mesh, b);
+    dynamic_branch_observe(picture, mesh, b);
     dynamic_branch_relight(b->pixel, 4, light, b->light, b);
     further_gain(gain, &p, b->first, b->count);
     further_add(b->more, &p, gain, b->count);
@@ -394,11 +394,11 @@ static void dynamic_branch_start(const struct source_picture *picture,
     const struct white_point_colors seen = {b->pixel, b->trust, b->tmp};
     float *rgb = b->logit;
 
-    dynamic_branch_look(picture, mesh, b);
+    dynamic_branch_observe(picture, mesh, b);
     dynamic_branch_hull(picture, mesh, b);
     if (b->has_more)
         further_take(b->pixel, b->trust, rgb, b->facing, b->more, b->count);
-    material_layers(b->look, b->as, b->chance, b->tmp + b->count, b->beside,
+    material_layers(b->colors, b->as, b->chance, b->tmp + b->count, b->likelihood,
                     &seen, b->held, mesh->weights, b->dense);
     dynamic_branch_complete(rgb, mesh, b);
     for (size_t i = 0; i < 3 * b->count; i++) {

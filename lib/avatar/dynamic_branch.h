@@ -59,8 +59,8 @@ struct dynamic_branch {
     float *trust;                       /* (D) in its colour elsewhere, too, */
     float *as;                          /* (MATERIALS,D) and as each material's */
     float *chance;                      /* (MATERIALS,D) of each material */
-    struct material_look look[MATERIALS];       /* the person's */
-    float beside[HEAD_STYLES];          /* of relief_beside; set by _relief */
+    struct material_colors colors[MATERIALS];   /* the person's */
+    float likelihood[HEAD_STYLES];      /* relief_likelihood; set by _relief */
     float *first;                       /* (D,4) colour and trust of the first
                                          * picture */
     float *more;                        /* (D,FURTHER_SUMS) of further ones

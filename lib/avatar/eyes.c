@@ -107,14 +107,14 @@ void eyes_paint_lids(float *rgb, const struct eyes_photo *p,
 
 /* ---- eyeballs -------------------------------------------------------------- */
 
-/* look (3,3) of an eye: the template's in this light, with iris and white of the
+/* colors (3,3) of an eye: the template's in this light, with iris and white of the
  * other eye where that one is open and shows enough of them. */
-static void eyes_look(float look[3 * PARTS], enum eyes_side e,
+static void eyes_colors(float colors[3 * PARTS], enum eyes_side e,
                       const float shut[2], const struct eyes_photo *p,
                       const struct head_avatar *a, float *tmp)
 {
     for (int i = 0; i < 3 * PARTS; i++)
-        look[i] = a->eye_color[i] * p->white[i % 3];
+        colors[i] = a->eye_color[i] * p->white[i % 3];
     for (int part = IRIS; part < PARTS && !(shut[!e] > 0); part++) {
         float mean[3];
 
@@ -123,7 +123,7 @@ static void eyes_look(float look[3 * PARTS], enum eyes_side e,
                      a->eyeball[PARTS * k + (size_t)part] > 0.99f
                          ? p->trust[k] : 0;
         if (branch_mean_color(mean, p->pixel, tmp, a->points, 0) > TELLS)
-            memcpy(look + 3 * part, mean, sizeof mean);
+            memcpy(colors + 3 * part, mean, sizeof mean);
     }
 }
 
@@ -131,12 +131,12 @@ void eyes_paint_balls(float *rgb, const float shut[2],
                       const struct eyes_photo *p, const struct head_avatar *a,
                       float *tmp)
 {
-    float look[2][3 * PARTS];
+    float colors[2][3 * PARTS];
 
     if (!(shut[EYE_LEFT] > 0 || shut[EYE_RIGHT] > 0))
         return;
     for (int e = 0; e < 2; e++)
-        eyes_look(look[e], e, shut, p, a, tmp);
+        eyes_colors(colors[e], e, shut, p, a, tmp);
     for (size_t k = 0; k < a->points; k++) {
         const enum eyes_side e = eyes_side(a, k);
         const float *part = a->eyeball + PARTS * k;
@@ -144,9 +144,9 @@ void eyes_paint_balls(float *rgb, const float shut[2],
         if (!(eyes_ball(a, k) > 0))
             continue;
         for (int c = 0; c < 3; c++) {
-            const float own = part[PUPIL] * look[e][c] +
-                              part[IRIS] * look[e][3 + c] +
-                              part[WHITE] * look[e][6 + c];
+            const float own = part[PUPIL] * colors[e][c] +
+                              part[IRIS] * colors[e][3 + c] +
+                              part[WHITE] * colors[e][6 + c];
 
             rgb[3 * k + c] += shut[e] * (own - rgb[3 * k + c]);
         }

@@ -20,7 +20,7 @@
                          * material, by mesh and colour */
 
 #define NONE 0          /* labels of pixels; m + 1 is material m */
-#define BESIDE 0.5f     /* chance of hair, and of cloth, beside the mesh */
+#define OUTSIDE 0.5f    /* chance of hair, and of cloth, beside the mesh */
 
 int grain_init(struct grain *g, const struct head *h, size_t N, size_t size,
                struct error *err)
@@ -29,13 +29,13 @@ int grain_init(struct grain *g, const struct head *h, size_t N, size_t size,
     struct grain_work *w = &g->work;
     const struct slice slices[] = {
         {&g->picture, labels, false}, {&g->around, 2 * N, false},
-        {&w->depth, P, false}, {&w->shown, GRAIN_SHOWN * P, false},
+        {&w->depth, P, false}, {&w->drawn, GRAIN_VALUES * P, false},
         {&w->from, P, false}, {&w->out, P, false}, {&w->known, P, false},
         {&w->tmp, P, false},
         {&w->scratch, MATERIALS * QUILT_SCRATCH(size), false},
         {&w->is, labels, false}, {&w->want, labels, false},
         {&w->vertex, 3 * h->V, false},
-        {&w->value, GRAIN_SHOWN * h->V, false},
+        {&w->value, GRAIN_VALUES * h->V, false},
         {&w->face, 3 * h->F, false}
     };
 
@@ -121,14 +121,14 @@ static size_t grain_faces(int32_t *to, const float *around,
 /* ---- materials ----------------------------------------------------------- */
 
 /* What each vertex shows. */
-static void grain_show(float *value, const struct dynamic_branch *b)
+static void grain_values(float *value, const struct dynamic_branch *b)
 {
-    for (size_t v = 0; v < b->dense->V; v++, value += GRAIN_SHOWN) {
-        float sure = 0;
+    for (size_t v = 0; v < b->dense->V; v++, value += GRAIN_VALUES) {
+        float confidence = 0;
 
         for (size_t m = 0; m < MATERIALS; m++)
-            sure += b->as[m * b->count + v];
-        value[GRAIN_SURE] = b->facing[v] < SQUARE ? 0 : sure;
+            confidence += b->as[m * b->count + v];
+        value[GRAIN_CONFIDENCE] = b->facing[v] < SQUARE ? 0 : confidence;
         value[GRAIN_HAIR] = b->chance[MATERIAL_HAIR * b->count + v];
         value[GRAIN_CLOTH] = b->chance[MATERIAL_CLOTH * b->count + v];
     }
@@ -136,12 +136,12 @@ static void grain_show(float *value, const struct dynamic_branch *b)
 
 /* Which material the photograph's pixel i shows, or NONE. */
 static uint8_t grain_is(const struct grain_work *w, const float rgba[4],
-                        const struct material_look *look, size_t i)
+                        const struct material_colors *colors, size_t i)
 {
-    const float *shown = w->shown + GRAIN_SHOWN * i;
-    const bool beside = !isfinite(w->depth[i]);
-    const float hair = beside ? BESIDE : shown[GRAIN_HAIR];
-    const float cloth = beside ? BESIDE : shown[GRAIN_CLOTH];
+    const float *drawn = w->drawn + GRAIN_VALUES * i;
+    const bool outside = !isfinite(w->depth[i]);
+    const float hair = outside ? OUTSIDE : drawn[GRAIN_HAIR];
+    const float cloth = outside ? OUTSIDE : drawn[GRAIN_CLOTH];
     const float chance[MATERIALS] = {
         [MATERIAL_SKIN] = 1 - hair - cloth, [MATERIAL_HAIR] = hair,
         [MATERIAL_CLOTH] = cloth
@@ -151,7 +151,7 @@ static uint8_t grain_is(const struct grain_work *w, const float rgba[4],
 
     if (rgba[3] < COVERAGE_WHOLE)
         return NONE;
-    material_odds(odds, rgba, look);
+    material_odds(odds, rgba, colors);
     for (size_t m = 0; m < MATERIALS; m++) {
         odds[m] *= chance[m];
         sum += odds[m];
@@ -159,17 +159,17 @@ static uint8_t grain_is(const struct grain_work *w, const float rgba[4],
     }
     /* eyes, lips and nostrils are no skin */
     return odds[best] < LIKELY * sum ||
-                   (best == MATERIAL_SKIN && shown[GRAIN_SURE] < LIKELY)
+                   (best == MATERIAL_SKIN && drawn[GRAIN_CONFIDENCE] < LIKELY)
                ? NONE : (uint8_t)(best + 1);
 }
 
 /* That, and its brightness. */
-PARALLEL(grain_look, i, const struct grain_work *, w,
-         const struct material_look *, look, const float *, rgba)
+PARALLEL(grain_observe, i, const struct grain_work *, w,
+         const struct material_colors *, colors, const float *, rgba)
 {
     const float *p = rgba + 4 * i;
 
-    w->is[i] = grain_is(w, p, look, i);
+    w->is[i] = grain_is(w, p, colors, i);
     w->known[i] = w->is[i] != NONE;
     w->from[i] = w->is[i] == NONE
                      ? 0 : logf((p[0] + 2 * p[1] + p[2]) / 4 +
@@ -192,11 +192,11 @@ static void grain_fine(struct grain *g)
 /* Pixel i of the picture around: what is to be there. */
 PARALLEL(grain_want, i, struct grain_work *, w)
 {
-    const float *shown = w->shown + GRAIN_SHOWN * i;
-    const float hair = shown[GRAIN_HAIR], cloth = shown[GRAIN_CLOTH];
-    const float skin = 1 - hair - cloth, most = fmaxf(skin, fmaxf(hair, cloth));
-    const enum material m = skin == most ? MATERIAL_SKIN
-                          : hair == most ? MATERIAL_HAIR : MATERIAL_CLOTH;
+    const float *drawn = w->drawn + GRAIN_VALUES * i;
+    const float hair = drawn[GRAIN_HAIR], cloth = drawn[GRAIN_CLOTH];
+    const float skin = 1 - hair - cloth, max = fmaxf(skin, fmaxf(hair, cloth));
+    const enum material m = skin == max ? MATERIAL_SKIN
+                          : hair == max ? MATERIAL_HAIR : MATERIAL_CLOTH;
 
     w->want[i] = isfinite(w->depth[i]) ? (uint8_t)(m + 1) : NONE;
     w->out[i] = 0;
@@ -225,17 +225,17 @@ void grain_find(struct grain *g, size_t n, size_t N,
     struct grain_work *w = &g->work;
     const size_t P = g->size * g->size;
 
-    grain_show(w->value, b);
-    coverage_depth(w->depth, w->shown, GRAIN_SHOWN, mesh->verts, w->value, h->f,
+    grain_values(w->value, b);
+    coverage_depth(w->depth, w->drawn, GRAIN_VALUES, mesh->verts, w->value, h->f,
                    h->F, mesh->cam, g->size);
-    parallel_each(grain_look, P, 1, w, b->look, picture->rgba);
+    parallel_each(grain_observe, P, 1, w, b->colors, picture->rgba);
     grain_fine(g);
 
     const float radius = grain_radius(b->verts, h->V, mesh->cam);
     parallel_each(grain_unroll, n, 1, g->around, w->vertex, b->verts,
                   mesh->cam, radius, h->V);
     const size_t F = grain_faces(w->face, g->around, h);
-    coverage_depth(w->depth, w->shown, GRAIN_SHOWN, w->vertex, w->value,
+    coverage_depth(w->depth, w->drawn, GRAIN_VALUES, w->vertex, w->value,
                    w->face, F, unit, g->size);
     parallel_each(grain_want, P, 1, w);
     for (size_t k = 0; k < N; k++)

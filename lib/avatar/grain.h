@@ -20,18 +20,18 @@
 
 /* How far a place of the mesh shows its material's grain, and the chances of hair and
  * cloth there. */
-enum { GRAIN_SURE, GRAIN_HAIR, GRAIN_CLOTH, GRAIN_SHOWN };
+enum { GRAIN_CONFIDENCE, GRAIN_HAIR, GRAIN_CLOTH, GRAIN_VALUES };
 
 /* Maps (S,S) of the photograph, then of the picture around, and what is drawn
  * into them. */
 struct grain_work {
-    float *depth, *shown;       /* as the mesh has it: (S,S,GRAIN_SHOWN) */
+    float *depth, *drawn;       /* as the mesh has it: (S,S,GRAIN_VALUES) */
     float *from, *out, *tmp;
     float *known;               /* 1 where a pixel's material is known, or 0 */
     float *scratch;             /* (MATERIALS) of quilts */
     uint8_t *is, *want;         /* 0 or a material plus 1 */
     float *vertex;              /* (V,3) unrolled, as a camera at 0 sees it */
-    float *value;               /* (V,GRAIN_SHOWN) */
+    float *value;               /* (V,GRAIN_VALUES) */
     int32_t *face;              /* (F,3) those that the map does not cut */
 };
 

@@ -9,9 +9,9 @@
 
 /* Each half and twice: tests/bench/README.md, "The constants of hidden hair". */
 #define NEAREST 0.02f   /* to 0 and 1: a few tens of people say no more */
-#define ALIKE 20        /* vertices whose colours say the same, since one shade
+#define CORRELATED 20   /* vertices whose colours say the same, since one shade
                          * covers many; as many must show a material */
-#define SURE 3          /* log odds of a colour at most */
+#define LOG_ODDS_MAX 3  /* of a colour */
 #define STEPS 2         /* of EM */
 
 struct material_share material_all(const struct head_avatar *a)
@@ -60,7 +60,7 @@ static float material_likelihood(const float odds[MATERIALS], size_t v,
                 (1 - hair) * (cloth * odds[MATERIAL_CLOTH] + 1 - cloth));
 }
 
-struct material_share material_find(const float *beside, const float *seen,
+struct material_share material_find(const float *likelihood, const float *seen,
                                     const float *odds,
                                     const struct head_avatar *a)
 {
@@ -72,10 +72,10 @@ struct material_share material_find(const float *beside, const float *seen,
             double *to = &log_of[s][t];
 
             *to = log((double)a->hair_share[s] + 1e-9) +
-                  log((double)a->cloth_share[t] + 1e-9) + (double)beside[s];
+                  log((double)a->cloth_share[t] + 1e-9) + (double)likelihood[s];
             for (size_t v = 0; v < a->V; v++)
                 if (seen[v] > 0)
-                    *to += (double)(seen[v] / ALIKE *
+                    *to += (double)(seen[v] / CORRELATED *
                                     material_likelihood(odds + MATERIALS * v, v,
                                                         s, t, a));
             max = fmax(max, *to);
@@ -106,31 +106,31 @@ static void material_features(float f[MATERIAL_FEATURES], const float rgb[3])
 
 /* log of how likely a colour's features are of a material, but for a constant. */
 static float material_log(const float f[MATERIAL_FEATURES],
-                          const struct material_look *look)
+                          const struct material_colors *colors)
 {
     float sum = 0;
 
     for (int k = 0; k < MATERIAL_FEATURES; k++) {
-        const float off = f[k] - look->mean[k];
+        const float off = f[k] - colors->mean[k];
 
-        sum -= off * off / look->variance[k] + look->log_variance[k];
+        sum -= off * off / colors->variance[k] + colors->log_variance[k];
     }
     return sum / 2;
 }
 
 void material_odds(float odds[MATERIALS], const float rgb[3],
-                   const struct material_look *look)
+                   const struct material_colors *colors)
 {
     float f[MATERIAL_FEATURES];
 
     material_features(f, rgb);
-    const float skin = material_log(f, look + MATERIAL_SKIN);
+    const float skin = material_log(f, colors + MATERIAL_SKIN);
     for (int m = 0; m < MATERIALS; m++) {
-        const bool known = m != MATERIAL_SKIN && look[m].total > ALIKE &&
-                           look[MATERIAL_SKIN].total > ALIKE;
+        const bool known = m != MATERIAL_SKIN && colors[m].total > CORRELATED &&
+                           colors[MATERIAL_SKIN].total > CORRELATED;
 
-        odds[m] = known ? expf(clampf(material_log(f, look + m) - skin, -SURE,
-                                      SURE)) : 1;
+        odds[m] = known ? expf(clampf(material_log(f, colors + m) - skin,
+                                      -LOG_ODDS_MAX, LOG_ODDS_MAX)) : 1;
     }
 }
 
@@ -146,14 +146,14 @@ static void material_posterior(float out[MATERIALS], const float *chance,
         out[m] /= sum;
 }
 
-/* to (MATERIALS): weighted means and variances, by the look before (from). */
-static void material_step(struct material_look *to,
-                          const struct material_look *from, const float *chance,
+/* to (MATERIALS): weighted means and variances, by the colours before (from). */
+static void material_step(struct material_colors *to,
+                          const struct material_colors *from, const float *chance,
                           const struct white_point_colors *seen,
                           const float *held, const struct densify *d)
 {
     /* standard deviations, of shading and of a shade's hue */
-    static const float least[MATERIAL_FEATURES] = {0.25f, 0.02f, 0.02f};
+    static const float min_deviation[MATERIAL_FEATURES] = {0.25f, 0.02f, 0.02f};
 
     memset(to, 0, MATERIALS * sizeof *to);
     for (size_t v = 0; v < d->V; v++) {
@@ -178,38 +178,39 @@ static void material_step(struct material_look *to,
 
             *mean /= to[m].total + 1e-6f;
             *variance = fmaxf(*variance / (to[m].total + 1e-6f) -
-                              *mean * *mean, 0) + least[k] * least[k];
+                              *mean * *mean, 0) +
+                        min_deviation[k] * min_deviation[k];
             to[m].log_variance[k] = logf(*variance);
         }
 }
 
-void material_looks(struct material_look *look, float *chance,
+void material_learn(struct material_colors *colors, float *chance,
                     const struct white_point_colors *seen, const float *held,
                     const struct head_avatar *a, const struct densify *d)
 {
     const struct material_share all = material_all(a);
-    struct material_look from[MATERIALS] = {0};
+    struct material_colors from[MATERIALS] = {0};
 
     material_expect(chance, &all, a, d);
     for (int step = 0; step < STEPS; step++) {
-        material_step(look, from, chance, seen, held, d);
-        memcpy(from, look, sizeof from);
+        material_step(colors, from, chance, seen, held, d);
+        memcpy(from, colors, sizeof from);
     }
 }
 
 /* ---- a person -------------------------------------------------------------- */
 
 struct material_share material_person(float *odds,
-                                      const struct material_look *look,
-                                      const float *beside,
+                                      const struct material_colors *colors,
+                                      const float *likelihood,
                                       const struct white_point_colors *seen,
                                       const float *held,
                                       const struct head_avatar *a,
                                       const struct densify *d)
 {
     for (size_t k = 0; k < d->V + d->E; k++)
-        material_odds(odds + MATERIALS * k, seen->pixel + 4 * k, look);
-    return material_find(beside, held, odds, a);
+        material_odds(odds + MATERIALS * k, seen->pixel + 4 * k, colors);
+    return material_find(likelihood, held, odds, a);
 }
 
 /* A point's chances (MATERIALS, N apart) by their squares: what is half skin and half
@@ -224,15 +225,15 @@ static void material_decide(float *chance, size_t N)
         chance[m * N] *= chance[m * N] / sum;
 }
 
-void material_layers(struct material_look *look, float *trust, float *chance, float *odds,
-                     const float *beside,
+void material_layers(struct material_colors *colors, float *trust, float *chance,
+                     float *odds, const float *likelihood,
                      const struct white_point_colors *seen, const float *held,
                      const struct head_avatar *a, const struct densify *d)
 {
     const size_t N = d->V + d->E;
 
-    material_looks(look, chance, seen, held, a, d);
-    const struct material_share share = material_person(odds, look, beside,
+    material_learn(colors, chance, seen, held, a, d);
+    const struct material_share share = material_person(odds, colors, likelihood,
                                                         seen, held, a, d);
 
     material_expect(chance, &share, a, d);

@@ -104,7 +104,7 @@ int mouth_branch_plan(struct mouth_branch *b, struct nn_options opt,
         {&b->teeth, M * sizeof *b->teeth / sizeof(float), false},
         {&b->jaw, 3 * M, false}, {&b->pixel, 4 * M, false},
         {&b->more, 4 * M, false},
-        {&b->shown, M, false}, {&b->reach, M, false},
+        {&b->visible, M, false}, {&b->reach, M, false},
         {&b->likeness, M, false}, {&b->around, M, false}, {&b->own, M, false},
         {&b->in, M * b->inputs, false},
         {&b->din, M * b->inputs, true}, {&b->logit, 3 * M, false},
@@ -183,9 +183,9 @@ static void mouth_branch_judge(float r, struct mouth_branch *b)
         b->likeness[k] = branch_likeness(b->pixel + 4 * k, b->teeth[k].color);
     mouth_branch_smooth_likeness(b);
     for (size_t k = 0; k < b->count; k++) {
-        b->shown[k] = teeth_hidden(b->teeth, b->K, k)
+        b->visible[k] = teeth_hidden(b->teeth, b->K, k)
                     ? 0 : mouth_branch_opening(b, k, r);
-        b->own[k] = b->shown[k] * b->around[k];
+        b->own[k] = b->visible[k] * b->around[k];
     }
 }
 
@@ -231,7 +231,7 @@ static void mouth_branch_unseen(struct branch_set *out,
         memcpy(out->mean + 3 * k, t->mean, sizeof t->mean);
         memcpy(b->jaw + 3 * k, t->jaw, sizeof t->jaw);
         out->opacity[k] = BRANCH_SOLID;
-        out->seen[k] = b->shown[k];
+        out->seen[k] = b->visible[k];
     }
 }
 
@@ -286,10 +286,10 @@ static void mouth_branch_teeth(const struct source_picture *picture,
 
     mouth_branch_place(picture, white, r, 0, mesh, b);
     for (size_t k = 0; k < b->count; k++)
-        b->shown[k] = mouth_branch_opening(b, k, r) *
+        b->visible[k] = mouth_branch_opening(b, k, r) *
                       branch_likeness(b->pixel + 4 * k, b->teeth[k].color);
-    teeth_light(light, b->teeth, b->shown, b->pixel, b->K);
-    const float lift = teeth_lift(b->teeth, b->shown, b->K);
+    teeth_light(light, b->teeth, b->visible, b->pixel, b->K);
+    const float lift = teeth_lift(b->teeth, b->visible, b->K);
     if (lift != 0)
         b->lift = lift;
     mouth_branch_place(picture, light, r, b->lift, mesh, b);

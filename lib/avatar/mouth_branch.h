@@ -40,7 +40,7 @@ struct mouth_branch {
     float *sampled, *dsampled;          /* (K,K,Cf) F there; one memory */
     struct teeth_cell *teeth;           /* (K,K) with the prior, and */
     float *jaw;                         /* (K,K,3) how they go with the chin */
-    float *shown;                       /* (K,K) how far the source shows them:
+    float *visible;                     /* (K,K) how far the source shows them:
                                          * so far the photograph is drawn */
     float *reach;                       /* (K,K) within this (gaussian_seen) */
     float *likeness, *around;           /* (K,K) how far the picture's colour is

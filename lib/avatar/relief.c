@@ -8,7 +8,7 @@
 
 /* Each half and twice: tests/bench/README.md, "The constants of hidden hair". */
 #define RISE 0.1f       /* head units, 2 cm: halfway from short hair to long */
-#define ALIKE 40        /* vertices beside which is the same: less than a colour
+#define CORRELATED 40   /* vertices beside which is the same: less than a colour
                          * says, since a tail beside the neck is not long hair */
 #define PARTS 16        /* of a height, by which it is taken back */
 #define SOFT 0.05f      /* head units: hair that is lower keeps the mesh's shape */
@@ -37,28 +37,28 @@ static float relief_place(float place[2], const struct source_mesh *mesh,
 
 /* Whether the picture shows what vertex v, raised as far as some hair is, has beside
  * the bare mesh: there, place (2). */
-static bool relief_is_beside(float place[2], const struct source_picture *picture,
+static bool relief_is_outside(float place[2], const struct source_picture *picture,
                              const struct source_mesh *mesh, size_t v)
 {
     relief_place(place, mesh, v, RISE);
-    return source_picture_shows(picture, place) &&
+    return source_picture_contains(picture, place) &&
            !isfinite(mesh->depth[source_mesh_cell(place, mesh->n)]);
 }
 
-void relief_beside(float *beside, const struct material_look *look,
+void relief_likelihood(float *likelihood, const struct material_colors *colors,
                    const struct source_picture *picture,
                    const struct source_mesh *mesh)
 {
     const struct head_avatar *a = mesh->weights;
 
-    memset(beside, 0, HEAD_STYLES * sizeof *beside);
+    memset(likelihood, 0, HEAD_STYLES * sizeof *likelihood);
     for (size_t v = 0; v < a->V; v++) {
         float place[2], rgba[4], odds[MATERIALS];
 
-        if (!relief_is_beside(place, picture, mesh, v))
+        if (!relief_is_outside(place, picture, mesh, v))
             continue;
         source_picture_sample(rgba, picture, place, 1);
-        material_odds(odds, rgba, look);
+        material_odds(odds, rgba, colors);
         /* else as often nothing as something: skin or cloth */
         const float other = (1 - rgba[3]) / 2 +
             rgba[3] * (odds[MATERIAL_SKIN] + odds[MATERIAL_CLOTH]) / 4;
@@ -66,8 +66,8 @@ void relief_beside(float *beside, const struct material_look *look,
             const float hair = material_limited(
                 a->relief[HEAD_STYLES * v + s] / (2 * RISE));
 
-            beside[s] += logf(hair * rgba[3] * odds[MATERIAL_HAIR] +
-                              (1 - hair) * other) / ALIKE;
+            likelihood[s] += logf(hair * rgba[3] * odds[MATERIAL_HAIR] +
+                                  (1 - hair) * other) / CORRELATED;
         }
     }
 }
@@ -89,10 +89,10 @@ void relief_find(float *relief, const struct relief_work *work,
 {
     const struct head_avatar *a = mesh->weights;
 
-    material_looks(work->look, work->chance, seen, held, a, d);
-    relief_beside(work->beside, work->look, picture, mesh);
+    material_learn(work->colors, work->chance, seen, held, a, d);
+    relief_likelihood(work->likelihood, work->colors, picture, mesh);
     const struct material_share share =
-        material_person(work->odds, work->look, work->beside, seen, held, a, d);
+        material_person(work->odds, work->colors, work->likelihood, seen, held, a, d);
     relief_expect(relief, &share, a);
     material_expect(work->chance, &share, a, d);
 }
@@ -105,7 +105,7 @@ static bool relief_is_hidden(const struct source_picture *picture,
     float place[2], rgba[4];
     const float z = relief_place(place, mesh, v, height);
 
-    if (!source_picture_shows(picture, place))
+    if (!source_picture_contains(picture, place))
         return true;
     source_picture_sample(rgba, picture, place, 1);
     return rgba[3] > 0.5f && mesh->depth[source_mesh_cell(place, mesh->n)] < z;
@@ -135,7 +135,7 @@ void relief_limit(float *relief, const float *front,
 /* How far from vertex v along its normal the picture shows hair. */
 static float relief_follow(const struct source_picture *picture,
                            const struct source_mesh *mesh,
-                           const struct material_look *look, size_t v)
+                           const struct material_colors *colors, size_t v)
 {
     int part = 0;
 
@@ -143,10 +143,10 @@ static float relief_follow(const struct source_picture *picture,
         float place[2], rgba[4], odds[MATERIALS];
 
         relief_place(place, mesh, v, TALL * (float)(part + 1) / PARTS);
-        if (!source_picture_shows(picture, place))
+        if (!source_picture_contains(picture, place))
             break;
         source_picture_sample(rgba, picture, place, 1);
-        material_odds(odds, rgba, look);
+        material_odds(odds, rgba, colors);
         if (rgba[3] < 0.5f || odds[MATERIAL_HAIR] < 1)
             break;
     }
@@ -154,7 +154,7 @@ static float relief_follow(const struct source_picture *picture,
 }
 
 void relief_meet(float *relief, const float *rim, const float *hair,
-                 const struct material_look *look,
+                 const struct material_colors *colors,
                  const struct source_picture *picture,
                  const struct source_mesh *mesh, const struct densify *d,
                  float *scratch)
@@ -167,10 +167,10 @@ void relief_meet(float *relief, const float *rim, const float *hair,
 
         more[v] = want[v] = 0;
         weight[v] = FIRM * rim[v] * hair[v];
-        if (weight[v] > 0 && !relief_is_beside(place, picture, mesh, v))
+        if (weight[v] > 0 && !relief_is_outside(place, picture, mesh, v))
             weight[v] = 0;
         if (weight[v] > 0)
-            want[v] = relief_follow(picture, mesh, look, v) - relief[v];
+            want[v] = relief_follow(picture, mesh, colors, v) - relief[v];
     }
     for (int sweep = 0; sweep < SPREAD; sweep++) {
         memset(sum, 0, d->V * sizeof *sum);

@@ -11,10 +11,10 @@
 #include "lib/avatar/source_mesh.h"
 #include "lib/avatar/source_picture.h"
 
-/* beside (HEAD_STYLES), log: how likely it is in each way to wear hair that hair is
- * where the picture has it beside the bare mesh, by the person's look
+/* likelihood (HEAD_STYLES), log: how likely it is in each way to wear hair that hair is
+ * where the picture has it beside the bare mesh, by the person's colours
  * (MATERIALS). */
-void relief_beside(float *beside, const struct material_look *look,
+void relief_likelihood(float *likelihood, const struct material_colors *colors,
                    const struct source_picture *picture,
                    const struct source_mesh *mesh);
 
@@ -25,8 +25,8 @@ void relief_expect(float *relief, const struct material_share *share,
 /* The same of the styles that a picture of the person speaks for: what is seen of the
  * mesh, how far it is where it is (held), and what is beside it. */
 struct relief_work {
-    struct material_look *look; /* (MATERIALS) out: the person's */
-    float *beside;      /* (HEAD_STYLES) out */
+    struct material_colors *colors; /* (MATERIALS) out: the person's */
+    float *likelihood;  /* (HEAD_STYLES) out */
     float *chance;      /* (MATERIALS,V+E) out: by those styles */
     float *odds;        /* (MATERIALS,V+E) scratch */
 };
@@ -43,10 +43,10 @@ void relief_limit(float *relief, const float *front,
 
 /* The heights where that is hair's (hair (V): its chance) which differ least from
  * relief as it comes, and from each other in how far they do, so that the mesh's
- * outline (rim (V): how far a vertex lies there) meets that of the hair by its look
+ * outline (rim (V): how far a vertex lies there) meets that of the hair by its colours
  * (MATERIALS): a screened Poisson equation on the mesh.  scratch (4,V). */
 void relief_meet(float *relief, const float *rim, const float *hair,
-                 const struct material_look *look,
+                 const struct material_colors *colors,
                  const struct source_picture *picture,
                  const struct source_mesh *mesh, const struct densify *d,
                  float *scratch);

@@ -174,7 +174,7 @@ void source_picture_set(struct source_picture *p, const uint8_t *rgb,
     source_picture_pad(p->rgba, p->padded, p->list, S);
 }
 
-bool source_picture_shows(const struct source_picture *p, const float place[2])
+bool source_picture_contains(const struct source_picture *p, const float place[2])
 {
     size_t at[2];
 

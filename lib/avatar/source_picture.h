@@ -39,7 +39,7 @@ void source_picture_set(struct source_picture *p, const uint8_t *rgb,
 
 /* Whether the photograph shows what lies at a place in [-1,1]; else the picture
  * has a guess there. */
-bool source_picture_shows(const struct source_picture *p, const float place[2]);
+bool source_picture_contains(const struct source_picture *p, const float place[2]);
 
 /* out (N,4): colour and matte at places (N,2) in [-1,1]. */
 void source_picture_sample(float *out, const struct source_picture *p,

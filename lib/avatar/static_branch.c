@@ -20,7 +20,7 @@
  * tests/bench/README.md, "Shoulders".  Head units. */
 #define NECK_SOFT 0.08f /* that much lower e times as likely the body's: 16 mm */
 #define ASIDE 0.1f      /* 2 cm from the mesh skin is either's */
-#define LIKE 0.05f      /* 1 cm about (standard deviation) moves alike */
+#define SPREAD 0.05f    /* 1 cm about (standard deviation) moves alike */
 #define NECK_ENDS 0.01f /* likelier than that of either is certain */
 
 /* ---- the branch -------------------------------------------------------- */
@@ -133,14 +133,14 @@ static void static_branch_surface(struct static_branch *b,
  * neck's near the mesh (`aside` cells), farther off a bare shoulder's. */
 PARALLEL(static_branch_odds_part, k, float *, log_odds, float *, weight,
          const float *, aside, struct static_branch *, b,
-         const struct source_mesh *, mesh, const struct material_look *, look)
+         const struct source_mesh *, mesh, const struct material_colors *, colors)
 {
     const float *pixel = b->pixel + 4 * k;
-    const float beside = aside[k] * source_mesh_spacing(mesh, b->n);
-    const float shoulder = beside / (beside + ASIDE);
+    const float distance = aside[k] * source_mesh_spacing(mesh, b->n);
+    const float shoulder = distance / (distance + ASIDE);
     float odds[MATERIALS];
 
-    material_odds(odds, pixel, look);
+    material_odds(odds, pixel, colors);
     weight[k] = (b->prior ? fmaxf(pixel[3], 0) : 1) + 1e-4f;
     log_odds[k] = weight[k] * logf((odds[MATERIAL_CLOTH] + shoulder) /
                                    (odds[MATERIAL_HAIR] + 1 - shoulder));
@@ -164,12 +164,12 @@ PARALLEL(static_branch_neck_part, k, float *, neck, const float *, mean,
  * show.  b->U are the cells' centres, b->pixel what is there; mean (n*n,3) is used up. */
 static void static_branch_neck(float *neck, float *mean,
                                const struct source_mesh *mesh,
-                               const struct material_look *look,
+                               const struct material_colors *colors,
                                struct static_branch *b)
 {
     static const float straight[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
     const struct neck_blend blend = head_avatar_neck(mesh->weights);
-    const float like = LIKE / source_mesh_spacing(mesh, b->n);
+    const float spread = SPREAD / source_mesh_spacing(mesh, b->n);
     float *odds = b->logit, *weight = odds + b->count, *tmp = weight + b->count;
     float R[9], back[12];
 
@@ -185,9 +185,9 @@ static void static_branch_neck(float *neck, float *mean,
                        b->count);
     coverage_distance(neck, mesh->coverage, b->n);
     parallel_each(static_branch_odds_part, b->count, 256, odds, weight, neck, b, mesh,
-                  look);
-    coverage_blur(b->p_raw, odds, b->n, like, tmp);
-    coverage_blur(b->p_shift, weight, b->n, like, tmp);
+                  colors);
+    coverage_blur(b->p_raw, odds, b->n, spread, tmp);
+    coverage_blur(b->p_shift, weight, b->n, spread, tmp);
     parallel_each(static_branch_neck_part, b->count, 256, neck, mean, back, b->p_raw,
                   b->p_shift, blend.top);
 }
@@ -204,14 +204,14 @@ static void static_branch_mask(struct static_branch *b,
 static void static_branch_map(float *neck, float *mean,
                               const struct source_picture *picture,
                               const struct source_mesh *mesh,
-                              const struct material_look *look,
+                              const struct material_colors *colors,
                               struct static_branch *b)
 {
     static_branch_grid(b->U, b->n);
     if (b->prior)
         source_picture_sample(b->pixel, picture, b->U, b->count);
     static_branch_surface(b, mesh);
-    static_branch_neck(neck, mean, mesh, look, b);
+    static_branch_neck(neck, mean, mesh, colors, b);
     static_branch_mask(b, mesh);
 }
 
@@ -389,12 +389,12 @@ PARALLEL(static_branch_forward_part, k, struct static_branch *, b)
 void static_branch_forward(struct branch_set *out, const float *features,
                            const struct source_picture *picture,
                            const struct source_mesh *mesh,
-                           const struct material_look *look,
+                           const struct material_colors *colors,
                            struct static_branch *b)
 {
     if (out->n == 0)
         return;
-    static_branch_map(out->neck, out->mean, picture, mesh, look, b);
+    static_branch_map(out->neck, out->mean, picture, mesh, colors, b);
     static_branch_deform(features, mesh, b);
     parallel_each(static_branch_locate_part, b->count, 1, b);
     if (b->prior && b->init.width)      /* they have moved */

@@ -76,12 +76,12 @@ int static_branch_plan(struct static_branch *b, struct nn_options opt,
 void static_branch_release(struct static_branch *b);
 
 /* out: all n*n Gaussians and their neck weights (nothing when out->n is 0),
- * from features F (n,n,Cf), the picture, the mesh on it and the person's look
+ * from features F (n,n,Cf), the picture, the mesh on it and the person's colours
  * (MATERIALS; of nothing known: zeros). */
 void static_branch_forward(struct branch_set *out, const float *features,
                            const struct source_picture *picture,
                            const struct source_mesh *mesh,
-                           const struct material_look *look,
+                           const struct material_colors *colors,
                            struct static_branch *b);
 /* dfeatures (n,n,Cf) and the weights' gradients are added to; dout's arrays
  * are used up.  The other arguments as in the forward. */

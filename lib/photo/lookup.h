@@ -41,18 +41,18 @@ static inline float texture_cover(const struct splat_place_view *v)
 /* Where the photograph shows nobody, a head that has turned is there all the same if
  * its Gaussians cover the pixel: the mesh may be wider than the person, which in the
  * photograph is beside its outline, but after a turn a hole in a neck.  So confidence
- * is times 1 - (1 - matte) texture_turned TEXTURE_SOLID: from 20 degrees on, not of
+ * is times 1 - (1 - matte) texture_turn TEXTURE_SOLID: from 20 degrees on, not of
  * shoulders, which do not turn, below where the neck ends, nor where what is about
  * an outline covers a pixel in part.  tests/bench/README.md, "Holes, shreds and
  * outlines". */
-#define TEXTURE_TURNED 0.35f    /* sine of the turn */
+#define TEXTURE_TURN 0.35f      /* sine of the turn */
 #define TEXTURE_OPAQUE 0.9f     /* coverage up to which a pixel is covered in part */
 #define TEXTURE_SOLID(alpha) (((alpha) - TEXTURE_OPAQUE) / (1 - TEXTURE_OPAQUE))
-static inline float texture_turned(const struct splat_place_view *v)
+static inline float texture_turn(const struct splat_place_view *v)
 {
     const float *d = v->toward;
 
-    return fminf(sqrtf(d[0] * d[0] + d[1] * d[1]) / TEXTURE_TURNED, 1);
+    return fminf(sqrtf(d[0] * d[0] + d[1] * d[1]) / TEXTURE_TURN, 1);
 }
 
 /* Which level of t a picture of size by size pixels is looked up in. */

@@ -126,27 +126,27 @@ static float lookup_confidence(const float *p, float alpha, float times)
     return fminf(fmaxf(own, 0), 1) * fminf(times * alpha, 1);
 }
 
-/* texture_turned, of the head alone. */
-static float lookup_turned(const struct splat_place_view *v, float x, float y)
+/* texture_turn, of the head alone. */
+static float lookup_turn(const struct splat_place_view *v, float x, float y)
 {
     const float *n = v->neck, below = n[0] * x + n[1] * y + n[2] - 1;
 
-    return (1 - fminf(fmaxf(below, 0), 1)) * texture_turned(v);
+    return (1 - fminf(fmaxf(below, 0), 1)) * texture_turn(v);
 }
 
 /* Back through what the confidence loses where the photograph shows nobody: d (5) of
  * what came out becomes that of the confidence and matte before, dalpha is added
  * to. */
 static void lookup_cover_backward(float d[TEXTURE_PHOTO], float *dalpha,
-                                  float confidence, float matte, float turned,
+                                  float confidence, float matte, float turn,
                                   float alpha)
 {
-    const float solid = fminf(TEXTURE_SOLID(alpha), 1), by = turned * solid;
+    const float solid = fminf(TEXTURE_SOLID(alpha), 1), by = turn * solid;
     const float slope = solid < 1 ? TEXTURE_SOLID(1) - TEXTURE_SOLID(0) : 0;
 
     if (!(solid > 0))
         return;
-    *dalpha -= d[4] * confidence * (1 - matte) * turned * slope;
+    *dalpha -= d[4] * confidence * (1 - matte) * turn * slope;
     d[3] += d[4] * confidence * by;
     d[4] *= 1 - (1 - matte) * by;
 }
@@ -184,7 +184,7 @@ void texture_lookup_backward(float *dplace, float *dalpha,
                              half * ((float)at[1] + 1));
         lookup_cover_backward(d, dalpha + i, confidence,
                               fminf(fmaxf(s.sum[3], 0), 1),
-                              lookup_turned(v, nx, ny), alpha[i]);
+                              lookup_turn(v, nx, ny), alpha[i]);
         lookup_confidence_backward(dp, dalpha + i, p, alpha[i], times, d[4]);
         lookup_position_backward(duv, d, &s);
         lookup_place_backward(dp, duv, p, M, &side, half);

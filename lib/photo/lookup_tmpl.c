@@ -18,8 +18,8 @@ static bool ISA(lookup_places)(struct lookup_run *r,
     const float *A = v->A, *b = v->b, *S = v->shoulders, *neck = v->neck;
     const vf zero = vf_set(0), one = vf_set(1), cover = vf_set(texture_cover(v));
     const vf e[2] = {vf_set(side->e[0]), vf_set(side->e[1])};
-    const vf turned = vf_set(texture_turned(v));
-    vf max = zero, most = zero;
+    const vf turn = vf_set(texture_turn(v));
+    vf max = zero, grain_max = zero;
 
     for (size_t i = 0; i < n; i += VEC, place += SPLAT_PLACE_CHANNELS * VEC) {
         const float *row[VEC];
@@ -55,12 +55,12 @@ static bool ISA(lookup_places)(struct lookup_run *r,
         vf_store(r->confidence + i, confidence);
         vf_store(r->grain + i, grain);
         max = vf_max(max, confidence);
-        most = vf_max(most, grain);
+        grain_max = vf_max(grain_max, grain);
         vf below = neck[0] * nx + (neck[1] * r->ny + neck[2]);
         vf share = vf_clamp(below, zero, one);
         vf head = one - vf_clamp(below - one, zero, one);
 
-        vf_store(r->solid + i, head * turned *
+        vf_store(r->solid + i, head * turn *
                                    vf_clamp(TEXTURE_SOLID(opaque), zero, one));
         x += share * (S[0] * nx + (S[1] * r->ny + S[4]));
         y += share * (S[2] * nx + (S[3] * r->ny + S[5]));
@@ -71,7 +71,7 @@ static bool ISA(lookup_places)(struct lookup_run *r,
         vf_store(r->u + i, r->half * (x + 1));
         vf_store(r->v + i, r->half * (y + 1));
     }
-    r->grained = vm_any(vf_gt(most, zero));
+    r->grained = vm_any(vf_gt(grain_max, zero));
     return r->grained || vm_any(vf_gt(max, zero));
 }
 

@@ -76,10 +76,10 @@ static void matte_guess(struct matte *k)
         const double u = ((double)(i % SIDE) + 0.5 - (x[0] + x[1]) / 2) / half;
         const double v = ((double)(i / SIDE) + 0.5 - (y[0] + y[1]) / 2) / high;
         const double below = v - 0.8, hair = hypot(u, v < 0 ? v : v / 1.7);
-        const double beside = fabs(u) / (0.5 + 2 * below);
+        const double aside = fabs(u) / (0.5 + 2 * below);
 
         k->prior[i] = fmaxf(matte_likely(hair),
-                            below > 0 ? matte_likely(beside) : 0);
+                            below > 0 ? matte_likely(aside) : 0);
         if (extent_has(&k->inside, i % SIDE, i / SIDE))
             k->prior[i] *= 0.85f;
         k->prior[i] = fmaxf(k->prior[i], (float)k->head[i] / 255);
@@ -87,25 +87,25 @@ static void matte_guess(struct matte *k)
 }
 
 /* A place by one beside it; whether it grew. */
-static inline bool matte_reach(float *at, float prior, float beside)
+static inline bool matte_grow(float *at, float prior, float neighbour)
 {
-    if (beside <= *at || prior <= *at)
+    if (neighbour <= *at || prior <= *at)
         return false;
-    *at = beside < prior ? beside : prior;
+    *at = neighbour < prior ? neighbour : prior;
     return true;
 }
 
 /* A row by the one beside it, then along itself to both ends. */
-static bool matte_spread(float *row, const float *prior, const float *beside)
+static bool matte_spread(float *row, const float *prior, const float *neighbour)
 {
     bool grew = false;
 
     for (size_t x = 0; x < SIDE; x++)
-        grew |= matte_reach(row + x, prior[x], beside[x]);
+        grew |= matte_grow(row + x, prior[x], neighbour[x]);
     for (size_t x = 1; x < SIDE; x++)
-        grew |= matte_reach(row + x, prior[x], row[x - 1]);
+        grew |= matte_grow(row + x, prior[x], row[x - 1]);
     for (size_t x = SIDE - 1; x > 0; x--)
-        grew |= matte_reach(row + x - 1, prior[x - 1], row[x]);
+        grew |= matte_grow(row + x - 1, prior[x - 1], row[x]);
     return grew;
 }
 

@@ -18,8 +18,8 @@
 #define RIM_SPREAD 2.0          /* of the rim about the edge, pixels of 512, */
 #define STAY_SPREAD 0.5         /* and of landmarks about where they were */
 #define RIM 0.3f                /* cosine to the camera: at most, of the rim */
-#define REACH 0.035             /* from the rim to the edge, of the side */
-#define UNLIKE 40.0             /* levels: more, and the edge is not the skin's
+#define SEARCH 0.035            /* from the rim to the edge, of the side */
+#define COLOUR_MAX 40.0         /* levels: more, and the edge is not the skin's
                                  * but that of hair or cloth before it */
 #define HAIR 0.2f               /* a vertex with more of it is not skin */
 #define FIRST_INNER 17          /* landmarks from here on stay */
@@ -179,12 +179,12 @@ static void outline_along(double to[2], const float at[2],
 static double outline_edge(const struct outline *o, const float at[2],
                            const float along[2])
 {
-    const double step = 0.5 * o->scale, reach = REACH * (double)o->n;
+    const double step = 0.5 * o->scale, search = SEARCH * (double)o->n;
     const uint8_t *matte = o->person->matte;
     double best = INFINITY, a[2];
     bool inside = false;
 
-    for (double t = -reach; t < reach; t += step) {
+    for (double t = -search; t < search; t += step) {
         outline_along(a, at, along, t);
         const bool now = outline_at(matte, o->n, a[0], a[1]) >= 128;
 
@@ -215,7 +215,7 @@ static bool outline_bounds(const struct outline *o, size_t v,
            outline_at(matte, o->n, rim[0], rim[1]) > 64 &&
            outline_at(matte, o->n, in[0], in[1]) > 192 &&
            (edge < 0 || (outline_is_skin(o->head, v) &&
-                         outline_colour_distance(o, rim, in) < UNLIKE));
+                         outline_colour_distance(o, rim, in) < COLOUR_MAX));
 }
 
 /* row[v]: vertex v's, if it is of the rim; else its spread is 0. */

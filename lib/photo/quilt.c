@@ -144,7 +144,7 @@ static void quilt_look(struct quilt_work *w, size_t x, size_t y)
 /* Of block b and that: the mean square of what they differ by, and how far they are
  * alike, 0..1. */
 struct quilt_fit {
-    float off, alike;
+    float off, similarity;
 };
 
 static struct quilt_fit quilt_compare(const struct quilt_work *w,
@@ -171,7 +171,7 @@ static void quilt_lay(struct quilt_work *w, const struct quilt_block *b,
                       size_t x, size_t y, size_t over)
 {
     const size_t n = w->q->n;
-    const float alike = quilt_compare(w, b).alike;
+    const float similarity = quilt_compare(w, b).similarity;
 
     for (size_t j = 0; j < w->side && y + j < n; j++)
         for (size_t i = 0; i < w->side && x + i < n; i++) {
@@ -184,7 +184,7 @@ static void quilt_lay(struct quilt_work *w, const struct quilt_block *b,
             if (!quilt_wants(w, x + i, y + j))
                 continue;
             *to = w->done[at] ? ((1 - t) * *to + t * from) /
-                                    sqrtf(1 - 2 * t * (1 - t) * (1 - alike))
+                                    sqrtf(1 - 2 * t * (1 - t) * (1 - similarity))
                               : from;
             w->done[at] = true;
         }

@@ -70,7 +70,7 @@ static int source_find_upright(struct source *s, struct track *t,
 }
 
 /* How many of the face's landmarks lie beyond the picture's edges. */
-static size_t source_count_beyond(struct track *t, const struct motion *m,
+static size_t source_count_outside(struct track *t, const struct motion *m,
                                   const struct image *im)
 {
     const float S = (float)t->opt.size;
@@ -113,7 +113,7 @@ static int source_find_face(struct source *s, struct track *t,
     calm_face(&s->person.calm, &t->calm);
     s->person.has_source = true;
     s->confidence = r.confidence;
-    s->beyond = source_count_beyond(t, &r.motion, im);
+    s->outside = source_count_outside(t, &r.motion, im);
     s->window = t->window;
     s->faces = t->faces;
     s->person.crop[0] = (float)t->window.x;

@@ -153,7 +153,7 @@ static void material_ears(void)
     const struct head_avatar a = {.V = ALL, .hair = hair, .hair_share = shares,
                                   .cloth = cloth, .cloth_share = one};
     const struct densify d = {.V = ALL};
-    float beside[HEAD_STYLES] = {0};
+    float likelihood[HEAD_STYLES] = {0};
     struct material_share share = material_all(&a);
 
     for (size_t v = 0; v < ALL; v++) {
@@ -165,28 +165,28 @@ static void material_ears(void)
     }
     material_expect(out, &share, &a, &d);
     expect("before: what all people have", behind[ALL], 0.45, 1e-6);
-    share = material_find(beside, seen, odds, &a);
+    share = material_find(likelihood, seen, odds, &a);
     material_expect(out, &share, &a, &d);
     check("a bare ear: no hair behind it", behind[ALL], 0.05);
     check_range("but cloth", behind[2 * ALL], 0.95, 1);
     for (size_t v = PART; v < 2 * PART; v++)
         odds[MATERIALS * v + MATERIAL_HAIR] = 1e4f;
-    share = material_find(beside, seen, odds, &a);
+    share = material_find(likelihood, seen, odds, &a);
     material_expect(out, &share, &a, &d);
     check_range("a covered one: hair behind it", behind[ALL], 0.8, 0.9);
     expect("shares are of all", share.hair[0] + share.hair[1], 1, 1e-5);
     expect("chances, too", behind[0] + behind[ALL] + behind[2 * ALL], 1, 1e-5);
     memset(seen, 0, sizeof seen);
-    share = material_find(beside, seen, odds, &a);
+    share = material_find(likelihood, seen, odds, &a);
     expect("nothing seen: as before", share.hair[1], 0.5, 1e-6);
-    beside[1] = logf(3);
-    share = material_find(beside, seen, odds, &a);
+    likelihood[1] = logf(3);
+    share = material_find(likelihood, seen, odds, &a);
     expect("three times as likely beside the mesh", share.hair[1], 0.75, 1e-6);
     for (size_t v = 0; v < 2 * PART; v++)
         seen[v] = 1;
     for (size_t v = 0; v < ALL; v++)
         odds[MATERIALS * v + MATERIAL_HAIR] = 0;
-    share = material_find(beside, seen, odds, &a);
+    share = material_find(likelihood, seen, odds, &a);
     check("a bare ear says more", share.hair[1], 0.6);
 }
 
@@ -262,8 +262,8 @@ static void relief_outline(void)
 {
     enum { N = 16 };
     float verts[3] = {0}, normals[3] = {1, 0, 0}, depth[N * N];
-    float heights[HEAD_STYLES] = {0, 0.5f}, beside[HEAD_STYLES];
-    const struct material_look look[MATERIALS] = {{0}};     /* nothing known */
+    float heights[HEAD_STYLES] = {0, 0.5f}, likelihood[HEAD_STYLES];
+    const struct material_colors colors[MATERIALS] = {{0}};     /* nothing known */
     uint8_t colours[3 * N * N] = {0}, matte[N * N] = {0};
     const struct head h = {.V = 1};
     const struct head_avatar a = {.V = 1, .relief = heights};
@@ -277,18 +277,18 @@ static void relief_outline(void)
         depth[i] = INFINITY;
     source_picture_init(&p, N, &err);
     source_picture_set(&p, colours, matte, NULL, false);
-    relief_beside(beside, look, &p, &mesh);
-    expect("nobody there: no hair", 40 * (beside[0] - beside[1]),
+    relief_likelihood(likelihood, colors, &p, &mesh);
+    expect("nobody there: no hair", 40 * (likelihood[0] - likelihood[1]),
            log(0.98 / 0.02), 1e-4);
     memset(matte, 255, sizeof matte);
     source_picture_set(&p, colours, matte, NULL, false);
-    relief_beside(beside, look, &p, &mesh);
+    relief_likelihood(likelihood, colors, &p, &mesh);
     expect("somebody there: hair or something else",
-           40 * (beside[1] - beside[0]), log(0.99 / 0.51), 1e-4);
+           40 * (likelihood[1] - likelihood[0]), log(0.99 / 0.51), 1e-4);
     for (size_t i = 0; i < N * N; i++)
         depth[i] = 10;
-    relief_beside(beside, look, &p, &mesh);
-    expect("before the mesh nothing is said", beside[1] - beside[0], 0, 0);
+    relief_likelihood(likelihood, colors, &p, &mesh);
+    expect("before the mesh nothing is said", likelihood[1] - likelihood[0], 0, 0);
     source_picture_release(&p);
 }
 
@@ -321,7 +321,7 @@ static void relief_row(void)
     float verts[3 * ALL] = {0}, normals[3 * ALL] = {0}, depth[N * N];
     float rim[ALL] = {0}, hair[ALL], relief[ALL], room[4 * ALL];
     double A[ALL * ALL] = {0}, b[ALL] = {0}, x[ALL], off = 0;
-    const struct material_look look[MATERIALS] = {{0}};     /* nothing known */
+    const struct material_colors colors[MATERIALS] = {{0}};     /* nothing known */
     uint8_t colours[3 * N * N] = {0}, matte[N * N];
     const struct head h = {.V = ALL};
     const struct source_mesh mesh = {
@@ -345,7 +345,7 @@ static void relief_row(void)
     }
     source_picture_init(&p, N, &err);
     source_picture_set(&p, colours, matte, NULL, false);
-    relief_meet(relief, rim, hair, look, &p, &mesh, &d, room);
+    relief_meet(relief, rim, hair, colors, &p, &mesh, &d, room);
 
     for (size_t v = 0; v < ALL; v++)
         A[ALL * v + v] = d.degree[v] * (1.1 + (v == RIM ? 10 : 0));
@@ -364,7 +364,7 @@ static void relief_row(void)
     expect("where none grows, none rises", relief[0], 0.01, 1e-6);
     memset(matte, 0, sizeof matte);
     source_picture_set(&p, colours, matte, NULL, false);
-    relief_meet(relief, rim, hair, look, &p, &mesh, &d, room);
+    relief_meet(relief, rim, hair, colors, &p, &mesh, &d, room);
     check("nobody there: none", relief[RIM], 0.01);
     densify_release(&d);
     source_picture_release(&p);
@@ -408,24 +408,24 @@ static void material_colours(void)
                                   .cloth_share = cloth_share};
     const struct white_point_colors seen = {.pixel = pixel};
     const struct densify d = {.V = N};
-    struct material_look look[MATERIALS];
+    struct material_colors colors[MATERIALS];
     float odds[MATERIALS];
 
     for (size_t v = 0; v < N; v++) {
         memcpy(pixel + 4 * v, v < N / 2 ? fair : skin, sizeof fair);
         hair[HEAD_STYLES * v] = v < N / 2 ? 0.9f : 0.1f;
     }
-    material_looks(look, chances, &seen, held, &a, &d);
-    material_odds(odds, between, look);
+    material_learn(colors, chances, &seen, held, &a, &d);
+    material_odds(odds, between, colors);
     expect("nothing seen, nothing said", odds[MATERIAL_HAIR], 1, 0);
     for (size_t v = 0; v < N; v++)
         held[v] = 1;
-    material_looks(look, chances, &seen, held, &a, &d);
-    material_odds(odds, between, look);
+    material_learn(colors, chances, &seen, held, &a, &d);
+    material_odds(odds, between, colors);
     expect("a colour by this person's hair and skin", log(odds[MATERIAL_HAIR]),
            material_log_of(between, fair) - material_log_of(between, skin),
            0.05);
-    material_odds(odds, fair, look);
+    material_odds(odds, fair, colors);
     expect("the hair's own, of which a tenth may be skin", log(odds[MATERIAL_HAIR]),
            -material_log_of(fair, skin), 0.1);
     expect("cloth, of which none is seen", odds[MATERIAL_CLOTH], 1, 0);
@@ -444,14 +444,14 @@ static void picture_edge(void)
     REQUIRE(source_picture_init(&p, 4, &err) == 0, "%s", err.text);
     source_picture_set(&p, colours, NULL, certain, false);
     check_that("the photograph shows what it has",
-               source_picture_shows(&p, in));
+               source_picture_contains(&p, in));
     check_that("beyond its edge there are guesses",
-               !source_picture_shows(&p, above) &&
-               !source_picture_shows(&p, out));
+               !source_picture_contains(&p, above) &&
+               !source_picture_contains(&p, out));
     source_picture_set(&p, colours, NULL, NULL, false);
     check_that("all is shown where nothing else is said",
-               source_picture_shows(&p, above) &&
-               source_picture_shows(&p, out));
+               source_picture_contains(&p, above) &&
+               source_picture_contains(&p, out));
     source_picture_release(&p);
 }
 

@@ -142,18 +142,18 @@ static void grain_places(const struct scene *s)
 int main(void)
 {
     static struct scene s;
-    int hair[2], skin[2], beside[2];
+    int hair[2], skin[2], outside[2];
 
     scene_make(&s);
     grain_places(&s);
     /* a quarter to the left of the middle is 75 degrees around */
     grain_range(hair, &s.grain, 0.15, 0.25, 0.4, 0.45);
     grain_range(skin, &s.grain, 0.15, 0.25, 0.55, 0.65);
-    grain_range(beside, &s.grain, 0, 1, 0, 0.1);
+    grain_range(outside, &s.grain, 0, 1, 0, 0.1);
     check_range("hair has dark stripes where the photograph shows none", hair[0],
                 60, 110);
     check_range("and bright ones", hair[1], 146, 210);
     check_that("smooth skin is smooth", skin[0] == 128 && skin[1] == 128);
-    check_that("and what is beside the head", beside[0] == 128 && beside[1] == 128);
+    check_that("and what is beside the head", outside[0] == 128 && outside[1] == 128);
     return check_status();
 }

@@ -82,7 +82,7 @@ static void test_tensor(void)
     TRUE(a->storage && a->storage->count == 6 && a->first == 1);
     TRUE(a->storage->key.n == 1 && a->storage->key.p[0] == '7');
     TRUE(a->view.dtype == ST_F16 && a->view.count == 3 &&
-          a->view.stride[0] == 2 && array_view_reach(&a->view) == 5);
+          a->view.stride[0] == 2 && array_view_extent(&a->view) == 5);
     TRUE(pickle_storages(p)->n == 1);
     pickle_free(p);
 }
@@ -172,7 +172,7 @@ static void test_views(void)
         for (int k = 0; k < v.ndim; k++)
             if (round % 3 == 2)
                 v.stride[k] = (seed = seed * 1103515245 + 12345) >> 16 & 31;
-        reach = array_view_reach(&v);
+        reach = array_view_extent(&v);
         count = 1;
         for (int k = 0; k < v.ndim; k++)
             count *= v.dim[k];

@@ -157,7 +157,7 @@ out vec4 color;
 
 const float LEAST = 0.004;         /* as in lib/photo/lookup.h, */
 const float GRAIN = 1.0 / 4096.0;  /* SPLAT_PLACE_GRAIN of lib/splat/types.h */
-/* texture_turned times TEXTURE_SOLID: this, too, */
+/* texture_turn times TEXTURE_SOLID: this, too, */
 float solid(vec2 n, float alpha) {
   return (1.0 - clamp(dot(neck, vec3(n, 1.0)) - 1.0, 0.0, 1.0)) *
          min(length(toward) / 0.35, 1.0) * clamp(10.0 * alpha - 9.0, 0.0, 1.0);

@@ -82,7 +82,7 @@ struct pickle_value *pickle_torch_tensor(struct pickle_machine *m,
         return pickle_fail(m, "tensor of %d dimensions has %d strides, or is "
                            "too large", a->view.ndim, n), NULL;
     memcpy(a->view.stride, stride, (size_t)n * sizeof *stride);
-    reach = array_view_reach(&a->view);
+    reach = array_view_extent(&a->view);
     if (reach > storage->u.storage->count ||
         (reach && a->first > storage->u.storage->count - reach))
         return pickle_fail(m, "tensor of %zu elements from %zu on, reaching "

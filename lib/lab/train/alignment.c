@@ -5,7 +5,7 @@
 
 #include "lib/base/resample.h"
 
-#define REACH 3                   /* pixels around a map's largest value */
+#define RADIUS 3                  /* pixels around a map's largest value */
 
 int alignment_open(struct alignment *a, const char *path, size_t side,
                    struct error *err)
@@ -59,8 +59,8 @@ static struct alignment_reach alignment_peak(const float *heat, size_t n,
             at = i;
     size_t x = at % n, y = at / n;
     return (struct alignment_reach){
-        x > REACH ? x - REACH : 0, x + REACH + 1 < n ? x + REACH + 1 : n,
-        y > REACH ? y - REACH : 0, y + REACH + 1 < n ? y + REACH + 1 : n
+        x > RADIUS ? x - RADIUS : 0, x + RADIUS + 1 < n ? x + RADIUS + 1 : n,
+        y > RADIUS ? y - RADIUS : 0, y + RADIUS + 1 < n ? y + RADIUS + 1 : n
     };
 }
 
