@@ -23,6 +23,7 @@ int animation_load(struct prepare *models, struct animation_options *opt,
     models->star = a->star;
     opt->track.size = (double)models->model.config.size;
     opt->track.detector = models->look.detector = &models->detector;
+    opt->track.across = models->look.across = &models->across;
     opt->framing.model_size = models->model.config.size;
     models->look.finest = framing_finest(&opt->framing);
     a->model = &models->model;

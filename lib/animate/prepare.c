@@ -140,7 +140,7 @@ static void *prepare_run_plan(void *prepare)
 
     if (prepare_await_head(p, &none) == 0 &&
         motion_tta_init(&t, &p->nets.motion, 1, &p->head, !p->look.no_tta,
-                        false, &none) == 0)
+                        p->look.across, false, &none) == 0)
         motion_tta_release(&t);
     return NULL;
 }

@@ -41,7 +41,7 @@ int track_init(struct track *t, const struct identity *id,
     else if (landmarks_init(&t->landmarks, id, err) == 0 &&
              (t->opt.no_align || align_init(&t->align, id, err) == 0) &&
              motion_tta_init(&t->tta, net, 1, id->head, !opt->no_tta,
-                             !opt->still, err) == 0 &&
+                             opt->across, !opt->still, err) == 0 &&
              (!net->confidence.ps || search_init(&t->search, net, err) == 0)) {
         calm_init(&t->calm, motion_encoder_rest(net), &t->landmarks);
         return 0;

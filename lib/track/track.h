@@ -48,6 +48,8 @@ struct track_options {
     struct facedetect **detector;       /* shared by trackers that look one
                                  * after another, NULL until one of them needs
                                  * it; or NULL: their own */
+    struct motion_mirror *across;       /* shared likewise by those of one head:
+                                 * not known until one of them needs it */
 };
 
 enum track_event {

@@ -140,6 +140,7 @@ int motion_mirror_init(struct motion_mirror *m, const struct head *h,
         m->from[MOTION_EYE + k] = MOTION_EYE + (k + 3) % 6;
         m->sign[MOTION_EYE + k] = axis[k % 3];
     }
+    m->known = true;
     return 1;
 }
 
@@ -168,15 +169,20 @@ static int motion_tta_plan(struct motion_encoder *net, size_t batch,
 
 int motion_tta_init(struct motion_tta *t, struct motion_encoder *net,
                     size_t batch, const struct head *h, bool wanted,
-                    bool quick, struct error *err)
+                    struct motion_mirror *shared, bool quick,
+                    struct error *err)
 {
     memset(t, 0, sizeof *t);
     t->net = net;
     t->batch = batch;
-    int rc = wanted ? motion_mirror_init(&t->across, h, err) : 0;
-    if (rc < 0)
+    if (wanted && shared)
+        t->across = *shared;
+    if (wanted && !t->across.known &&
+        motion_mirror_init(&t->across, h, err) < 0)
         return -1;
-    t->mirror = rc > 0;
+    if (shared && t->across.known)
+        *shared = t->across;
+    t->mirror = t->across.known;
     size_t both = t->mirror ? 2 * batch : batch;
     if (motion_tta_plan(net, both, quick, err))
         return -1;

@@ -53,6 +53,7 @@ int light_of_crop(struct motion *m, const struct light_net *net,
 /* Which output of the mirrored picture stands for which, and with which
  * sign. */
 struct motion_mirror {
+    bool known;                 /* both are set */
     int from[MOTION_OUT];
     float sign[MOTION_OUT];
 };
@@ -77,14 +78,16 @@ struct motion_tta {
     float added[MOTION_OUT];            /* what its mirror image changed */
 };
 
-/* wanted false: the crops alone.  quick: a net of type NN_FAST multiplies in
+/* wanted false: the crops alone.  shared: NULL, or h's mirror, which who finds it
+ * leaves to the others.  quick: a net of type NN_FAST multiplies in
  * bfloat16 where the processor has instructions for that; its rounding is a
  * sixth of the noise of poses from frame to frame.  net, which has been
  * planned, is planned again where its batch or type is not what this needs.
  * EX_OSERR. */
 int motion_tta_init(struct motion_tta *t, struct motion_encoder *net,
                     size_t batch, const struct head *h, bool wanted,
-                    bool quick, struct error *err);
+                    struct motion_mirror *shared, bool quick,
+                    struct error *err);
 /* Free what it holds. */
 void motion_tta_release(struct motion_tta *t);
 /* out (B,120) of crops rgb (B,224,224,3). */

@@ -45,12 +45,20 @@ int main(void)
 {
     static struct prepare models = {.precision = NN_FAST};
     struct error err = {0};
-    struct motion_tta t;
+    struct motion_mirror shared = {0};
+    struct motion_tta t, next;
     float both[MOTION_OUT], out[MOTION_OUT], alone[MOTION_OUT];
 
     REQUIRE(!prepare_open(&models, MODEL_NAME, HEAD_NAME, &err) &&
             !motion_tta_init(&t, &models.nets.motion, 1, &models.head, true,
-                             false, &err), "%s", err.text);
+                             &shared, false, &err), "%s", err.text);
+    const struct head none = {0};       /* in which no mirror is found */
+    REQUIRE(!motion_tta_init(&next, &models.nets.motion, 1, &none, true,
+                             &shared, false, &err), "%s", err.text);
+    check_that("who comes next has the mirror that was found",
+               next.mirror && !memcmp(next.across.from, t.across.from,
+                                      sizeof t.across.from));
+    motion_tta_release(&next);
     tta_cut();
     motion_tta_follow(both, &t, rgb);
     check_that("the first picture's mirror image is looked at", t.looked);

@@ -42,7 +42,7 @@ int reenactor_init(struct reenactor *r, const struct model *m,
     if (encoders_open(&r->nets, m, true, NN_F32, err) ||
         shape_tta_init(&r->shape_tta, &r->nets.shape, head, err) ||
         motion_tta_init(&r->motion_tta, &r->nets.motion, 1, head, true,
-                        false, err) ||
+                        NULL, false, err) ||
         baker_open(&r->baker, m, head, &bake, err) ||
         densify_init(&r->dense, head->f, head->F, head->V, err))
         goto fail;

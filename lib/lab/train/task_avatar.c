@@ -435,7 +435,8 @@ static int avatar_task_plan(struct task *t, struct impl *m, struct error *err)
         motion_encoder_init_weights(&m->net);
         if (motion_encoder_plan(&m->net, (size_t)c->targets + 1, fixed, err) ||
             motion_tta_init(&m->tta, &m->net, (size_t)c->targets + 1, t->head,
-                            strcmp(c->freeze, "motion.") == 0, false, err) ||
+                            strcmp(c->freeze, "motion.") == 0, NULL, false,
+                            err) ||
             motion_loss_init(&m->loss, t->head, err))
             return -1;
     }
