@@ -1,7 +1,8 @@
 /* The background behind a person: patches of what is seen of it, put where they
  * continue it best (Wexler et al. 2007, with the search of Barnes et al. 2009),
  * in cells; then the picture's own pixels from there, with what they are off by
- * at the edge of the hole taken out (as in Perez et al. 2003). */
+ * at the edge of the hole taken out (as in Perez et al. 2003), once in these
+ * cells, by light alone, and once in fine ones, so that no outline is seen. */
 #include "lib/photo/backdrop.h"
 
 #include <math.h>
@@ -16,6 +17,9 @@
 
 #define SIDE 64                 /* cells across */
 #define CELLS (SIDE * SIDE)
+#define FINE 256                /* cells across at the hole's edge */
+#define STILL 0.001f            /* share of such a cell that counts as it is: the
+                                 * edge is not followed on and on */
 #define REACH 2                 /* cells to each side of a patch's middle */
 #define PATCH (2 * REACH + 1)
 #define ROUNDS 12               /* of searching and voting */
@@ -45,6 +49,8 @@ struct backdrop {
     uint32_t sources;           /* so many */
     uint8_t is_source[CELLS];
     uint32_t noise;
+    quad edge[FINE * FINE * 4 / 3 + 1]; /* weights of what is seen beside the
+                                 * hole, and what is brighter there, weighted */
 };
 
 /* A number in 0..n-1, the next of a fixed sequence. */
@@ -56,11 +62,11 @@ static int32_t backdrop_random(struct backdrop *b, uint32_t n)
 
 /* ---- what is seen ------------------------------------------------------- */
 
-/* The pixels of n along an axis that are cell i's, from and to. */
-static void backdrop_extent(size_t x[2], size_t i, size_t n)
+/* The pixels of n along an axis that are cell i's of `side`, from and to. */
+static void backdrop_extent(size_t x[2], size_t i, size_t n, size_t side)
 {
-    x[0] = (i * n + SIDE - 1) / SIDE;
-    x[1] = ((i + 1) * n + SIDE - 1) / SIDE;
+    x[0] = (i * n + side - 1) / side;
+    x[1] = ((i + 1) * n + side - 1) / side;
 }
 
 /* 1 and the background's colour at pixel j. */
@@ -72,13 +78,11 @@ static quad backdrop_colour(const struct matting *m, size_t j)
         ((v4i){1, back[0], back[1], back[2]}), quad);
 }
 
-/* A cell's sum gains pixel j of the picture as far as that is background. */
-static void backdrop_add(quad *sum, const struct matting *m, size_t j)
+/* How far pixel j is surely background: not above 0 beyond the picture. */
+static float backdrop_seen(const struct matting *m, size_t j)
 {
-    const int w = (MATTING_BACK - m->alpha[j]) * m->confidence[j];
-
-    if (w > 0)
-        *sum += (float)w / (MATTING_BACK * 255) * backdrop_colour(m, j);
+    return (float)((MATTING_BACK - m->alpha[j]) * m->confidence[j]) /
+           (MATTING_BACK * 255);
 }
 
 /* Cell i from its pixels. */
@@ -88,12 +92,12 @@ PARALLEL(backdrop_gather_part, i, struct backdrop *, b,
     size_t x[2], y[2];
     quad sum = {0};
 
-    backdrop_extent(x, i % SIDE, m->n);
-    backdrop_extent(y, i / SIDE, m->n);
+    backdrop_extent(x, i % SIDE, m->n, SIDE);
+    backdrop_extent(y, i / SIDE, m->n, SIDE);
     for (size_t v = y[0]; v < y[1]; v++)
         for (size_t u = x[0]; u < x[1]; u++)
-            if (extent_has(&m->inside, u, v))
-                backdrop_add(&sum, m, v * m->n + u);
+            sum += fmaxf(backdrop_seen(m, v * m->n + u), 0) *
+                   backdrop_colour(m, v * m->n + u);
     b->sum[i] = sum;
     if (sum[0] > 0)
         b->trust[i] = b->known[i] =
@@ -341,9 +345,9 @@ static quad backdrop_copy(const struct matting *m, const struct backdrop *b,
     return (seen ? backdrop_colour(m, copy) : b->colour[from]) + b->off[i];
 }
 
-/* A hidden pixel: the mean of what the four cells about it say. */
-static void backdrop_pixel(uint8_t *out, const struct matting *m,
-                           const struct backdrop *b, size_t x, size_t y)
+/* 1 and pixel (x,y) as if hidden: the mean of what the four cells about it say. */
+static quad backdrop_filled(const struct matting *m, const struct backdrop *b,
+                            size_t x, size_t y)
 {
     float t[2][2];
     quad sum = {0};
@@ -359,7 +363,65 @@ static void backdrop_pixel(uint8_t *out, const struct matting *m,
         if (w >= 0.001f)
             sum += w * backdrop_copy(m, b, i, (int)x, (int)y);
     }
-    sum = sum / sum[0] + 0.5f;
+    return sum / sum[0];
+}
+
+/* Whether the middle of fine cell (u,v) or of one about it is hidden. */
+static bool backdrop_beside(const struct matting *m, size_t u, size_t v)
+{
+    for (size_t y = v - (v > 0); y <= v + 1 && y < FINE; y++)
+        for (size_t x = u - (u > 0); x <= u + 1 && x < FINE; x++)
+            if (backdrop_hidden(m, (2 * x + 1) * m->n / (2 * FINE),
+                                (2 * y + 1) * m->n / (2 * FINE)))
+                return true;
+    return false;
+}
+
+/* Fine cell i: what is seen beside the hole less what would be copied there, as
+ * far as that is more than things that are alike differ by. */
+PARALLEL(backdrop_edge_part, i, struct backdrop *, b, const struct matting *, m)
+{
+    const size_t n = m->n;
+    size_t x[2], y[2];
+    quad sum = {STILL * (float)(n * n) / (FINE * FINE)};
+
+    backdrop_extent(x, i % FINE, n, FINE);
+    backdrop_extent(y, i / FINE, n, FINE);
+    for (size_t v = y[0]; v < y[1] && backdrop_beside(m, i % FINE, i / FINE); v++)
+        for (size_t u = x[0]; u < x[1]; u++) {
+            const float w = backdrop_seen(m, v * n + u);
+
+            if (w > 0)
+                sum += w * (backdrop_colour(m, v * n + u) + (quad){1} -
+                            backdrop_filled(m, b, u, v));
+        }
+    const quad square = sum * sum;
+    const float off = square[1] + square[2] + square[3];
+    const float share = off / (off + ALIKE * square[0]);
+
+    b->edge[i] = sum * (quad){1, share, share, share};
+}
+
+/* 0 and what is to be added at pixel (x,y), hidden, so that no edge is seen. */
+static quad backdrop_correct(const struct matting *m, const struct backdrop *b,
+                             size_t x, size_t y)
+{
+    float tx, ty;
+    const size_t u = pyramid_between(&tx, x, m->n, FINE);
+    const quad *a = b->edge + pyramid_between(&ty, y, m->n, FINE) * FINE + u;
+    const quad sum = (1 - ty) * ((1 - tx) * a[0] + tx * a[1]) +
+                     ty * ((1 - tx) * a[FINE] + tx * a[FINE + 1]);
+
+    return sum / sum[0] - (quad){1};
+}
+
+/* A hidden pixel. */
+static void backdrop_pixel(uint8_t *out, const struct matting *m,
+                           const struct backdrop *b, size_t x, size_t y)
+{
+    const quad sum = backdrop_filled(m, b, x, y) + backdrop_correct(m, b, x, y) +
+                     0.5f;
+
     for (int c = 0; c < 3; c++) {
         const float value = sum[1 + c];
 
@@ -403,6 +465,7 @@ PARALLEL(backdrop_cover_part, y, struct matting *, m)
 
 int backdrop_fill(struct matting *m, struct error *err)
 {
+    static const float none[4] = {1};
     const size_t n = m->n;
     struct backdrop *b = calloc(1, sizeof *b);
 
@@ -415,7 +478,8 @@ int backdrop_fill(struct matting *m, struct error *err)
         backdrop_vote(b);
     }
     backdrop_compare(b, (int)n);
-
+    parallel_each(backdrop_edge_part, FINE * FINE, FINE, b, m);
+    pyramid_pool((float *)b->edge, FINE, 4, STILL, none);
     parallel_each(backdrop_fill_part, n, 1, m, b);
     parallel_each(backdrop_cover_part, n, 1, m);
     free(b);
