@@ -10,6 +10,7 @@
 #include "lib/lab/eval/lpips.h"
 #include "lib/nn/params.h"
 #include "tests/check.h"
+#include "tests/reference/map.h"
 
 enum { STAGES = 5, H = 71, W = 86 };    /* odd ones: windows are left over */
 
@@ -47,97 +48,51 @@ static void make_weights(struct params *ps, const char *path)
     REQUIRE(!params_save(ps, path, NULL, &err), "%s", err.text);
 }
 
-struct plain_map {
-    size_t h, w, C;
-    double *x;                          /* (C,h,w) */
-};
-
-static struct plain_map plain_make(size_t h, size_t w, size_t C)
-{
-    return (struct plain_map){h, w, C, calloc(h * w * C, sizeof(double))};
-}
-
-static struct plain_map plain_max(const struct plain_map *in)
-{
-    struct plain_map o = plain_make((in->h - 3) / 2 + 1, (in->w - 3) / 2 + 1,
-                                    in->C);
-
-    for (size_t i = 0; i < o.C * o.h * o.w; i++) {
-        const size_t c = i / (o.h * o.w), y = i / o.w % o.h, x = i % o.w;
-
-        o.x[i] = -INFINITY;
-        for (size_t k = 0; k < 9; k++)
-            o.x[i] = fmax(o.x[i], in->x[(c * in->h + 2 * y + k / 3) * in->w
-                                        + 2 * x + k % 3]);
-    }
-    return o;
-}
-
-static struct plain_map plain_conv(const struct plain_map *in, size_t s,
-                                   const struct params *ps)
-{
-    const size_t k = net[s].kernel, p = net[s].pad, stride = net[s].stride;
-    const float *weight = param_w(ps, 3 * s), *bias = param_w(ps, 3 * s + 1);
-    struct plain_map o = plain_make((in->h + 2 * p - k) / stride + 1,
-                                    (in->w + 2 * p - k) / stride + 1,
-                                    net[s].out);
-
-    for (size_t i = 0; i < o.C * o.h * o.w; i++) {
-        const size_t c = i / (o.h * o.w);
-        double sum = (double)bias[c];
-
-        for (size_t t = 0; t < in->C * k * k; t++) {
-            const size_t y = i / o.w % o.h * stride + t / k % k - p;
-            const size_t x = i % o.w * stride + t % k - p;
-
-            if (y < in->h && x < in->w)
-                sum += (double)weight[c * in->C * k * k + t]
-                       * in->x[(t / (k * k) * in->h + y) * in->w + x];
-        }
-        o.x[i] = fmax(sum, 0);
-    }
-    return o;
-}
-
-static void plain_features(struct plain_map map[STAGES], const float *rgb,
+static void plain_features(struct map map[STAGES], const float *rgb,
                            const struct params *ps)
 {
     static const double shift[3] = {-0.030, -0.088, -0.188};
     static const double scale[3] = {0.458, 0.448, 0.450};
-    struct plain_map in = plain_make(H, W, 3);
+    struct map in = map_make(H, W, 3);
 
-    for (size_t i = 0; i < 3 * H * W; i++)
-        in.x[i] = (2 * (double)rgb[i] - 1 - shift[i / (H * W)])
-                  / scale[i / (H * W)];
+    for (size_t i = 0; i < 3 * H * W; i++) {
+        const size_t c = i % 3;
+
+        in.v[i] = (2 * (double)rgb[c * H * W + i / 3] - 1 - shift[c]) / scale[c];
+    }
     for (size_t s = 0; s < STAGES; s++) {
-        const struct plain_map *from = s ? &map[s - 1] : &in;
-        struct plain_map small = {0};
+        const struct map *from = s ? &map[s - 1] : &in;
+        struct map small = {0};
 
         if (net[s].pool)
-            small = plain_max(from);
-        map[s] = plain_conv(net[s].pool ? &small : from, s, ps);
-        free(small.x);
+            small = map_max_pool(from, false);
+        map[s] = map_conv(net[s].pool ? &small : from, param_w(ps, 3 * s),
+                          param_w(ps, 3 * s + 1), net[s].out, net[s].kernel,
+                          net[s].stride, net[s].pad);
+        map_relu(&map[s]);
+        free(small.v);
     }
-    free(in.x);
+    free(in.v);
 }
 
 /* Mean over places of sum_c w_c (a_c/|a| - b_c/|b|)^2. */
-static double plain_distance(const struct plain_map *a,
-                             const struct plain_map *b, const float *w)
+static double plain_distance(const struct map *a, const struct map *b,
+                             const float *w)
 {
     const size_t n = a->h * a->w;
     double sum = 0;
 
     for (size_t i = 0; i < n; i++) {
+        const double *x = a->v + i * a->C, *y = b->v + i * b->C;
         double la = 0, lb = 0;
 
         for (size_t c = 0; c < a->C; c++) {
-            la += a->x[c * n + i] * a->x[c * n + i];
-            lb += b->x[c * n + i] * b->x[c * n + i];
+            la += x[c] * x[c];
+            lb += y[c] * y[c];
         }
         for (size_t c = 0; c < a->C; c++) {
-            const double d = a->x[c * n + i] / (sqrt(la) + 1e-10)
-                             - b->x[c * n + i] / (sqrt(lb) + 1e-10);
+            const double d = x[c] / (sqrt(la) + 1e-10) -
+                             y[c] / (sqrt(lb) + 1e-10);
 
             sum += (double)w[c] * d * d;
         }
@@ -148,7 +103,7 @@ static double plain_distance(const struct plain_map *a,
 int main(void)
 {
     static float rgb[2][3 * H * W];
-    struct plain_map map[2][STAGES];
+    struct map map[2][STAGES];
     struct params ps;
     struct error err = {0};
     struct random r;
@@ -180,7 +135,7 @@ int main(void)
         lpips_release(&l);
     }
     for (size_t i = 0; i < 2 * STAGES; i++)
-        free(map[i / STAGES][i % STAGES].x);
+        free(map[i / STAGES][i % STAGES].v);
     params_release(&ps);
     unlink(path);
     return check_status();

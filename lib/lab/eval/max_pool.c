@@ -6,7 +6,8 @@
 
 #include "lib/base/parallel.h"
 
-size_t max_pool_size(size_t n, bool cut)
+/* Pixels that come of n, which is 3 or more, or 2 where windows may be cut. */
+static size_t max_pool_size(size_t n, bool cut)
 {
     return n < 3 ? 1 : (n - (cut ? 2 : 3)) / 2 + 1;
 }

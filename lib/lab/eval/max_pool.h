@@ -15,8 +15,6 @@ struct max_pool {
                                    * in its window, 0..8; NULL in NN_INFER */
 };
 
-/* Pixels that come of n, which is 3 or more, or 2 where windows may be cut. */
-size_t max_pool_size(size_t n, bool cut);
 /* For maps (batch,h,w,channels). */
 void max_pool_plan(struct max_pool *m, struct nn_plan *p, size_t batch,
                    size_t h, size_t w, size_t channels, bool cut);
