@@ -387,7 +387,7 @@ static void align_add_keyframe(struct align *a, const struct motion *m,
     CPU_PICK(align_kernels)->show(level, weight, a->point, a->normal, a->room,
                                   a->picture, &camera);
     for (size_t i = 0; i < a->count; i++) {
-        const bool well = weight[i] >= ALIGN_FACING && a->steady[i] >= STEADY;
+        const bool well = weight[i] > 0 && a->steady[i] >= STEADY;
 
         weight[i] *= well ? a->steady[i] : 0;
         n += well;

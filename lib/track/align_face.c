@@ -260,7 +260,7 @@ void align_face_show(float *shown, struct align_face *f,
     CPU_PICK(align_kernels)->show(shown, weight, f->point, f->facing, f->room,
                                   picture, camera);
     for (size_t i = 0; i < f->room; i++)
-        if (i >= f->count || weight[i] < ALIGN_FACING)
+        if (i >= f->count || weight[i] < 0)
             weight[i] = 0;
         else if (f->id->head->region[f->vertex[i]] == REGION_EYELID)
             weight[i] *= open;

@@ -16,7 +16,6 @@
 #define ALIGN_UNKNOWNS 8        /* turn, move, gain, bias */
 #define ALIGN_FACE_CODES 62     /* numbers of an expression, at most */
 #define ALIGN_FACE_LIGHT 2      /* gain, bias: before them */
-#define ALIGN_FACING 0.2f       /* least cosine to the camera of a point */
 #define ALIGN_GAIN_SPREAD 0.1   /* of the light's gain about 1 */
 #define ALIGN_FACE_UNKNOWNS (ALIGN_FACE_LIGHT + ALIGN_FACE_CODES)
 
