@@ -12,7 +12,9 @@
 #include "lib/base/mipmap.h"
 #include "lib/net/motion_encoder.h"
 
-#define SEARCH_APART 0.5        /* of a square's side: nearer, faces are one */
+#define SEARCH_APART 0.5        /* of a square's side: nearer, faces are one.  More
+                                 * than SEARCH_STEP, or neighbours fill the
+                                 * places: tests/bench/README.md, as there */
 #define SEARCH_BEST 4           /* candidates of a level */
 #define SEARCH_LEVELS 5         /* of sizes, the largest first: faces down to a
                                  * seventh of the picture */

@@ -3,29 +3,14 @@
 #include "formats/video.h"
 #include "tests/fuzz/memory_file.h"
 
-int LLVMFuzzerInitialize(int *argc, char ***argv);
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
-
-int LLVMFuzzerInitialize(int *argc, char ***argv)
-{
-    struct error err;
-
-    (void)argc;
-    (void)argv;
-    need_module(module_video(&err), &err);
-    return 0;
-}
+FUZZ_MODULE(module_video)
 
 /* The first few frames; a damaged file may announce any number. */
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
+static int video_read_some(const char *path)
 {
     struct video_reader *v;
     struct error err;
-    char path[40];
-    const int fd = memory_file(path, data, size);
 
-    if (fd < 0)
-        return 0;
     v = video_open(path, false, &err);
     for (int i = 0; v && i < 4; i++) {
         const uint8_t *rgb;
@@ -42,6 +27,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     if (v)
         (void)video_end(v);
     video_close(v);
-    close(fd);
     return 0;
 }
+
+FUZZ_FILE(video_read_some)

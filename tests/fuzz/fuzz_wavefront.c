@@ -2,8 +2,6 @@
 #include "lib/lab/people/wavefront.h"
 #include "tests/fuzz/memory_file.h"
 
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
-
 #define BASE_VERTICES 8
 #define ASSET_VERTICES 3
 
@@ -17,7 +15,7 @@ static int wavefront_outside(const struct wavefront *m)
     return 0;
 }
 
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
+static int wavefront_read_all(const char *path)
 {
     static const float base[3 * BASE_VERTICES];
     const char *const group[] = { NULL, "body" };
@@ -26,12 +24,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     struct mhclo binding;
     struct arena memory = {0};
     struct error err;
-    char path[40];
     int bad = 0;
-    const int fd = memory_file(path, data, size);
 
-    if (fd < 0)
-        return 0;
     for (int i = 0; i < 2; i++)
         if (wavefront_read(&m, path, group[i], &memory, &err) == 0)
             bad |= wavefront_outside(&m);
@@ -39,6 +33,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
                    &err) == 0)
         mhclo_place(out, &binding, base);
     arena_release(&memory);
-    close(fd);
     return bad;
 }
+
+FUZZ_FILE(wavefront_read_all)

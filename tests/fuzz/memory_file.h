@@ -25,15 +25,35 @@ static inline int memory_file(char path[40], const uint8_t *data, size_t size)
     return fd;
 }
 
-/* Ends the program where a module that it needs is not there: there would be
- * nothing to look for. */
-static inline void need_module(const void *module, const struct error *err)
-{
-    if (module)
-        return;
-    fprintf(stderr, "%s\n", err->text);
-    exit(1);
-}
+/* The target read(path): 1 where something is not as it should be. */
+#define FUZZ_FILE(read)                                             \
+    int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);   \
+    int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)    \
+    {                                                               \
+        char path[40];                                              \
+        const int fd = memory_file(path, data, size);               \
+        const int bad = fd >= 0 && read(path);                      \
+                                                                    \
+        if (fd >= 0)                                                \
+            close(fd);                                              \
+        return bad;                                                 \
+    }
+
+/* Before the first input, whose time a module's libraries are not: ends the
+ * program where the module is not there. */
+#define FUZZ_MODULE(load)                                           \
+    int LLVMFuzzerInitialize(int *argc, char ***argv);              \
+    int LLVMFuzzerInitialize(int *argc, char ***argv)               \
+    {                                                               \
+        struct error err;                                           \
+                                                                    \
+        (void)argc;                                                 \
+        (void)argv;                                                 \
+        if (load(&err))                                             \
+            return 0;                                               \
+        fprintf(stderr, "%s\n", err.text);                          \
+        exit(1);                                                    \
+    }
 
 /* A record_sink (formats/recordjson.h): adds all bytes of rec's arrays to the
  * size_t that context is. */
