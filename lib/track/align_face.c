@@ -15,12 +15,17 @@
 #define LID_SPREAD 0.06f        /* of a lid: 1.25 times the mean of 0.045 (tests/
                                  * bench/README.md, "Lids"), as normal errors
                                  * have */
-#define GAP_SPREAD 3e-4f        /* metres, of the mouth's opening */
+#define GAP_SPREAD 3e-4f        /* metres, of the mouth's opening, */
+#define WIDTH_SPREAD 1.3e-3f    /* and of its width (tests/bench/README.md,
+                                 * "Where a mouth's width was lost") */
 #define PRIOR 16.0              /* factor of the prior: errors of neighbouring
                                  * points are correlated, so they count less */
-#define EDGE 2.5e-3f            /* metres from the lips' inner edge, where a
+#define EDGE 8e-3f              /* metres from the lips' inner edge, where a
                                  * picture shows the mouth or the line between
-                                 * closed lips */
+                                 * closed lips: 2.7 deviations of its blur of
+                                 * 1.41 pixels of 2.1 mm, for what is dark in
+                                 * one frame and teeth in another drags what is
+                                 * about it */
 #define STEPS 2                 /* more make no visible difference */
 #define MOVES 1e-3              /* metres: points that no direction moves
                                  * further are not used */
@@ -30,8 +35,15 @@
                                  * used, ... */
 #define SHUT 0.6f               /* and from which on they are not: skin that
                                  * goes into the crease when they open */
-#define LIP_UPPER 61            /* landmarks of the upper lip's inner edge, */
-#define LIP_LOWER 67            /* and of the lower one's, backwards */
+
+/* What E_m says of the mouth better than its components, whose errors make up
+ * for each other: from landmark to landmark along an axis of the head. */
+static const struct {
+    int end[2], axis;
+    float spread;
+} align_face_mouth[ALIGN_FACE_MEASURES] = {
+    {{67, 61}, 1, GAP_SPREAD}, {{66, 62}, 1, GAP_SPREAD},
+    {{65, 63}, 1, GAP_SPREAD}, {{60, 64}, 0, WIDTH_SPREAD}};
 
 /* Whether vertex v is skin that expressions move. */
 static bool align_face_is_skin(const struct head *h, size_t v)
@@ -88,22 +100,23 @@ static double align_face_moves(const float *d, size_t V)
     return sum;
 }
 
-/* How direction d (V,3) opens the mouth, in spreads of its opening. */
-static void align_face_gaps(struct align_face *f, size_t k, const float *d)
+/* How direction d (V,3) changes the mouth's measures, in their spreads. */
+static void align_face_measure(struct align_face *f, size_t k, const float *d)
 {
     const struct head *h = f->id->head;
 
-    for (int j = 0; h->has_landmarks && j < ALIGN_FACE_GAPS; j++) {
-        const int lip[2] = {LIP_UPPER + j, LIP_LOWER - j};
+    for (int j = 0; h->has_landmarks && j < ALIGN_FACE_MEASURES; j++) {
+        const float scale = f->spread[k] /
+                            (align_face_mouth[j].spread * h->scale);
 
-        for (int side = 0; side < 2; side++) {
-            const int32_t *face = h->f + 3 * h->landmark_faces[lip[side]];
-            const float *share = h->landmark_bary + 3 * lip[side];
+        for (int end = 0; end < 2; end++) {
+            const int l = align_face_mouth[j].end[end];
+            const int32_t *face = h->f + 3 * h->landmark_faces[l];
+            const float *share = h->landmark_bary + 3 * l;
 
             for (int c = 0; c < 3; c++)
-                f->gap[j][k] += (side ? -1.0 : 1.0) * share[c] *
-                                d[3 * face[c] + 1] * f->spread[k] /
-                                (GAP_SPREAD * h->scale);
+                f->measure[j][k] += (end ? scale : -scale) * share[c] *
+                                    d[3 * face[c] + align_face_mouth[j].axis];
         }
     }
 }
@@ -156,7 +169,7 @@ static void align_face_direct(struct align_face *f, float *d)
         for (size_t i = 0; i < f->count; i++)
             for (size_t c = 0; c < 3; c++)
                 to[c * f->room + i] = f->spread[k] * d[3 * f->vertex[i] + c];
-        align_face_gaps(f, k, d);
+        align_face_measure(f, k, d);
     }
 }
 
@@ -266,7 +279,7 @@ void align_face_show(float *shown, struct align_face *f,
             weight[i] *= open;
 }
 
-/* Add the priors on the expression x and on the mouth's opening. */
+/* Add the priors on the expression x and on the mouth's measures. */
 static void align_face_add_priors(struct align_face_sums *s,
                                   const struct align_face *f, const float *x,
                                   double sigma)
@@ -278,16 +291,17 @@ static void align_face_add_priors(struct align_face_sums *s,
         s->a[U * k + k] += hold;
         s->b[k] += hold * x[k];
     }
-    for (int j = 0; j < ALIGN_FACE_GAPS; j++) {
-        const double *gap = f->gap[j];
-        double open = 0;
+    for (int j = 0; j < ALIGN_FACE_MEASURES; j++) {
+        const double *measure = f->measure[j];
+        double off = 0;
 
         for (size_t k = 0; k < f->codes; k++)
-            open += gap[k] * x[first + k];
+            off += measure[k] * x[first + k];
         for (size_t k = 0; k < f->codes; k++) {
-            s->b[first + k] += hold * open * gap[k];
+            s->b[first + k] += hold * off * measure[k];
             for (size_t i = 0; i <= k; i++)
-                s->a[U * (first + k) + first + i] += hold * gap[k] * gap[i];
+                s->a[U * (first + k) + first + i] += hold * measure[k] *
+                                                     measure[i];
         }
     }
 }

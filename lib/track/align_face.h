@@ -1,10 +1,10 @@
 /* Photometric alignment of a driven face: once its pose is aligned (align.h),
  * so is its expression.  E_m tells which expression it is better than how
- * strong, above all of a mouth drawn wide or narrow; the movement of the skin
- * tells how strong.  Gauss-Newton steps on the expression's components and on
- * the light (Lucas and Kanade 1981; points move in the head's expression
- * directions), with E_m's expression as the prior.  Its opening of the mouth is
- * a prior, too, since the inside of the mouth is not tracked. */
+ * strong; the movement of the skin tells that.  Gauss-Newton steps on the
+ * expression's components and on the light (Lucas and Kanade 1981; points move
+ * in the head's expression directions), with E_m's expression as the prior.
+ * Its opening and width of the mouth are priors, too, since lips, which roll
+ * and part, are not tracked. */
 #ifndef SPID_TRACK_ALIGN_FACE_H
 #define SPID_TRACK_ALIGN_FACE_H
 
@@ -17,7 +17,7 @@
 #include "lib/head/motion.h"
 #include "lib/track/align_kernel.h"
 
-#define ALIGN_FACE_GAPS 3       /* places of the prior on the mouth's opening */
+#define ALIGN_FACE_MEASURES 4   /* of the mouth: opening at 3 places, width */
 /* The code of a lid (side 0 left, 1 right), and the side of a code. */
 #define ALIGN_FACE_LID(side) (-1 - (side))
 
@@ -32,8 +32,8 @@ struct align_face {
                                  * or, negative, lid (ALIGN_FACE_LID) */
     float spread[ALIGN_FACE_CODES]; /* standard deviation of E_m's error */
     float *direction;           /* (codes,3,room) head units per spread */
-    double gap[ALIGN_FACE_GAPS][ALIGN_FACE_CODES];  /* of the lips, in spreads
-                                                     * per spread */
+    double measure[ALIGN_FACE_MEASURES][ALIGN_FACE_CODES];  /* of the mouth, in
+                                 * its spreads per spread */
     struct head_part part;      /* the points alone */
     float *verts, *normal;      /* (V,3) of the whole head, for a keyframe */
     float *point, *facing;      /* (3,room) the points of it, their normals */
