@@ -61,7 +61,7 @@ struct prepared {
                                  * none */
     double shape_s, bake_s;     /* Phase A: crop to beta; branches */
     struct track_faces faces;   /* of the picture, by the one that was taken */
-    size_t outside;              /* landmarks, see struct source */
+    size_t outside;             /* landmarks, see struct source */
     bool guessed;               /* the matte: SOURCE_HEAD */
     bool damaged;               /* the picture is, see struct image */
 };

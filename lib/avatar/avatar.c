@@ -237,7 +237,7 @@ static void avatar_mouth_white(float white[3], const struct avatar *a,
 /* What further pictures show is noted before the first one is baked; where it is
  * not known how they are lit, as the first one. */
 static void avatar_observe_further(struct avatar *a,
-                                const struct avatar_source *src)
+                                   const struct avatar_source *src)
 {
     a->dynamic.has_more = false;
     mouth_branch_begin(&a->mouth);

@@ -248,8 +248,8 @@ static float dynamic_branch_front(const struct dynamic_branch *b, size_t k)
  * matte, into the extra columns of the decoder's input; colours, trust in them
  * (none where a nearer surface is as close as the pose may be off) and shifts. */
 static void dynamic_branch_observe(const struct source_picture *picture,
-                                const struct source_mesh *mesh,
-                                struct dynamic_branch *b)
+                                   const struct source_mesh *mesh,
+                                   struct dynamic_branch *b)
 {
     const struct white_point_colors seen = {b->pixel, b->trust, b->tmp};
     const struct material_share all = material_all(mesh->weights);

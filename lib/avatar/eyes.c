@@ -110,8 +110,8 @@ void eyes_paint_lids(float *rgb, const struct eyes_photo *p,
 /* colors (3,3) of an eye: the template's in this light, with iris and white of the
  * other eye where that one is open and shows enough of them. */
 static void eyes_colors(float colors[3 * PARTS], enum eyes_side e,
-                      const float shut[2], const struct eyes_photo *p,
-                      const struct head_avatar *a, float *tmp)
+                        const float shut[2], const struct eyes_photo *p,
+                        const struct head_avatar *a, float *tmp)
 {
     for (int i = 0; i < 3 * PARTS; i++)
         colors[i] = a->eye_color[i] * p->white[i % 3];

@@ -38,7 +38,7 @@ static float relief_place(float place[2], const struct source_mesh *mesh,
 /* Whether the picture shows what vertex v, raised as far as some hair is, has beside
  * the bare mesh: there, place (2). */
 static bool relief_is_outside(float place[2], const struct source_picture *picture,
-                             const struct source_mesh *mesh, size_t v)
+                              const struct source_mesh *mesh, size_t v)
 {
     relief_place(place, mesh, v, RISE);
     return source_picture_contains(picture, place) &&
@@ -46,8 +46,8 @@ static bool relief_is_outside(float place[2], const struct source_picture *pictu
 }
 
 void relief_likelihood(float *likelihood, const struct material_colors *colors,
-                   const struct source_picture *picture,
-                   const struct source_mesh *mesh)
+                       const struct source_picture *picture,
+                       const struct source_mesh *mesh)
 {
     const struct head_avatar *a = mesh->weights;
 

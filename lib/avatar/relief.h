@@ -15,8 +15,8 @@
  * where the picture has it beside the bare mesh, by the person's colours
  * (MATERIALS). */
 void relief_likelihood(float *likelihood, const struct material_colors *colors,
-                   const struct source_picture *picture,
-                   const struct source_mesh *mesh);
+                       const struct source_picture *picture,
+                       const struct source_mesh *mesh);
 
 /* relief (V), head units along the normals: what is expected of the styles. */
 void relief_expect(float *relief, const struct material_share *share,

@@ -17,6 +17,8 @@
 
 #define SIDE 64                 /* cells across */
 #define CELLS (SIDE * SIDE)
+/* Half and twice of both by tests/bench/backdrop.py: tests/bench/README.md, "Behind
+ * a head that moves". */
 #define FINE 256                /* cells across at the hole's edge */
 #define STILL 0.001f            /* share of such a cell that counts as it is: the
                                  * edge is not followed on and on */
@@ -385,9 +387,12 @@ PARALLEL(backdrop_edge_part, i, struct backdrop *, b, const struct matting *, m)
     size_t x[2], y[2];
     quad sum = {STILL * (float)(n * n) / (FINE * FINE)};
 
+    b->edge[i] = sum;
+    if (!backdrop_beside(m, i % FINE, i / FINE))
+        return;
     backdrop_extent(x, i % FINE, n, FINE);
     backdrop_extent(y, i / FINE, n, FINE);
-    for (size_t v = y[0]; v < y[1] && backdrop_beside(m, i % FINE, i / FINE); v++)
+    for (size_t v = y[0]; v < y[1]; v++)
         for (size_t u = x[0]; u < x[1]; u++) {
             const float w = backdrop_seen(m, v * n + u);
 

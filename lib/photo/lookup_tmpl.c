@@ -61,7 +61,7 @@ static bool ISA(lookup_places)(struct lookup_run *r,
         vf head = one - vf_clamp(below - one, zero, one);
 
         vf_store(r->solid + i, head * turn *
-                                   vf_clamp(TEXTURE_SOLID(opaque), zero, one));
+                                 vf_clamp(TEXTURE_SOLID(opaque), zero, one));
         x += share * (S[0] * nx + (S[1] * r->ny + S[4]));
         y += share * (S[2] * nx + (S[3] * r->ny + S[5]));
         /* splat_place_blended */

@@ -71,7 +71,7 @@ static int source_find_upright(struct source *s, struct track *t,
 
 /* How many of the face's landmarks lie beyond the picture's edges. */
 static size_t source_count_outside(struct track *t, const struct motion *m,
-                                  const struct image *im)
+                                   const struct image *im)
 {
     const float S = (float)t->opt.size;
     const struct extent seen = square_extent((size_t)S, im->width, im->height,

@@ -27,8 +27,8 @@ struct source {
                                  * that are kept at most */
     struct track_faces faces;   /* in it, as it stands upright */
     struct extent inside;       /* the window's pixels that show it */
-    float confidence;                 /* of E_m that it shows a face, 0 to 1 */
-    size_t outside;              /* of the face's landmarks, past the
+    float confidence;           /* of E_m that it shows a face, 0 to 1 */
+    size_t outside;             /* of the face's landmarks, past the
                                  * picture's edges */
     int rotated;                 /* quarter turns clockwise that the picture
                                  * was given to stand upright, 0 to 3 */

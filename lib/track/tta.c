@@ -182,11 +182,10 @@ int motion_tta_init(struct motion_tta *t, struct motion_encoder *net,
         return -1;
     if (shared && t->across.known)
         *shared = t->across;
-    t->mirror = t->across.known;
-    size_t both = t->mirror ? 2 * batch : batch;
+    size_t both = t->across.known ? 2 * batch : batch;
     if (motion_tta_plan(net, both, quick, err))
         return -1;
-    if (!t->mirror)
+    if (!t->across.known)
         return 0;
     t->rgb = malloc(both * (3 * N * N + MOTION_OUT) * sizeof *t->rgb);
     if (!t->rgb)
@@ -216,7 +215,7 @@ void motion_tta_forward(float *out, struct motion_tta *t, const float *rgb)
 {
     const size_t B = t->batch, crop = 3 * N * N;
 
-    if (!t->mirror) {
+    if (!t->across.known) {
         motion_encoder_forward(out, rgb, t->net);
         return;
     }

@@ -69,8 +69,7 @@ void motion_mirror_mean(float *out, const float *mirrored,
 struct motion_tta {
     struct motion_encoder *net;         /* borrowed */
     size_t batch;                       /* B crops at a time */
-    struct motion_mirror across;
-    bool mirror;                        /* `across` is set, and wanted */
+    struct motion_mirror across;        /* known where it is wanted */
     float *rgb, *raw;                   /* (2B,224,224,3); (2B,120) */
     bool compared, looked;              /* own and added are set; by the last
                                          * picture */

@@ -56,8 +56,8 @@ int main(void)
     REQUIRE(!motion_tta_init(&next, &models.nets.motion, 1, &none, true,
                              &shared, false, &err), "%s", err.text);
     check_that("who comes next has the mirror that was found",
-               next.mirror && !memcmp(next.across.from, t.across.from,
-                                      sizeof t.across.from));
+               next.across.known && !memcmp(next.across.from, t.across.from,
+                                            sizeof t.across.from));
     motion_tta_release(&next);
     tta_cut();
     motion_tta_follow(both, &t, rgb);

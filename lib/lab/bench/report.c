@@ -81,7 +81,7 @@ static double report_number(const struct bench *b, const char *object,
 
 /* Ours beside the paper's. */
 static void report_compare(FILE *f, const char *what, double ours,
-                              double paper)
+                           double paper)
 {
     fprintf(f, "%-30s", what);
     if (isnan(ours))
@@ -110,24 +110,24 @@ static void report_put_paper(FILE *f, const struct bench *b)
     report_compare(f, "head mesh", report_number(b, "ms", "flame"), 1.3);
     report_compare(f, "Gaussians: move and draw", render, 1.5);
     report_compare(f, "draw 32 channels (SpiD)",
-                      report_number(b, "ms", "splat_features"), NAN);
+                   report_number(b, "ms", "splat_features"), NAN);
     report_compare(f, "refine (SpiD)", report_number(b, "ms", "refine"),
-                      NAN);
+                   NAN);
     report_compare(f, "decode (video rows)",
-                      report_number(b, "ms", "decode"), NAN);
+                   report_number(b, "ms", "decode"), NAN);
     report_compare(f, "encode (video rows)",
-                      report_number(b, "ms", "encode"), NAN);
+                   report_number(b, "ms", "encode"), NAN);
     report_compare(f, "sum of the first four",
-                      report_number(b, "ms", "crop") + motion +
-                          report_number(b, "ms", "flame") + render,
-                      5.1);
+                   report_number(b, "ms", "crop") + motion +
+                       report_number(b, "ms", "flame") + render,
+                   5.1);
     fprintf(f, "%-30s %9s %9s\n", "frames a second", "", "");
     report_compare(f, "SpiD*", report_number(b, "fps", "spid_star"), 154);
     report_compare(f, "SpiD", report_number(b, "fps", "spid"), 43);
     report_compare(f, "SpiD*, video to video",
-                      report_number(b, "fps", "spid_star_video"), NAN);
+                   report_number(b, "fps", "spid_star_video"), NAN);
     report_compare(f, "SpiD, video to video",
-                      report_number(b, "fps", "spid_video"), NAN);
+                   report_number(b, "fps", "spid_video"), NAN);
     fprintf(f, "Here: this processor, %d thread%s; a stage's ms are of one "
             "worker's core, and as\nmany frames are under way as there are "
             "threads.  Paper: one A100; its parts add up to\n5.1 ms where its "

@@ -188,7 +188,7 @@ static int avatar_task_pass(struct task *t, double *parts, uint64_t step,
         rc = avatar_task_target(t, parts, &l, i, step, err);
     if (!rc) {
         avatar_system_bake_backward(&m->tr);
-        if (m->with_motion && !m->tta.mirror)
+        if (m->with_motion && !m->tta.across.known)
             motion_encoder_backward(NULL, m->dout, &m->net);
     }
     identity_release(&l.id);
