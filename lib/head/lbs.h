@@ -73,6 +73,9 @@ struct head_motion_d {
     double pose[3 * HEAD_JOINTS];
     double lid[2];
 };
+/* m's numbers, its expression in exp (nexp); beta is the caller's. */
+struct head_motion_d head_motion_widen(double *exp, const struct head_motion *m,
+                                       size_t nexp);
 /* verts (V,3) and joints (5,3, or NULL). */
 void head_pose_d(double *verts, double *joints, const struct head *h,
                  const struct head_motion_d *m);

@@ -82,6 +82,20 @@ static void lbs_lids_d(double d[2][3], const struct head *h, const double *beta,
                 beta[k] * h->lid_shapedirs[i * h->nlid_shape + k];
 }
 
+struct head_motion_d head_motion_widen(double *exp, const struct head_motion *m,
+                                       size_t nexp)
+{
+    struct head_motion_d d = {.exp = exp, .lid = {m->lid[0], m->lid[1]}};
+    const float *const part[HEAD_JOINTS] = {m->global, m->neck, m->jaw, m->eye,
+                                            m->eye + 3};
+
+    for (int i = 0; i < 3 * HEAD_JOINTS; i++)
+        d.pose[i] = part[i / 3][i % 3];
+    for (size_t k = 0; k < nexp; k++)
+        exp[k] = m->exp[k];
+    return d;
+}
+
 void head_pose_d(double *verts, double *joints, const struct head *h,
                  const struct head_motion_d *m)
 {

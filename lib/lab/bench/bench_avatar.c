@@ -26,7 +26,8 @@ static int bench_make_clip(struct bench_person *p, struct error *err)
 
     p->rgb = malloc(PERSON_FRAMES * 3 * pixels);
     p->mask = malloc(pixels);
-    if (!synth || !p->rgb || !p->mask)
+    p->beta = calloc(p->head.nshape, sizeof *p->beta);
+    if (!synth || !p->rgb || !p->mask || !p->beta)
         goto fail;
     for (size_t i = 0; i < PERSON_FRAMES; i++) {
         struct motion *m = &p->motion[i];
@@ -39,6 +40,8 @@ static int bench_make_clip(struct bench_person *p, struct error *err)
         if (i)
             continue;
         memcpy(p->mask, f.mask, pixels);
+        for (size_t k = 0; k < f.nbeta; k++)
+            p->beta[k] = f.beta[k];
         if (head_fold(&p->id, &p->head, f.beta, f.nbeta, err))
             goto fail;
     }
@@ -77,6 +80,7 @@ void bench_person_close(struct bench_person *p)
     head_release(&p->head);
     free(p->rgb);
     free(p->mask);
+    free(p->beta);
     free(p->verts);
     baked_move_release(&p->move);
 }
@@ -137,8 +141,32 @@ static int bench_call_pose(void *context, struct error *err)
     return 0;
 }
 
+/* worst: at least the clip's meshes' difference from those in double, head units. */
+static int bench_pose_error(double *worst, struct bench_person *p,
+                            struct error *err)
+{
+    const size_t n = 3 * p->head.V;
+    double exp[HEAD_MAX_EXP], *truth = malloc(n * sizeof *truth);
+
+    if (!truth)
+        return error_set(err, EX_OSERR, "no memory for a mesh");
+    for (size_t i = 0; i < PERSON_FRAMES; i++) {
+        const struct head_motion *m = &p->motion[i].pose;
+        struct head_motion_d d = head_motion_widen(exp, m, p->head.nexp);
+
+        d.beta = p->beta;
+        head_pose(p->verts, &p->id, m);
+        head_pose_d(truth, NULL, &p->head, &d);
+        for (size_t k = 0; k < n; k++)
+            *worst = fmax(*worst, fabs(p->verts[k] - truth[k]));
+    }
+    free(truth);
+    return 0;
+}
+
 int bench_flame(struct bench *b, struct error *err)
 {
+    double worst = 0;
     struct bench_person p;
     struct bench_times t;
     char config[96];
@@ -152,9 +180,10 @@ int bench_flame(struct bench *b, struct error *err)
                     p.motion[i].exp[k] = 1e-3f;
         snprintf(config, sizeof config, "V=%zu, %zu expressions, jaw, eyes, "
                  "lids", p.head.V, p.head.nexp);
-        rc = bench_time(&t, b->seconds / 4, 300, bench_call_pose, &p, err);
+        rc = bench_time(&t, b->seconds / 4, 300, bench_call_pose, &p, err) ||
+             bench_pose_error(&worst, &p, err) ? -1 : 0;
         if (rc == 0)
-            bench_add(b, "flame", config, "default", 1, &t, NAN, NAN);
+            bench_add(b, "flame", config, "default", 1, &t, worst, NAN);
     }
     bench_person_close(&p);
     return rc;

@@ -21,6 +21,7 @@ struct bench_person {
     struct bench *b;
     struct head head;
     struct identity id;
+    double *beta;           /* (nshape) folded into it */
     struct motion motion[PERSON_FRAMES];    /* true */
     uint8_t *rgb;           /* (PERSON_FRAMES,PERSON_SIZE,PERSON_SIZE,3) */
     uint8_t *mask;          /* (PERSON_SIZE,PERSON_SIZE) of the first */

@@ -205,18 +205,11 @@ static void scene_pose_head(struct scan_worker *worker,
 {
     const struct head *h = c->id.head;
     double beta[SCENE_SHAPES], exp[HEAD_MAX_EXP];
-    struct head_motion_d d = {.beta = beta, .exp = exp};
+    struct head_motion_d d = head_motion_widen(exp, &m->pose, h->nexp);
 
+    d.beta = beta;
     for (size_t k = 0; k < h->nshape; k++)
         beta[k] = (double)c->beta[k];
-    for (size_t k = 0; k < h->nexp; k++)
-        exp[k] = (double)m->exp[k];
-    for (int k = 0; k < 3; k++)
-        d.pose[3 * JOINT_JAW + k] = (double)m->pose.jaw[k];
-    for (int k = 0; k < 6; k++)
-        d.pose[3 * JOINT_EYE_LEFT + k] = (double)m->pose.eye[k];
-    for (int k = 0; k < 2; k++)
-        d.lid[k] = (double)m->pose.lid[k];
     head_pose_d(worker->exact, NULL, h, &d);
     for (size_t i = 0; i < 3 * h->V; i++)
         worker->verts[i] = (float)worker->exact[i];
