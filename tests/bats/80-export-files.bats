@@ -22,25 +22,30 @@ PY
         branch.npy cam.npy -o scene.spid
 }
 
-@test "a PLY comes back as the Gaussians it was made of" {
-    spid-export -q scene.spid --ply face.ply
+@test "a PLY is the Gaussians it was made of, turned to y down or as they are" {
     cat >read.py <<'PY'
-import numpy as np
+import numpy as np, sys
 head, data = open("face.ply", "rb").read().split(b"end_header\n", 1)
 names = [l.split()[2] for l in head.decode().splitlines() if l.startswith("property float")]
 assert len(names) == 17, names
 x = np.frombuffer(data, "<f4").reshape(-1, 17)
 col = {k: x[:, i] for i, k in enumerate(names)}
-mean = np.load("mean.npy")
-assert np.allclose(col["x"], -mean[:, 0]) and np.allclose(col["y"], -mean[:, 1])
+mean = np.load("mean.npy") * (float(sys.argv[1]), float(sys.argv[1]), 1)
+assert all(np.allclose(col[k], mean[:, i]) for i, k in enumerate("xyz"))
 assert np.allclose(np.exp(col["scale_1"]), np.load("scale.npy")[:, 1], rtol=1e-5)
 assert np.allclose(1 / (1 + np.exp(-col["opacity"])), np.load("opacity.npy"), atol=1e-5)
 c = .5 + .28209479177387814 * col["f_dc_2"]
 assert np.allclose(c, np.load("color.npy")[:, 2], atol=1e-6)
 assert np.allclose(sum(col[f"rot_{k}"] ** 2 for k in range(4)), 1, atol=1e-5)
 PY
-    /usr/bin/python3 read.py
+    spid-export -q scene.spid --ply face.ply
+    /usr/bin/python3 read.py -1
     spid-export --lint face.ply
+    spid-pack face.ply -o turned.spid
+    spid-export -q --model-space scene.spid --ply face.ply
+    /usr/bin/python3 read.py 1
+    spid-pack --model-space face.ply -o up.spid
+    cmp turned.spid up.spid
 }
 
 @test "an independent reader opens the PLY" {
