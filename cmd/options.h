@@ -54,8 +54,8 @@ struct track_faces;
                 "SpiD*: draw three channels, no refiner"),                    \
     OPTION_STRING("mask", 0, &(o).mask, "FILE",                               \
                   "matte of the source: white where the person is"),          \
-    OPTION_CROP(&models.look, "the source's face, middle and side"),          \
-    OPTION_FACE("face", &models.look.face, "the source"),                     \
+    OPTION_CROP(&models.track, "the source's face, middle and side"),         \
+    OPTION_FACE("face", &models.track.face, "the source"),                    \
     OPTION_FACE("driver-face", &(o).track.face, "the driver"),                \
     OPTION_NO_TTA(&(o).track.no_tta),                                         \
     OPTION_LIGHT(&(o).light),                                                 \

@@ -22,10 +22,10 @@ int animation_load(struct prepare *models, struct animation_options *opt,
         a->star = true;         /* it has no refiner */
     models->star = a->star;
     opt->track.size = (double)models->model.config.size;
-    opt->track.detector = models->look.detector = &models->detector;
-    opt->track.across = models->look.across = &models->across;
+    opt->track.detector = models->track.detector = &models->detector;
+    opt->track.across = models->track.across = &models->across;
     opt->framing.model_size = models->model.config.size;
-    models->look.finest = framing_finest(&opt->framing);
+    models->track.finest = framing_finest(&opt->framing);
     a->model = &models->model;
     a->rules = models->model.config.system == SYSTEM_SPID
                    ? SPLAT_GSPLAT : SPLAT_DGR;
@@ -70,20 +70,20 @@ static int animation_start_driver(struct animation *a, struct error *err)
     return driver_start(&a->driver, a->driver_name, NULL, NULL, err);
 }
 
-/* A clip up to its first face, into a->look. */
+/* A clip up to its first face, into a->first_face. */
 static void animation_read_to_face(struct animation *a, bool alone)
 {
-    struct error *err = &a->look.err;
+    struct error *err = &a->first_face.err;
 
-    a->look.rc = -1;
-    a->look.done = true;
+    a->first_face.rc = -1;
+    a->first_face.done = true;
     a->frames = framesource_open(&a->driver_name, 1, &a->opt->source, err);
     if (!a->frames ||
         animation_init_driver(a, driver_read_source, a->frames, err))
         return;
     if (!alone)
         parallel_alone(true);
-    a->look.rc = animation_start_driver(a, err);
+    a->first_face.rc = animation_start_driver(a, err);
 }
 
 /* The same as a thread beside Phase A. */
@@ -96,14 +96,15 @@ static void *animation_run_read_to_face(void *a)
 int animation_open_source(struct animation *a, const char *path,
                           const char *driver, struct error *err)
 {
-    struct prepare_beside look = {.run = animation_run_read_to_face, .ctx = a};
+    struct prepare_beside reading = {.run = animation_run_read_to_face,
+                                     .ctx = a};
     const struct prepared *s = &a->source;
     const bool clip = driver && strcmp(driver, "-") &&
                       !stream_probe(driver) && !livelink_probe(driver);
 
     a->driver_name = driver;
     if (prepare_source(&a->source, a->models, path, a->opt->mask,
-                       clip ? &look : NULL, err))
+                       clip ? &reading : NULL, err))
         return -1;
     a->animate = a->opt->animate;
     if (framing_init(&a->framing, &a->animate, &a->opt->framing, s, err))
@@ -232,10 +233,10 @@ int animation_open_driver(struct animation *a, const char *path,
         return animation_open_records(a, err);
     if (livelink_probe(path))
         return animation_open_take(a, err);
-    if (!a->look.done)
+    if (!a->first_face.done)
         animation_read_to_face(a, true);
-    if (a->look.rc) {
-        *err = a->look.err;
+    if (a->first_face.rc) {
+        *err = a->first_face.err;
         return -1;
     }
     if (a->opt->relative && animation_set_relative(a, err))

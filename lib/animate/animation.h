@@ -52,10 +52,10 @@ struct animation {
     struct identity mean;       /* the driver's head: nobody's shape */
     struct driver driver;
     struct {
-        bool done;              /* the clip has been looked at; if it */
+        bool done;              /* the clip has been read to it; if that */
         int rc;                 /* failed: */
         struct error err;
-    } look;
+    } first_face;
     struct animate workers;
     struct framesink *sink;
     size_t total;               /* frames the driver announces; 0: unknown */

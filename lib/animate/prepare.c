@@ -139,8 +139,8 @@ static void *prepare_run_plan(void *prepare)
     struct error none;
 
     if (prepare_await_head(p, &none) == 0 &&
-        motion_tta_init(&t, &p->nets.motion, 1, &p->head, !p->look.no_tta,
-                        p->look.across, false, &none) == 0)
+        motion_tta_init(&t, &p->nets.motion, 1, &p->head, !p->track.no_tta,
+                        p->track.across, false, &none) == 0)
         motion_tta_release(&t);
     return NULL;
 }
@@ -151,7 +151,7 @@ static int prepare_read_picture(struct prepared *s, struct prepare *p,
                                 struct prepare_beside *beside,
                                 struct error *err)
 {
-    struct track_options opt = p->look;
+    struct track_options opt = p->track;
     struct image mask = {0}, *given = mask_path ? &mask : NULL;
     struct source src = {0};
     struct prepare_beside plan = {.run = prepare_run_plan, .ctx = p};

@@ -41,7 +41,7 @@ struct prepare {
                                  * needed */
     bool once;                  /* one source: what bakes it goes then, and
                                  * its memory serves what follows */
-    struct track_options look;  /* which face of a picture, or its crop */
+    struct track_options track; /* which face of a picture, or its crop */
     struct facedetect *detector;        /* of the source's tracker and its */
     struct motion_mirror across;        /* drivers', and their E_m's mirror */
     const char *soon[2];        /* files that are opened first, or NULL: their

@@ -88,7 +88,7 @@ static int spid_prepare(struct spid *s, const char *source)
     };
     if (prepare_open(&s->models, model, head, &s->err))
         return -1;
-    s->models.look.finest = source_finest(s->models.model.config.size);
+    s->models.track.finest = source_finest(s->models.model.config.size);
     if (prepare_source(&s->source, &s->models, source, NULL, NULL, &s->err))
         return error_prefix(&s->err, "%s", source);
     return spid_set_own_motion(s) || spid_open_pipeline(s) ? -1 : 0;

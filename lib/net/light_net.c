@@ -19,7 +19,7 @@ void light_net_init(struct light_net *n, struct params *ps)
 }
 
 /* cells (N,N): logs of their means, less the mean of the middle third's. */
-static void light_net_look(float cells[IN], const float *rgb)
+static void light_net_cells(float cells[IN], const float *rgb)
 {
     const size_t step = LIGHT_NET_SIDE / N, row = 3 * LIGHT_NET_SIDE;
     const size_t lo = N / 3, hi = 2 * N / 3 + 1;
@@ -79,7 +79,7 @@ static void light_net_passes(float l[3], struct light_passes *p,
 {
     float each[2][3];
 
-    light_net_look(p->cells[0], rgb);
+    light_net_cells(p->cells[0], rgb);
     light_net_mirror(p->cells[1], p->cells[0]);
     for (int m = 0; m < 2; m++)
         light_net_layers(each[m], p->hidden[m], p->cells[m], n);

@@ -126,7 +126,7 @@ static bool quilt_wants(const struct quilt_work *w, size_t x, size_t y)
 }
 
 /* What lies at (x,y) already. */
-static void quilt_look(struct quilt_work *w, size_t x, size_t y)
+static void quilt_gather(struct quilt_work *w, size_t x, size_t y)
 {
     const size_t n = w->q->n;
 
@@ -246,7 +246,7 @@ void quilt_cover(const struct quilt *q, uint8_t material, float *scratch)
     for (size_t y = 0; y < n; y += w.side - over)
         for (size_t x = 0; x < n; x += w.side - over)
             if (quilt_lacks(&w, x, y)) {
-                quilt_look(&w, x, y);
+                quilt_gather(&w, x, y);
                 quilt_lay(&w, quilt_choose(&w), x, y, over);
             }
 }

@@ -126,7 +126,7 @@ static int driver_remember(struct driver *d, const struct frame *f,
 /* A face in a frame: 1, 0, -1.  In the first one lying faces are looked for,
  * too: people hold cameras sideways and upside down.  The detector looks at all
  * others, E_m at some, as after a loss. */
-static int driver_look(struct driver *d, const struct frame *f,
+static int driver_find(struct driver *d, const struct frame *f,
                        struct error *err)
 {
     const struct track_effort detector = {.levels = 0};
@@ -201,7 +201,7 @@ int driver_start(struct driver *d, const char *name,
         if (rc == 0)
             break;
         d->first = f;
-        found = driver_look(d, &f, err);
+        found = driver_find(d, &f, err);
         if (found)
             break;
         if (seen)

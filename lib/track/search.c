@@ -77,9 +77,10 @@ const struct mipmap_level *search_take(struct mipmap *picture)
 }
 
 /* E_m on `count` squares of the picture. */
-static size_t search_look(struct search *s, struct square *best, float *confidence,
-                          size_t n, const struct mipmap_level *l,
-                          const struct square *q, size_t count)
+static size_t search_encode(struct search *s, struct square *best,
+                            float *confidence, size_t n,
+                            const struct mipmap_level *l,
+                            const struct square *q, size_t count)
 {
     const size_t crop = 3 * CROP_NET * CROP_NET;
 
@@ -130,7 +131,7 @@ size_t search_level(struct square best[SEARCH_BEST], struct search *s,
                                        side};
         if (waiting < s->net->batch && waiting < 16 && k + 1 < nx * ny)
             continue;
-        n = search_look(s, best, confidence, n, l, q, waiting);
+        n = search_encode(s, best, confidence, n, l, q, waiting);
         waiting = 0;
     }
     for (size_t i = 0; i < n; i++) {

@@ -59,8 +59,8 @@ static float views_bright(const struct person *p, size_t x, size_t y)
     return logf((float)sum / (765 * (float)n) + SRGB_DARK);
 }
 
-static void views_look(struct views_face *f, const struct views *v,
-                       const struct person *p)
+static void views_sample(struct views_face *f, const struct views *v,
+                         const struct person *p)
 {
     const int32_t *region = v->head->region;
     struct head_motion pose = p->source.pose;
@@ -137,7 +137,7 @@ static int views_likeness(double *likeness, const struct views *v,
         face[i] = (struct views_face){(float (*)[3])at,
                                       (float (*)[3])(at + 3 * V), at + 6 * V,
                                       at + 7 * V};
-        views_look(face + i, v, p[i]);
+        views_sample(face + i, v, p[i]);
     }
     for (size_t k = 0; k < p[0]->nshape; k++) {
         const double d = (double)p[0]->shape[k] - (double)p[1]->shape[k];
