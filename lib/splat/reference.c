@@ -71,12 +71,6 @@ int reference_init(struct reference *t, const struct gaussians *g,
 
 void reference_release(struct reference *t)
 {
-    free(t->uv);
-    free(t->confidence);
-    free(t->shorter);
-    free(t->around);
-    free(t->grain);
-    free(t->unrolled);
     free(t->mean);
     free(t->scale);
     free(t->quat);

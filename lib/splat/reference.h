@@ -15,11 +15,6 @@ struct reference {
                                                       * (N,4) (N) (N,C) */
     double rt[12], fx, fy, cx, cy;
     double background[SPLAT_MAX_CHANNELS + SPLAT_PLACE_CHANNELS];
-    double *uv, *confidence, *shorter;   /* owned; (N,2) from -1 to 1, (N) c,
-                                          * (N) s; or NULL */
-    double *around, *grain, *unrolled;   /* owned; the same of places in the
-                                          * grain; or NULL */
-    struct splat_place_view view;
     uint32_t *order;       /* NULL, or (N): drawn in this order, not by depth
                             * (finite differences); owned by the caller */
 };

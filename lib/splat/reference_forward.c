@@ -25,7 +25,7 @@ static void reference_sum_pixel(double *image, double *alpha, double *depth,
         weight += wt;
         sum_z += wt * w->point[found[k].i].z;
         for (size_t c = 0; c < C; c++)
-            image[c] += wt * w->color[found[k].i * C + c];
+            image[c] += wt * t->color[found[k].i * C + c];
     }
     if (alpha)
         *alpha = 1 - T;

@@ -91,56 +91,6 @@ static int traversal_fill_lists(struct traversal *w, const struct reference *t,
     return 0;
 }
 
-/* What Gaussian i's place in the grain adds to its place channels, at: where the view
- * takes it. */
-static void traversal_add_grain(double *out, const struct reference *t, size_t i,
-                                const double at[2], const float e[2])
-{
-    const double *to = t->around + 2 * i, s = t->unrolled[i];
-    const double along = s * (e[0] * at[0] + e[1] * at[1]);
-    const double weight = t->grain[i];
-
-    for (int k = 0; k < 2; k++)
-        out[k] += weight * (to[k] - at[k] + along * e[k]);
-    out[2] += weight;
-    out[3] += weight * s;
-}
-
-/* The scene's channels with the places of where the Gaussians are now (struct
- * splat_place_view). */
-static int traversal_fill_places(struct traversal *w,
-                                 const struct reference *t, struct error *err)
-{
-    const struct splat_place_side side = splat_place_side(&t->view);
-    size_t C = (size_t)t->channels;
-
-    w->color = t->color;
-    if (!t->confidence)
-        return 0;
-    w->color = w->placed = malloc((t->n * C + 1) * sizeof *w->placed);
-    if (!w->placed)
-        return error_set(err, EX_OSERR, "out of memory");
-    memcpy(w->placed, t->color, t->n * C * sizeof *w->placed);
-    for (size_t i = 0; i < t->n; i++) {
-        double x = 2 * w->point[i].x / t->width - 1;
-        double y = 2 * w->point[i].y / t->height - 1;
-        double *out = w->placed + (i + 1) * C - SPLAT_PLACE_CHANNELS;
-        double confidence = t->confidence[i], at[2];
-
-        splat_place_at(at, &t->view, x, y);
-        const double along = t->shorter[i] *
-                             (side.e[0] * at[0] + side.e[1] * at[1]);
-        for (int k = 0; k < 2; k++)
-            out[k] = confidence * (t->uv[2 * i + (size_t)k] - at[k] +
-                                   along * side.e[k]);
-        out[2] = confidence;
-        out[3] = confidence * t->shorter[i];
-        if (t->around)
-            traversal_add_grain(out, t, i, at, side.e);
-    }
-    return 0;
-}
-
 int traversal_init(struct traversal *w, const struct reference *t,
                    struct error *err)
 {
@@ -166,8 +116,7 @@ int traversal_init(struct traversal *w, const struct reference *t,
             key[i].i = t->order[i];
     else
         qsort(key, t->n, sizeof *key, traversal_by_depth);
-    rc = traversal_fill_places(w, t, err) ||
-         traversal_fill_lists(w, t, key, err) ? -1 : 0;
+    rc = traversal_fill_lists(w, t, key, err);
 out:
     free(key);
     if (rc)
@@ -177,7 +126,6 @@ out:
 
 void traversal_release(struct traversal *w)
 {
-    free(w->placed);
     free(w->point);
     free(w->start);
     free(w->list);

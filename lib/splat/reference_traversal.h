@@ -10,8 +10,6 @@ struct traversal {
     const struct reference *scene;
     int tx, ty;                   /* list tiles across and down */
     struct reference_point *point;  /* (N) */
-    const double *color;          /* (N,C) of the scene, places filled in */
-    double *placed;               /* the same, or NULL: there are none */
     size_t *start;                /* first entry of each tile's list */
     uint32_t *list;               /* Gaussians, front to back */
 };

@@ -168,10 +168,12 @@ static void reference_gradients(struct golden *g, const struct scene *s,
                                 const struct reference *t, const char *mode)
 {
     size_t N = s->N, C = s->C, P = s->W * s->H;
-    struct reference_gradients d = {splat_grab(3 * N), splat_grab(3 * N),
-                                    splat_grab(4 * N), splat_grab(N),
-                                    splat_grab(C * N), splat_grab(12),
-                                    splat_grab(2 * N), splat_grab(3 * N)};
+    struct reference_gradients d = {
+        .mean = splat_grab(3 * N), .scale = splat_grab(3 * N),
+        .quat = splat_grab(4 * N), .opacity = splat_grab(N),
+        .color = splat_grab(C * N), .rt = splat_grab(12),
+        .center = splat_grab(2 * N), .conic = splat_grab(3 * N)
+    };
     double *probe = splat_grab(P * C), T[12], tol = gradient_tolerance(g, mode);
     struct error err = {0};
 

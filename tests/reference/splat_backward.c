@@ -32,7 +32,7 @@ static void reference_pixel_backward(struct screen *s, double *d_color,
     for (size_t k = count; k-- > 0;) {
         const struct contribution *h = &found[k];
         const struct reference_point *p = &w->point[h->i];
-        const double *color = w->color + h->i * C;
+        const double *color = t->color + h->i * C;
         double cg = dot_many(color, g, C), da = h->T * (cg - behind);
 
         behind = h->alpha * cg + (1 - h->alpha) * behind;
@@ -193,24 +193,6 @@ static void reference_store_row(double *to, const double *from, size_t i,
         memcpy(to + i * n, from, n * sizeof *to);
 }
 
-/* Gradients of the place channels of Gaussian i, at p, to its centre's. */
-static void reference_place_backward(struct screen *s, const double *d_color,
-                                     const struct reference_point *p,
-                                     const struct reference *t, size_t i)
-{
-    const struct splat_place_side side = splat_place_side(&t->view);
-    const double *d = d_color + (i + 1) * (size_t)t->channels -
-                      SPLAT_PLACE_CHANNELS;
-    const double along = t->shorter[i] * (side.e[0] * d[0] + side.e[1] * d[1]);
-    double u = -t->confidence[i] * (d[0] - along * side.e[0]), J[4];
-    double v = -t->confidence[i] * (d[1] - along * side.e[1]);
-
-    splat_place_slope(J, &t->view, 2 * p->x / t->width - 1,
-                      2 * p->y / t->height - 1);
-    s->x += 2.0 / t->width * (J[0] * u + J[2] * v);
-    s->y += 2.0 / t->height * (J[1] * u + J[3] * v);
-}
-
 /* Gaussian i's gradients to their rows of g, the camera's added to g's. */
 static void reference_store(const struct reference_gradients *g,
                             struct screen *s, const struct reference_point *p,
@@ -218,10 +200,13 @@ static void reference_store(const struct reference_gradients *g,
 {
     struct gradient one = {0};
 
-    if (t->confidence && g->color)
-        reference_place_backward(s, g->color, p, t, i);
-    const double center[2] = {s->x, s->y};
-
+    double center[2] = {s->x, s->y};
+    if (g->places)
+        reference_places_backward(center,
+                                  g->color + i * (size_t)t->channels, p, t,
+                                  g->places, i);
+    s->x = center[0];
+    s->y = center[1];
     if (p->front)
         reference_gaussian_backward(&one, s, p, t, i);
     reference_store_row(g->mean, one.mean, i, 3);

@@ -3,13 +3,14 @@
 #ifndef SPID_TESTS_SPLAT_BACKWARD_H
 #define SPID_TESTS_SPLAT_BACKWARD_H
 
-#include "lib/splat/reference.h"
+#include "tests/reference/splat_places.h"
 
 /* Gradients, overwritten; sizes as in struct reference, C = channels.
  * conic (N,3) and center (N,2) are those on the screen; each may be NULL, but
  * with places color may not: what pulls at the centres goes through it. */
 struct reference_gradients {
     double *mean, *scale, *quat, *opacity, *color, *rt, *center, *conic;
+    const struct reference_places *places;      /* filled in; or NULL */
 };
 /* Add to what g names, from d_image (H,W,C) and d_alpha (H,W; may be NULL).
  * EX_OSERR. */

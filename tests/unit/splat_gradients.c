@@ -60,8 +60,9 @@ static void finite_differences(enum splat_rules rules)
     double *g = scene_grab(P * 3, sizeof *g), *ga = scene_grab(P, sizeof *ga);
     double mean[3 * 30], scale[3 * 30], quat[4 * 30], opacity[30];
     double color[3 * 30], rt[12], worst = 0;
-    struct reference_gradients d = {mean, scale, quat, opacity, color, rt,
-                                      NULL, NULL};
+    struct reference_gradients d = {.mean = mean, .scale = scale,
+                                    .quat = quat, .opacity = opacity,
+                                    .color = color, .rt = rt};
     uint32_t order[30];
     struct error err = {0};
 
@@ -184,9 +185,11 @@ static void splat_test_kernels(size_t C)
         exit(1);
     for (size_t c = 0; c < SPLAT_MAX_CHANNELS; c++)
         t.background[c] = bg[c] = 0.3f;
-    struct reference_gradients d = {want, want + 3 * n, want + 6 * n,
-                                      want + 10 * n, want + 11 * n,
-                                      want + (11 + C) * n, NULL, NULL};
+    struct reference_gradients d = {
+        .mean = want, .scale = want + 3 * n, .quat = want + 6 * n,
+        .opacity = want + 10 * n, .color = want + 11 * n,
+        .rt = want + (11 + C) * n
+    };
 
     if (reference_backward(&d, &t, g, ga, &err))
         CHECK(0, "%s", err.text);

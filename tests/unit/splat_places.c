@@ -53,15 +53,15 @@ static double places_left(const struct gaussians *g, size_t i)
                     gaussian_more(g->tilt + 2 * i, view.toward)));
 }
 
-/* And of its places in the grain. */
-static void places_reference_grain(struct reference *r,
+/* The places in the grain of all n. */
+static void places_reference_grain(struct reference_places *r, size_t n,
                                    const struct gaussians *g,
                                    const float rt[12], float facing)
 {
-    r->around = scene_grab(2 * r->n, sizeof *r->around);
-    r->grain = scene_grab(r->n, sizeof *r->grain);
-    r->unrolled = scene_grab(r->n, sizeof *r->unrolled);
-    for (size_t i = 0; i < r->n; i++) {
+    r->around = scene_grab(2 * n, sizeof *r->around);
+    r->grain = scene_grab(n, sizeof *r->grain);
+    r->unrolled = scene_grab(n, sizeof *r->unrolled);
+    for (size_t i = 0; i < n; i++) {
         const bool has = g->around[2 * i] >= -1;
 
         r->grain[i] = has ? splat_place_grain((float)r->confidence[i]) : 0;
@@ -74,8 +74,9 @@ static void places_reference_grain(struct reference *r,
 
 /* t's reference, whose pictures end in the channels of places; size pixels a
  * side. */
-static int places_reference(struct reference *r, const struct testscene *t,
-                            int channels, int size, struct error *err)
+static int places_reference(struct reference *r, struct reference_places *p,
+                            const struct testscene *t, int channels, int size,
+                            struct error *err)
 {
     const struct splat_camera cam = splat_camera_square(t->cam, size, 12);
     const struct gaussians *g = &t->g;
@@ -86,25 +87,27 @@ static int places_reference(struct reference *r, const struct testscene *t,
     if (reference_init(r, g, &cam, size, size, channels, SPLAT_GSPLAT, 0, err))
         return -1;
     color = scene_grab(r->n * (C + PLACES), sizeof *color);
-    r->uv = scene_grab(2 * r->n, sizeof *r->uv);
-    r->confidence = scene_grab(r->n, sizeof *r->confidence);
-    r->shorter = scene_grab(r->n, sizeof *r->shorter);
+    *p = (struct reference_places){
+        .view = view, .uv = scene_grab(2 * r->n, sizeof *p->uv),
+        .confidence = scene_grab(r->n, sizeof *p->confidence),
+        .shorter = scene_grab(r->n, sizeof *p->shorter)
+    };
     for (size_t i = 0; i < r->n; i++) {
         const float more = gaussian_more(g->tilt + 2 * i, view.toward);
 
         memcpy(color + i * (C + PLACES), r->color + i * C, C * sizeof *color);
         r->opacity[i] *= places_left(g, i);
-        r->confidence[i] = gaussians_seen(g, i) * gaussian_visible(more);
-        r->shorter[i] = splat_place_shorter(more - 1, side.facing);
+        p->confidence[i] = gaussians_seen(g, i) * gaussian_visible(more);
+        p->shorter[i] = splat_place_shorter(more - 1, side.facing);
         for (size_t k = 0; k < 2; k++)
-            r->uv[2 * i + k] = 2 * (double)g->uv[2 * i + k] - 1;
+            p->uv[2 * i + k] = 2 * (double)g->uv[2 * i + k] - 1;
     }
     if (g->around)
-        places_reference_grain(r, g, cam.rt, side.facing);
+        places_reference_grain(p, r->n, g, cam.rt, side.facing);
     free(r->color);
     r->color = color;
     r->channels += PLACES;
-    r->view = view;
+    reference_places_fill(r, p);
     return 0;
 }
 
@@ -138,18 +141,20 @@ static void draw_places(float *image, float *place, const struct testscene *t,
 static double places_error(const float *place, const struct testscene *t)
 {
     struct reference truth;
+    struct reference_places places;
     struct error err = {0};
     size_t P = SIZE * SIZE;
     double *want = scene_grab(P * (PLACES + 1), sizeof *want), worst = 0;
     uint8_t *skip = scene_grab(P, 1);
 
-    if (places_reference(&truth, t, 1, SIZE, &err) ||
+    if (places_reference(&truth, &places, t, 1, SIZE, &err) ||
         reference_forward(want, NULL, NULL, skip, &truth, &err))
         exit(1);
     for (size_t p = 0; p < P; p++)
         for (size_t c = 0; c < PLACES && !skip[p]; c++)
             worst = fmax(worst, fabs(place[PLACES * p + c] -
                                       want[(PLACES + 1) * p + 1 + c]));
+    reference_places_release(&places);
     reference_release(&truth);
     free(want);
     free(skip);
@@ -386,10 +391,11 @@ static double *reference_gradients_of(const struct testscene *t, size_t C,
     double *all = scene_grab(n * (COLOR + C) + 12, sizeof *all);
     double *color = scene_grab(n * K, sizeof *color);
     double *g = scene_grab(P * K, sizeof *g), *ga = scene_grab(P, sizeof *ga);
+    struct reference_places places;
     struct reference_gradients to = {
         .mean = all, .scale = all + SCALE * n, .quat = all + QUAT * n,
         .opacity = all + OPACITY * n, .color = color,
-        .rt = all + (COLOR + C) * n};
+        .rt = all + (COLOR + C) * n, .places = &places};
     struct reference truth;
     struct error err = {0};
 
@@ -399,7 +405,7 @@ static double *reference_gradients_of(const struct testscene *t, size_t C,
                                  : d->place[p * PLACES + c - C];
         ga[p] = d->alpha[p];
     }
-    if (places_reference(&truth, t, (int)C, SIZE, &err) ||
+    if (places_reference(&truth, &places, t, (int)C, SIZE, &err) ||
         reference_backward(&to, &truth, g, ga, &err))
         exit(1);
     for (size_t i = 0; i < n; i++)      /* of the opacity that is given */
@@ -408,6 +414,7 @@ static double *reference_gradients_of(const struct testscene *t, size_t C,
         for (size_t c = 0; c < K; c++)
             all[c < C ? COLOR * n + i * C + c : PLACE * n + i * PLACES + c - C] =
                 color[i * K + c];
+    reference_places_release(&places);
     reference_release(&truth);
     free(color);
     free(g);
@@ -463,11 +470,13 @@ static void places_backward(size_t C)
 
 /* ---- the reference against finite differences ---------------------------- */
 
-static double places_loss(const struct reference *t, const double *g)
+static double places_loss(const struct reference *t,
+                          const struct reference_places *p, const double *g)
 {
     size_t values = (size_t)t->width * (size_t)t->height * (size_t)t->channels;
     double *image = scene_grab(values, sizeof *image), sum = 0;
 
+    reference_places_fill(t, p);
     if (reference_forward(image, NULL, NULL, NULL, t, NULL))
         exit(1);
     for (size_t i = 0; i < values; i++)
@@ -478,7 +487,9 @@ static double places_loss(const struct reference *t, const double *g)
 
 /* Relative error of d against four-point differences of the loss in x (n). */
 static double difference_error(double *x, const double *d, size_t n, double h,
-                               const struct reference *t, const double *g)
+                               const struct reference *t,
+                               const struct reference_places *p,
+                               const double *g)
 {
     static const double at[4] = {-2, -1, 1, 2}, weight[4] = {1, -8, 8, -1};
     double dd = 0, ss = 0;
@@ -488,7 +499,7 @@ static double difference_error(double *x, const double *d, size_t n, double h,
 
         for (int k = 0; k < 4; k++) {
             x[i] = x0 + at[k] * h;
-            want += weight[k] * places_loss(t, g) / (12 * h);
+            want += weight[k] * places_loss(t, p, g) / (12 * h);
         }
         x[i] = x0;
         dd += (d[i] - want) * (d[i] - want);
@@ -502,6 +513,7 @@ static void finite_differences(void)
     enum { FEW = 12, SMALL = 16, K = PLACES + 1 };
     struct testscene scene;
     struct reference t;
+    struct reference_places places;
     struct error err = {0};
     double mean[3 * FEW], scale[3 * FEW], opacity[FEW], color[K * FEW], rt[12];
     double g[SMALL * SMALL * K];
@@ -509,14 +521,14 @@ static void finite_differences(void)
     uint32_t order[FEW];
     struct reference_gradients d = {.mean = mean, .scale = scale,
                                     .opacity = opacity, .color = color,
-                                    .rt = rt};
+                                    .rt = rt, .places = &places};
 
     places_scene(&scene, FEW, 11);
 
     random_numbers(f, SMALL * SMALL * K, 5);
     for (size_t i = 0; i < SMALL * SMALL * K; i++)
         g[i] = f[i];
-    if (places_reference(&t, &scene, 1, SMALL, &err))
+    if (places_reference(&t, &places, &scene, 1, SMALL, &err))
         exit(1);
     t.alpha_cut = 1e-14;            /* cut-offs out of the way */
     t.t_cut = 0;
@@ -528,14 +540,19 @@ static void finite_differences(void)
     if (reference_backward(&d, &t, g, NULL, &err))
         exit(1);
     check("finite differences: mean",
-          difference_error(t.mean, mean, 3 * FEW, 1e-5, &t, g), 1e-6);
+          difference_error(t.mean, mean, 3 * FEW, 1e-5, &t, &places, g),
+          1e-6);
     check("finite differences: scale",
-          difference_error(t.scale, scale, 3 * FEW, 1e-5, &t, g), 1e-6);
+          difference_error(t.scale, scale, 3 * FEW, 1e-5, &t, &places, g),
+          1e-6);
     check("finite differences: opacity",
-          difference_error(t.opacity, opacity, FEW, 1e-5, &t, g), 1e-6);
+          difference_error(t.opacity, opacity, FEW, 1e-5, &t, &places, g),
+          1e-6);
     check("finite differences: camera",
-          difference_error(t.rt, rt, 12, 1e-7, &t, g), 1e-6);
+          difference_error(t.rt, rt, 12, 1e-7, &t, &places, g),
+          1e-6);
     t.order = NULL;
+    reference_places_release(&places);
     reference_release(&t);
     places_release(&scene);
 }
