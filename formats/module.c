@@ -77,7 +77,8 @@ static const void *module_load(struct module *m, struct error *err)
     dlerror();                  /* forgets what others failed to load */
     if (!m->table)
         m->table = own ? module_try(m, own) : module_beside(m);
-    if (!m->table) {
+    const void *table = m->table;
+    if (!table) {
         const char *why = dlerror();
 
         error_set(err, EX_UNAVAILABLE, "cannot load the module of %s: %s "
@@ -86,7 +87,7 @@ static const void *module_load(struct module *m, struct error *err)
                   m->file);
     }
     pthread_mutex_unlock(&m->lock);
-    return m->table;
+    return table;
 }
 
 const struct media_module *module_media(struct error *err)

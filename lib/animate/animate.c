@@ -110,24 +110,41 @@ static void animate_fail(struct animate *a, const struct error *err)
     pthread_mutex_unlock(&a->out);
 }
 
-/* The worker is one of those that work, on a processor of its own if there are
- * enough.  a->out is held. */
-static void animate_work(struct animate_worker *w)
+/* Off the processors that others work on.  a->out is held. */
+static void animate_hold(struct animate_worker *w)
 {
     struct animate *a = w->owner;
     int taken[PARALLEL_MAX + 1];
 
     for (int i = 0; i < a->count; i++)
-        taken[i] = a->worker[i].processor;
-    processors_avoid(pthread_self(), taken, a->count);
-    w->processor = sched_getcpu();
-    a->working++;
+        taken[i] = &a->worker[i] == w ? -1 : a->worker[i].processor;
+    processors_avoid(w->thread, taken, a->count);
+}
+
+/* The worker is on that processor, which is its own now; -1: it leaves that to the others.
+ * a->out is held. */
+static void animate_place(struct animate_worker *w, int processor)
+{
+    struct animate *a = w->owner;
+
+    w->processor = processor;
+    for (int i = 0; i < a->count; i++)
+        if (a->worker[i].processor >= 0)
+            animate_hold(&a->worker[i]);
+}
+
+/* The worker is one of those that work.  a->out is held. */
+static void animate_work(struct animate_worker *w)
+{
+    animate_hold(w);
+    animate_place(w, sched_getcpu());
+    w->owner->working++;
 }
 
 /* It is none of them any more.  a->out is held. */
 static void animate_rest(struct animate_worker *w)
 {
-    w->processor = -1;
+    animate_place(w, -1);
     w->owner->working--;
     pthread_cond_broadcast(&w->owner->turn);
 }
@@ -165,6 +182,11 @@ static bool animate_wait(struct animate_worker *w, const uint64_t *next,
         while (*next != ticket && !a->failed)
             pthread_cond_wait(&a->turn, &a->out);
         animate_work(w);
+    }
+    if (next == &a->next_out) {
+        /* threads that an encoder starts are not held */
+        animate_place(w, -1);
+        processors_avoid(w->thread, NULL, 0);
     }
     pthread_mutex_unlock(&a->out);
     return !a->failed;
@@ -288,8 +310,6 @@ static int animate_deliver(struct animate_worker *w, struct driver_frame *f,
 
     if (!animate_wait(w, &a->next_out, ticket))
         return -1;
-    /* threads that an encoder starts are not held */
-    processors_avoid(pthread_self(), NULL, 0);
     const double begun = cpu_seconds();
     if (framesink_write(a->sink, &g, &err)) {
         animate_fail(a, &err);
@@ -333,6 +353,7 @@ static void *animate_worker_run(void *arg)
     double arrived;
 
     cpu_flush_denormals();
+    w->thread = pthread_self();
     while (!a->failed && animate_take(w, &f, &ticket, &arrived)) {
         struct animate_times t = {
             .decode = f.decode_s, .crop = f.r.crop_s,
@@ -357,6 +378,7 @@ int animate_run(struct animate *a, struct driver *d, struct live *live,
                 void (*done)(void *ctx, const struct animate_frame *f),
                 void *ctx, struct error *err)
 {
+    pthread_t thread[PARALLEL_MAX + 1];
     int started = 0;
 
     a->driver = d;
@@ -373,11 +395,11 @@ int animate_run(struct animate *a, struct driver *d, struct live *live,
     if (a->opt.workers == 1)
         animate_worker_run(&a->worker[0]);
     while (a->opt.workers > 1 && started < a->count &&
-           !pthread_create(&a->worker[started].thread, NULL,
-                           animate_worker_run, &a->worker[started]))
+           !pthread_create(&thread[started], NULL, animate_worker_run,
+                           &a->worker[started]))
         started++;
     for (int i = 0; i < started; i++)
-        pthread_join(a->worker[i].thread, NULL);
+        pthread_join(thread[i], NULL);
     if (a->opt.workers > 1 && started == 0)
         return error_set(err, EX_OSERR, "cannot start a thread");
     if (a->failed) {

@@ -57,7 +57,7 @@ struct animate_worker {
     struct inset_scratch inset;
     uint8_t *whole;             /* the photograph with the portrait in it */
     pthread_t thread;
-    int processor;              /* that it works on; -1: it waits */
+    int processor;              /* its own while it works; or -1 */
     struct animate *owner;
 };
 

@@ -212,15 +212,13 @@ static void parallel_start(int shares)
     pthread_sigmask(SIG_SETMASK, &before, NULL);
 }
 
-/* Whoever is woken must not have to wait until its caller is put off.  The lock is
- * held. */
-static void parallel_spread(void)
+/* Whoever is woken must not have to wait until its caller, who is on that processor, is
+ * put off; where the caller sleeps (-1) they may be.  The lock is held. */
+static void parallel_spread(int caller)
 {
-    const int here = sched_getcpu();
-
-    for (int i = 0; here != pool.caller && i < pool.threads; i++)
-        processors_avoid(pool.thread[i], &here, 1);
-    pool.caller = here;
+    for (int i = 0; caller != pool.caller && i < pool.threads; i++)
+        processors_avoid(pool.thread[i], &caller, 1);
+    pool.caller = caller;
 }
 
 /* ---- callers ------------------------------------------------------------ */
@@ -230,7 +228,7 @@ static void parallel_open(struct job *j)
 {
     pthread_mutex_lock(&pool.lock);
     parallel_start(j->shares);
-    parallel_spread();
+    parallel_spread(sched_getcpu());
     j->next = pool.jobs;
     pool.jobs = j;
     atomic_fetch_add(&pool.open, 1);
@@ -250,6 +248,7 @@ static void parallel_finish(struct job *j)
         return;
     pthread_mutex_lock(&pool.lock);
     j->awaited = true;
+    parallel_spread(-1);
     while (atomic_load(&j->inside) > 0)
         pthread_cond_wait(&pool.done, &pool.lock);
     pthread_mutex_unlock(&pool.lock);

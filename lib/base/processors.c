@@ -8,6 +8,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #define PROCESSORS_MAX 8192    /* processors of a mask */
@@ -131,10 +132,11 @@ double processors_quota(const char *root)
 void processors_avoid(pthread_t thread, const int *taken, int count)
 {
     cpu_set_t left[PROCESSORS_MAX / CPU_SETSIZE];
+    const bool nice = getpriority(PRIO_PROCESS, 0) > 0;
 
     pthread_once(&allowed_read, processors_read_allowed);
     memcpy(left, allowed, sizeof left);
-    for (int i = 0; i < count; i++)
+    for (int i = 0; i < count && !nice; i++)
         CPU_CLR_S((size_t)taken[i], sizeof left, left);     /* < 0: beyond it */
     pthread_setaffinity_np(thread, sizeof left,
                            CPU_COUNT_S(sizeof left, left) ? left : allowed);

@@ -17,11 +17,12 @@ int processors_allowed(void);
 double processors_quota(const char *root);
 
 /* Keep one of this process's threads off the processors taken[0] to
- * taken[count - 1] (negative: none), unless no other would be left of the mask
- * that the process began with: then, as with none taken, it may be on all.  For
- * threads that work at once.  Where another program keeps a processor busy, the
- * system leaves two of ours together on the next: to it that is no worse than
- * one of them beside that program. */
+ * taken[count - 1] (negative: none) of others that work at once, until they wait;
+ * unless no other would be left of the mask that the process began with: then, as
+ * with none taken, it may be on all.  Where another program keeps a processor busy,
+ * the system leaves two of ours together on the next: to it that is no worse than
+ * one of them beside that program.  At a lower priority it is better: beside that
+ * program a thread hardly runs, so a nice process keeps off none. */
 void processors_avoid(pthread_t thread, const int *taken, int count);
 
 #endif

@@ -1,10 +1,14 @@
 /* The pool: every item once, each thread in a slot of its own, several callers
- * at once, calls inside a job, callers that work alone, and denormals. */
+ * at once, calls inside a job, callers that work alone, denormals, and the
+ * processors that are kept for callers while they work. */
 #include "lib/base/parallel.h"
 
 #include <pthread.h>
+#include <sched.h>
 #include <stdatomic.h>
+#include <stdbool.h>
 #include <string.h>
+#include <sys/resource.h>
 
 #include "lib/base/cpu.h"
 #include "tests/check.h"
@@ -87,12 +91,62 @@ static void sizes_run(void)
     expect("items not seen once, or slots shared", bad, 0, 0);
 }
 
+/* How many processors a pool's thread may be on: when it begins, and when they are
+ * more, as its caller waits for it, or after two seconds. */
+struct held {
+    pthread_t caller;
+    atomic_int inside;
+    int begun, waited;
+};
+
+static int held_processors(void)
+{
+    cpu_set_t mask;
+
+    sched_getaffinity(0, sizeof mask, &mask);
+    return CPU_COUNT(&mask);
+}
+
+static void held_part(void *ctx, size_t i)
+{
+    struct held *h = ctx;
+    const bool pool = !pthread_equal(pthread_self(), h->caller);
+    const double end = cpu_seconds() + 2;
+
+    (void)i;
+    if (pool)
+        h->begun = h->waited = held_processors();
+    atomic_fetch_add(&h->inside, 1);
+    while (h->inside < 2 && cpu_seconds() < end)
+        sched_yield();
+    while (pool && h->waited == h->begun && cpu_seconds() < end)
+        h->waited = held_processors();
+}
+
+/* A thread keeps off its caller's processor, until the caller sleeps. */
+static void held_run(void)
+{
+    struct held h = {.caller = pthread_self()};
+    const int all = held_processors();
+
+    if (all < 2 || getpriority(PRIO_PROCESS, 0) > 0)
+        return;
+    parallel_set_width(2);
+    for (int i = 0; i < 50 && !h.begun; i++) {
+        h.inside = 0;
+        parallel_for(2, 1, held_part, &h);
+    }
+    expect("off its caller's processor", h.begun, all - 1, 0);
+    expect("anywhere while that sleeps", h.waited, all, 0);
+}
+
 int main(void)
 {
     pthread_t thread[4];
     int bad[4] = {0};
 
     expect("slot outside", (double)parallel_slot(), 0, 0);
+    held_run();
     sizes_run();
     parallel_set_width(3);
     for (int i = 0; i < 4; i++)

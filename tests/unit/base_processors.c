@@ -6,6 +6,7 @@
 #include <sched.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include "tests/check.h"
@@ -23,7 +24,7 @@ static void processors_put(const char *path, const char *text)
     CHECK(system(command) == 0, "cannot write %s", path);
 }
 
-/* Off the processor it is on, off none, and off all of them. */
+/* Off the processor it is on, off none, off all of them, and when the process is nice. */
 static void processors_keep_off(void)
 {
     const int here = sched_getcpu(), taken[] = {-1, here};
@@ -32,7 +33,7 @@ static void processors_keep_off(void)
 
     sched_getaffinity(0, sizeof mask, &mask);
     const int all = CPU_COUNT(&mask);
-    if (all < 2)
+    if (all < 2 || getpriority(PRIO_PROCESS, 0) > 0)
         return;
     processors_avoid(pthread_self(), taken, 2);
     sched_getaffinity(0, sizeof mask, &mask);
@@ -47,6 +48,10 @@ static void processors_keep_off(void)
     processors_avoid(pthread_self(), every, CPU_SETSIZE);
     sched_getaffinity(0, sizeof mask, &mask);
     expect("all are taken", CPU_COUNT(&mask), all, 0);
+    check_that("nice", nice(1) != -1);
+    processors_avoid(pthread_self(), taken, 2);
+    sched_getaffinity(0, sizeof mask, &mask);
+    expect("nice: on all", CPU_COUNT(&mask), all, 0);
 }
 
 int main(void)
