@@ -23,7 +23,7 @@ pictures() { grep -ao FRAME "$1" | wc -l; }
     camera | live - >out.y4m
     cat said
     [ "$(head -c 9 out.y4m)" = YUV4MPEG2 ]
-    n=$(sed -n 's/^spid-live: \([0-9]*\) frames.*/\1/p' said)
+    n=$(sed -n 's/^spid-live: \([0-9]*\) frame.*/\1/p' said)
     [ "$n" -gt 0 ]
     [ "$n" -le 12 ]
     [ "$(pictures out.y4m)" -eq "$n" ]
