@@ -38,8 +38,9 @@ MPI_LIBS   := $(shell pkg-config --libs ompi-c)
 endif
 CFLAGS_ALL   += $(JSON_CFLAGS)
 CXXFLAGS_ALL += $(JSON_CFLAGS) $(OPENCV_CFLAGS) $(OIIO_CFLAGS)
-LIBS := -Wl,--as-needed -lcjson -lxxhash -lpng -ljpeg -lexif -llcms2 -lz -ldnnl -lopencv_core \
-        -lopencv_imgproc -lopencv_objdetect -ltinygltf -lzip \
+# Of objdetect only the cascade is taken: the shared library wants six others.
+LIBS := -Wl,--as-needed -lcjson -lxxhash -lpng -ljpeg -lexif -llcms2 -lz -ldnnl \
+        -l:libopencv_objdetect.a -lopencv_core -lopencv_imgproc -ltinygltf -lzip \
         -lonnx_proto -lprotobuf $(MPI_LIBS) -lgomp -lm
 # These bring 250 and 130 others along, so they come with modules
 # (formats/module.h).
