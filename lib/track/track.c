@@ -19,10 +19,6 @@
 #define CHECK_AGAIN 5          /* and after a face was found again */
 #define CUT_CORRELATION 0.3    /* of thumbnails: below it is another scene */
 #define CONFIDENCE_ENOUGH 0.35 /* E_m less sure than this lost its face */
-#define CORRELATION_MIN 0.6     /* correlation with the first frame's face from
-                                * which on another one's is looked for; one
-                                * person's is 0.62 to 1 in the shared clips,
-                                * another's 0.2 to 0.6 */
 #define REGAINED 12            /* such looks, CHECK_AGAIN frames apart */
 
 int track_init(struct track *t, const struct identity *id,
@@ -265,8 +261,6 @@ static const char *track_find_fault(struct track *t, struct track_result *r)
         r->event = TRACK_CUT;
         return "the scene changed";
     }
-    if (thumb_correlate(t->first_thumb, thumb) < CORRELATION_MIN && !t->regained)
-        t->regained = REGAINED;
     why = track_implausible(t, &r->motion, next, t->crop);
     if (!why)
         why = track_doubtful(t);
