@@ -21,9 +21,11 @@
 #define RIM_SPREAD 2.0          /* of the rim about the edge, pixels of 512, */
 #define STAY_SPREAD 0.5         /* and of landmarks about where they were */
 #define RIM 0.3f                /* cosine to the camera: at most, of the rim */
-#define SEARCH 0.035            /* from the rim to the edge, of the side */
+#define SEARCH 0.035            /* from the rim to the edge, of the side: half
+                                 * and twice are as good (the table there) */
 #define COLOUR_MAX 40.0         /* levels: more, and the edge is not the skin's
-                                 * but that of hair or cloth before it */
+                                 * but that of hair or cloth before it; flat
+                                 * from half to twice (there, too) */
 #define HAIR 0.2f               /* a vertex with more of it is not skin */
 #define FIRST_INNER 17          /* landmarks from here on stay */
 #define ENOUGH 24               /* points of the rim */
