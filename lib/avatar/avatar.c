@@ -96,12 +96,14 @@ static int avatar_allocate(struct avatar *a, struct error *err)
 }
 
 /* What learns from it would learn to leave it out: one cannot know it. */
-static int avatar_plan_grain(struct avatar *a, struct error *err)
+static int avatar_plan_grain(struct avatar *a, struct nn_options opt,
+                             struct error *err)
 {
     const size_t N = a->dynamic.count + a->plane.count + a->mouth.count;
 
     return a->train || !a->config.rgb_skip
-               ? 0 : grain_init(&a->grain, a->head, N, a->config.size, err);
+               ? 0 : grain_init(&a->grain, a->head, N, a->config.size, opt,
+                               err);
 }
 
 /* Buffers and networks of every part; with WITHOUT_INTERP the dynamic
@@ -125,7 +127,7 @@ int avatar_plan(struct avatar *a, struct nn_options opt, struct error *err)
              backbone_plan(&a->backbone, 1, c->size, opt, err) ||
              dynamic_branch_plan(&a->dynamic, points, opt, err) ||
              mouth_branch_plan(&a->mouth, opt, err) ||
-             avatar_plan_grain(a, err) ? -1 : 0;
+             avatar_plan_grain(a, opt, err) ? -1 : 0;
     nn_pool_use(NULL);
     return rc;
 }

@@ -23,29 +23,36 @@
 #define OUTSIDE 0.5f    /* chance of hair, and of cloth, beside the mesh */
 
 int grain_init(struct grain *g, const struct head *h, size_t N, size_t size,
-               struct error *err)
+               struct nn_options opt, struct error *err)
 {
     const size_t P = size * size, labels = (P + 3) / 4;
     struct grain_work *w = &g->work;
     const struct slice slices[] = {
-        {&g->picture, labels, false}, {&g->around, 2 * N, false},
-        {&w->depth, P, false}, {&w->drawn, GRAIN_VALUES * P, false},
-        {&w->from, P, false}, {&w->out, P, false}, {&w->known, P, false},
-        {&w->tmp, P, false},
-        {&w->scratch, MATERIALS * QUILT_SCRATCH(size), false},
-        {&w->is, labels, false}, {&w->want, labels, false},
-        {&w->vertex, 3 * h->V, false},
-        {&w->value, GRAIN_VALUES * h->V, false},
-        {&w->face, 3 * h->F, false}
+        {&g->picture, labels, false}, {&g->around, 2 * N, false}
     };
 
     *g = (struct grain){.size = size};
-    return slices_allocate(&g->block, slices, sizeof slices / sizeof *slices,
-                           false, err);
+    nn_plan_init(&g->maps, opt);
+    w->depth = nn_plan_map(&g->maps, P);
+    w->drawn = nn_plan_map(&g->maps, GRAIN_VALUES * P);
+    w->from = nn_plan_map(&g->maps, P);
+    w->out = nn_plan_map(&g->maps, P);
+    w->known = nn_plan_map(&g->maps, P);
+    w->tmp = nn_plan_map(&g->maps, P);
+    w->scratch = nn_plan_map(&g->maps, MATERIALS * QUILT_SCRATCH(size));
+    w->is = (uint8_t *)nn_plan_map(&g->maps, labels);
+    w->want = (uint8_t *)nn_plan_map(&g->maps, labels);
+    w->vertex = nn_plan_map(&g->maps, 3 * h->V);
+    w->value = nn_plan_map(&g->maps, GRAIN_VALUES * h->V);
+    w->face = (int32_t *)nn_plan_map(&g->maps, 3 * h->F);
+    return nn_plan_finish(&g->maps, err) ||
+           slices_allocate(&g->block, slices, sizeof slices / sizeof *slices,
+                           false, err) ? -1 : 0;
 }
 
 void grain_release(struct grain *g)
 {
+    nn_plan_release(&g->maps);
     free(g->block);
     memset(g, 0, sizeof *g);
 }

@@ -17,6 +17,7 @@
 #include "lib/avatar/source_mesh.h"
 #include "lib/avatar/source_picture.h"
 #include "lib/base/error.h"
+#include "lib/nn/plan.h"
 
 /* How far a place of the mesh shows its material's grain, and the chances of hair and
  * cloth there. */
@@ -41,15 +42,17 @@ struct grain {
                                  * times 128 */
     float *around;              /* (N,2) places in it, 0..1 across and down;
                                  * GRAIN_NOWHERE of what has none */
+    struct nn_plan maps;        /* the work's, networks' memory at other times */
     struct grain_work work;
-    float *block;               /* what the arrays are part of */
+    float *block;               /* what the other arrays are part of */
 };
 
 #define GRAIN_NOWHERE (-9.0f)
 
-/* Memory for N Gaussians of head h and photographs of size x size.  EX_OSERR. */
+/* Memory for N Gaussians of head h and photographs of size x size; opt as for the
+ * networks of the same avatar.  EX_OSERR. */
 int grain_init(struct grain *g, const struct head *h, size_t N, size_t size,
-               struct error *err);
+               struct nn_options opt, struct error *err);
 /* Free what it holds; zeroed then. */
 void grain_release(struct grain *g);
 

@@ -87,7 +87,8 @@ static void scene_make(struct scene *s)
             s->picture.rgba[4 * i + c] = grey;
         s->picture.rgba[4 * i + 3] = 1;
     }
-    REQUIRE(grain_init(&s->grain, &s->head, s->N + 1, S, &err) == 0, "%s",
+    REQUIRE(grain_init(&s->grain, &s->head, s->N + 1, S,
+                       (struct nn_options){NN_INFER, NN_F32}, &err) == 0, "%s",
             err.text);
     grain_find(&s->grain, s->N, s->N + 1, &s->branch, &s->mesh, &s->picture);
 }
