@@ -96,28 +96,32 @@ int dynamic_branch_plan(struct dynamic_branch *b, size_t points,
         {&b->verts, 3 * D, false}, {&b->place, 2 * D, false},
         {&b->normals, 3 * D, false}, {&b->seen, D, false},
         {&b->facing, D, false},
-        {&b->spacing, D, false}, {&b->sampled, D * b->feature, false},
-        {&b->pixel, 4 * D, false}, {&b->h, D * b->width, false},
-        {&b->in, D * b->inputs, false}, {&b->din, D * b->inputs, true},
+        {&b->spacing, D, false}, {&b->pixel, 4 * D, false},
+        {&b->din, D * b->inputs, true},
         {&b->logit, 3 * D, false}, {&b->trust, D, false},
         {&b->held, D, false}, {&b->as, MATERIALS * D, false},
         {&b->chance, MATERIALS * D, false}, {&b->hull, D, false},
         {&b->seam, D, false}, {&b->on_teeth, D, false},
-        {&b->first, 4 * D, false}, {&b->more, FURTHER_SUMS * D, false},
-        {&b->tmp, COMPLETION_SCRATCH(D), false}
+        {&b->first, 4 * D, false}, {&b->more, FURTHER_SUMS * D, false}
     };
 
     if (slices_allocate(&b->block, slices, sizeof slices / sizeof *slices,
                         opt.mode != NN_INFER, err))
         return -1;
-    b->dsampled = b->sampled;       /* the decoder's input has copies */
-    b->dh = b->h;
-    return mlp_decoder_plan(&b->decoder, 1, points, opt, err);
+    /* what is not kept is networks' memory at other times */
+    nn_plan_init(&b->rows, opt);
+    b->tmp = nn_plan_map(&b->rows, COMPLETION_SCRATCH(D));
+    b->in = nn_plan_map(&b->rows, D * b->inputs);
+    b->dsampled = b->sampled = nn_plan_map(&b->rows, D * b->feature);
+    b->dh = b->h = nn_plan_map(&b->rows, D * b->width);     /* in has copies */
+    return mlp_decoder_plan(&b->decoder, 1, points, opt, err) ||
+           nn_plan_finish(&b->rows, err) ? -1 : 0;
 }
 
 void dynamic_branch_release(struct dynamic_branch *b)
 {
     mlp_decoder_release(&b->decoder);
+    nn_plan_release(&b->rows);
     free(b->block);
     memset(b, 0, sizeof *b);
 }

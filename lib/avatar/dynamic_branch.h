@@ -71,7 +71,8 @@ struct dynamic_branch {
     float white[3];                     /* what is white in the picture; with
                                          * the prior */
     float *tmp;                         /* COMPLETION_SCRATCH(D) */
-    float *block;                       /* what the arrays are part of */
+    struct nn_plan rows;                /* for tmp, in, sampled, h */
+    float *block;                       /* what the other arrays are part of */
 };
 
 /* Declare "dynamic." in ps.  h and d (of its faces) are borrowed. */
