@@ -2,16 +2,19 @@
  * one process (Phase A, then Phase B of the paper). */
 #include <stdio.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "cmd/cli.h"
 #include "cmd/options.h"
 #include "cmd/take.h"
 #include "lib/animate/animation.h"
+#include "lib/animate/joblist.h"
 
 static struct animation_options opt = {
     .animate.pipeline.precision = OPTION_PRECISION_DEFAULT
 };
 static struct prepare models;
+static const char *list_path;
 static bool absolute;
 
 /* A colour or a picture, or the word source. */
@@ -28,6 +31,9 @@ static const struct cli_option options[] = {
     OPTIONS_ANIMATION(opt),
     OPTION_INT("size", 0, &opt.framing.size, 32, PERSON_MAX, "N",
                "pictures of N by N pixels (default the model's, 512)"),
+    OPTION_STRING("list", 0, &list_path, "FILE",
+                  "many clips: SOURCE, DRIVER and OUT on each line, tabs "
+                  "between"),
     OPTION_CALL("background", 'b', &opt.background, "WHAT",
                 animate_parse_background,
                 "R,G,B, a name, a picture, or source (a picture's default)"),
@@ -52,7 +58,8 @@ static const struct cli_option options[] = {
 };
 
 static const struct cli_usage usage = {
-    "spid-animate", "[OPTION ...] SOURCE DRIVER", "drive a person's picture by a video", options
+    "spid-animate", "[OPTION ...] [--list FILE | SOURCE DRIVER]",
+    "drive a person's picture by a video", options
 };
 
 /* Operands and options that exclude each other. */
@@ -60,9 +67,10 @@ static void animate_check_usage(char **operand, int operands)
 {
     const struct framing_options *f = &opt.framing;
 
-    if (operands != 2)
-        die(EX_USAGE, "%d operands (expected SOURCE and DRIVER)", operands);
-    if (!strcmp(operand[0], "-") && !strcmp(operand[1], "-"))
+    if (operands != (list_path ? 0 : 2))
+        die(EX_USAGE, "%d operands (expected %s)", operands,
+            list_path ? "none with --list" : "SOURCE and DRIVER");
+    if (operands == 2 && !strcmp(operand[0], "-") && !strcmp(operand[1], "-"))
         die(EX_USAGE, "-: SOURCE and DRIVER (expected standard input for one "
             "of them)");
     if (absolute && (opt.neutral.given || f->into_source))
@@ -98,18 +106,17 @@ static void animate_frame_done(void *ctx, const struct animate_frame *f)
 }
 
 /* The lines that are this program. */
-static int animate_run_clip(const char *source, const char *driver,
-                            struct error *err)
+static int animate_run_clip(const struct job *job, struct error *err)
 {
     static struct animation a;
     int rc = -1;
 
-    if (animation_open(&a, &opt, &models, cli.output, err) == 0 &&
-        animation_open_source(&a, source, driver, err) == 0) {
-        animate_report_source(&a.source, source);
-        rc = animation_open_driver(&a, driver, err);
+    if (animation_open(&a, &opt, &models, job->out, err) == 0 &&
+        animation_open_source(&a, job->source, job->driver, err) == 0) {
+        animate_report_source(&a.source, job->source);
+        rc = animation_open_driver(&a, job->driver, err);
         if (rc == 0) {
-            option_driver_tell(driver, &a.driver, "driver-face");
+            option_driver_tell(job->driver, &a.driver, "driver-face");
             rc = animation_run(&a, animate_frame_done, &a, err);
         }
     }
@@ -120,29 +127,65 @@ static int animate_run_clip(const char *source, const char *driver,
     if (rc == 0)
         option_animation_done(&a);
     if (a.take)
-        take_warn(a.take, driver);
+        take_warn(a.take, job->driver);
     if (a.frames)
-        option_damage_tell(driver, a.frames);
+        option_damage_tell(job->driver, a.frames);
     animation_close(&a);
     return rc;
+}
+
+/* Clips whose output exists are done already. */
+static int animate_run_list(void)
+{
+    struct joblist list;
+    struct error err = {0};
+    size_t failed = 0, done = 0;
+
+    if (joblist_read(&list, list_path, &err))
+        die_error(&err);
+    for (size_t i = 0; i < list.count; i++) {
+        const struct job *job = &list.job[i];
+
+        if (access(job->out, F_OK) == 0) {
+            done++;
+            continue;
+        }
+        err = (struct error){0};
+        if (animate_run_clip(job, &err)) {
+            warn("%s: %s", job->out, err.text);
+            failed++;
+        }
+    }
+    notice("%zu clips: %zu made, %zu were there, %zu failed", list.count,
+           list.count - done - failed, done, failed);
+    joblist_release(&list);
+    return failed ? EX_DATAERR : 0;
 }
 
 int main(int argc, char **argv)
 {
     struct error err = {0};
-    int first;
+    int rc = 0, first;
 
     cli_run_networks();
     first = cli_parse(&usage, argc, argv);
     animate_check_usage(argv + first, argc - first);
-    models.once = true;
-    models.soon[0] = argv[first];
-    models.then = argv[first + 1];
+    models.once = !list_path;
+    if (!list_path) {
+        models.soon[0] = argv[first];
+        models.then = argv[first + 1];
+    }
     option_animation_load(&models, &opt);
-    if (animate_run_clip(argv[first], argv[first + 1], &err))
-        die_error(&err);
+    if (list_path) {
+        rc = animate_run_list();
+    } else {
+        const struct job job = {argv[first], argv[first + 1], cli.output};
+
+        if (animate_run_clip(&job, &err))
+            die_error(&err);
+    }
     stats_write();
     background_release(&opt.background);
     prepare_release(&models);
-    return 0;
+    return rc;
 }

@@ -118,6 +118,8 @@ with_sound() {
     has 'is read, too'
     status 64 run_animate frames -o frames/%03d.png
     status 0 run_animate frames/%03d.png -o frames/out-%03d.png
+    printf 'avatar.spid\tclip.mp4\tout.mp4\navatar.spid\tclip.mp4\tother.mp4\n' >list
+    status 0 spid-animate -m model -s --list list
     cmp clip.mp4 before.mp4
 }
 

@@ -71,6 +71,23 @@ prepare() { animate_files; }
     has "dropped"
 }
 
+@test "a list goes on where it stopped and survives a bad clip" {
+    printf '# clips\navatar.spid\tdrive.y4m\ta.y4m\n' >list
+    printf 'missing.png\tdrive.y4m\tb.y4m\navatar.spid\tdrive.y4m\tc.y4m\n' \
+        >>list
+    echo kept >a.y4m
+    status 65 spid-animate -m model -s --list list
+    has "3 clips: 1 made, 1 were there, 1 failed"
+    [ "$(cat a.y4m)" = kept ]
+    [ -s c.y4m ]
+    [ ! -e b.y4m ]
+    printf 'one\ttwo\n' >short
+    status 65 spid-animate -m model --list short
+    has "line 1"
+    status 74 spid-animate -m model --list .    # a read that fails
+    has "cannot be read"
+}
+
 @test "the recipes make every pair once" {
     export SPID_ANIMATE_FLAGS="-s -m $PWD/model"
     printf '%s\n' $'avatar.spid\tdrive.y4m\tout/a.y4m' \
