@@ -34,10 +34,13 @@ make_once() { # FILE COMMAND...: -o FILE is added
     shift
     [ -e "$file" ] || "$@" -o "$file"
 }
-synth() { # FILE PEOPLE FRAMES SIZE SEED EFFECTS
-    make_once "$1" spid-synth --assets "$assets" --people "$2" --frames "$3" \
-        --size "$4" --seed "$5" --effects "$6" --fps 0.8 --without mesh \
-        --head "$dir/head.safetensors"
+synth() { # FILE PEOPLE FRAMES SIZE SEED EFFECTS OPTION...
+    file=$1 n=$2 frames=$3 size=$4 number=$5 effects=$6
+    shift 6
+    make_once "$file" spid-synth --assets "$assets" --people "$n" \
+        --frames "$frames" --size "$size" --seed "$number" \
+        --effects "$effects" --fps 0.8 --without mesh \
+        --head "$dir/head.safetensors" "$@"
 }
 fit() { # FILE MODEL OPTION...
     name=$1 model=$2
@@ -145,9 +148,6 @@ done
 train motion-acts motion-acts held.spid \
     --init "$dir/motion/model.safetensors" \
     --shapes "$dir/first.safetensors" $far
-# shellcheck disable=SC2086
-train refiner refiner-photo held-pairs.spid \
-    --init "$dir/avatar/model.safetensors" $some
 fit real-256.spid matte.safetensors --size 256    # pictures of one size
 # shellcheck disable=SC2086
 train sure sure held.spid $scenery \
@@ -156,7 +156,7 @@ train sure sure held.spid $scenery \
 # what light falls on a face, of which the photographs say nothing
 # shellcheck disable=SC2086
 train light light held.spid $faces $turned
-join faces.safetensors refiner motion-acts shape light sure matte-photos
+join faces.safetensors avatar motion-acts shape light sure matte-photos
 
 # what that encoder says of calm faces
 rest=''
@@ -166,7 +166,25 @@ for photo in $(awk -F '\t' '$1 == "training" && /london/ { print $3 "neutral" }'
         -m "$dir/faces.safetensors" "$assets/${photo#assets/}.jpg"
     rest="$rest $dir/rest-${photo##*/}.spid"
 done
-mkdir -p "$dir/rest"
+mkdir -p "$dir/rest" "$dir/half"
 # shellcheck disable=SC2086
 python3 "$here/rest.py" "$dir/rest/model.safetensors" $rest
-join model.safetensors refiner motion-acts shape light sure matte-photos rest
+join found.safetensors avatar motion-acts shape light sure matte-photos rest
+
+# the refiner meets the faults that shape and motions have where they are found
+export SPID_MODEL=$dir/found.safetensors
+turns='' i=0
+for turn in 5,22,-38,-8,15 -35,24,-24,44,3 42,-20,10,-46,28 -12,35,-50,8,20; do
+    synth "views-$i.spid" "$((people / 260 + 1))" 5 512 \
+        "$((88000 + 10 * seed + i))" 0.4 --turn "$turn"
+    turns="$turns $dir/views-$i.spid"
+    i=$((i + 1))
+done
+# shellcheck disable=SC2086
+[ -e "$dir/people-found.spid" ] ||
+    python3 "$here/found.py" "$dir/people-found.spid" $turns "$dir/pairs.spid"
+train refiner refiner-photo held-pairs.spid \
+    --init "$dir/avatar/model.safetensors" "$dir/people-found.spid"
+python3 "$here/mean.py" "$dir/half/model.safetensors" \
+    "$dir/avatar/model.safetensors" "$dir/refiner/model.safetensors" refine.
+join model.safetensors avatar half motion-acts shape light sure matte-photos rest
