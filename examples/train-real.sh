@@ -6,8 +6,8 @@
 # split is training (model/splits.tsv).  Everything lands in DIR
 # (default build/train-real; 30 GB); a run that was stopped goes on where it
 # was.  SEED, PEOPLE, ACTS (pictures of each avatar) and STEPS (of every stage,
-# for a trial) change the size; MATTE is a model that cuts people out in a trial,
-# whose own learns nothing.
+# for a trial) change the size; in a trial, whose own model learns nothing, MATTE
+# is one that cuts people out and finds faces.
 set -eu
 
 here=$(dirname "$0")
@@ -79,6 +79,10 @@ join() { # FILE FIRST STAGE...
         "$dir/$first/model.safetensors" "$@"
 }
 
+stand_in() { # NAME: in a trial
+    [ -z "${MATTE:-}" ] || cp "$MATTE" "$dir/$1.safetensors"
+}
+
 [ -e "$dir/head.safetensors" ] || cp "$here/model/head.safetensors" "$dir"
 
 # People of scans to learn from, in pieces that real ones come between, and
@@ -100,7 +104,7 @@ scenery=$(awk -F '\t' -v a="${assets%/}" \
 # shellcheck disable=SC2086 # a list of files
 train matte matte held.spid $scenery $faces
 join matte.safetensors matte
-[ -z "${MATTE:-}" ] || cp "$MATTE" "$dir/matte.safetensors"
+stand_in matte
 fit real.spid matte.safetensors
 synth held-512.spid 8 4 512 "$((91000 + seed))" 1
 pairs pairs.spid
@@ -108,7 +112,8 @@ pairs pairs.spid
 train matte-photos matte held.spid $scenery \
     --init "$dir/matte/model.safetensors" \
     $(echo "$mixed" | sed "s:$dir/real.spid:$dir/pairs.spid:g")
-[ -n "${MATTE:-}" ] || join matte.safetensors matte-photos
+join matte.safetensors matte-photos
+stand_in matte
 some=''
 for i in 1 2 3 4; do
     synth "people-$i.spid" "$((people / 160 + 1))" 4 512 \
@@ -157,6 +162,7 @@ train sure sure held.spid $scenery \
 # shellcheck disable=SC2086
 train light light held.spid $faces $turned
 join faces.safetensors avatar motion-acts shape light sure matte-photos
+stand_in faces
 
 # what that encoder says of calm faces
 rest=''
@@ -170,6 +176,7 @@ mkdir -p "$dir/rest" "$dir/half"
 # shellcheck disable=SC2086
 python3 "$here/rest.py" "$dir/rest/model.safetensors" $rest
 join found.safetensors avatar motion-acts shape light sure matte-photos rest
+stand_in found
 
 # the refiner meets the faults that shape and motions have where they are found
 export SPID_MODEL=$dir/found.safetensors
