@@ -144,23 +144,18 @@ def main():
         for path in sys.argv[2:]:
             for images, landmarks in people(path):
                 number += 1
-                names = set.intersection(*(set(i) for i in images))
-                tmp = f"{top}/now"
+                names = {"rgb", "mask", "label", "alone"}.intersection(
+                    *(set(i) for i in images))
                 try:
                     files = find({k: np.stack([i[k] for i in images])
-                                  for k in sorted(names & {"rgb", "mask", "label",
-                                                           "alone"})},
-                                 np.stack(landmarks), number, tmp)
+                                  for k in sorted(names)},
+                                 np.stack(landmarks), number, f"{top}/now")
                 except (ValueError, subprocess.CalledProcessError) as e:
                     print(f"found.py: {path}: person {number}: {e}",
                           file=sys.stderr)
                     continue
                 kept.append(f"{top}/{number}.spid")
                 run("spid-pack", "-q", *files, "-o", kept[-1])
-                for name in os.listdir(tmp):
-                    if name in ("source", "shots"):
-                        for shot in os.listdir(f"{tmp}/{name}"):
-                            os.remove(f"{tmp}/{name}/{shot}")
         if not kept:
             sys.exit("found.py: nobody was found")
         run("spid-pack", "-q", *kept, "-o", out)
