@@ -31,16 +31,9 @@ def run(*command):
 
 def records(kind, path):
     """Arrays of a stream's records of one type."""
-    raw = run("spid-dump", "-q", "--json", "--values", "--only", kind, path)
-    return [{a["name"]: a["data"] for a in json.loads(line)["arrays"]}
-            for line in raw.splitlines() if json.loads(line)["type"] == kind]
-
-
-def window_of(path):
-    """Middle and side."""
-    raw = run("spid-dump", "-q", "--json", "--only", "CONF", path)
-    text = json.loads(raw.splitlines()[0])["arrays"][0]["text"]
-    return json.loads(text)["window"]
+    with open(path, "rb") as f:
+        return [{name: a.numpy() for name, a in rec.arrays.items()}
+                for rec in read_stream(f) if rec.type == kind]
 
 
 def cut(pictures, window, how):
@@ -77,7 +70,8 @@ def find(images, landmarks, number, tmp):
     landmarks (n,68,2) in them."""
     source = save(images["rgb"][:1], f"{tmp}/source")[0]
     run("spid-shape", "-q", source, "-o", f"{tmp}/me.spid")
-    window = window_of(f"{tmp}/me.spid")
+    conf = json.loads(bytes(records("CONF", f"{tmp}/me.spid")[0]["json"]))
+    window = conf["window"]
     seen = {name: cut(a, window, "neighbor" if name == "label" else "area")
             for name, a in images.items()}
     label = seen.get("label", np.zeros_like(seen["mask"])).copy()
@@ -104,11 +98,11 @@ def find(images, landmarks, number, tmp):
     files = []
     for i, m in enumerate(motions):
         frame = 1000 * number + i
-        m = {k: m[k] for k in ("trans", "exp", "jaw", "lid", "eye", "crop")} | {
-            "rot": np.reshape(m["rot"], (3, 3)).tolist(), "light": lights[i],
-            "lmk": at[i].tolist()}
+        m = {k: m[k] for k in ("rot", "trans", "exp", "jaw", "lid", "eye", "crop")}
+        m = {k: a.tolist() for k, a in
+             (m | {"light": lights[i], "lmk": at[i]}).items()}
         new = [{"type": "SHAP", "frame": frame, "time": float(frame), "arrays":
-                {"shape": shape, "person": [number]}}] if i == 0 else []
+                {"shape": shape.tolist(), "person": [number]}}] if i == 0 else []
         with open(f"{tmp}/motion.json", "w", encoding="ascii") as f:
             json.dump(new + [{"type": "MOTN", "frame": frame,
                               "time": float(frame), "arrays": m}], f)

@@ -22,13 +22,11 @@ scalp goes on as hair does, in its own colour, and fair hair is easily taken for
 Hair is as high as the person's visual hull along a vertex' normal (Laurentini 1994),
 where all views that it faces show hair.  Needs NumPy.
 """
-import json
-import os
-import struct
 import sys
 
 import numpy as np
 
+import tensors
 from meshview import nearest, project, surface
 from spidstream import read_stream
 
@@ -164,15 +162,12 @@ def main():
     if len(sys.argv) != 3:
         sys.exit("usage: materials.py HEAD STREAM")
     path = sys.argv[1]
-    with open(path, "rb") as f:
-        head = json.loads(f.read(struct.unpack("<Q", f.read(8))[0]))
-        data = f.read()
+    meta, kept = tensors.read(path)
     kinds = {"F32": "<f4", "F16": "<f2", "I32": "<i4"}
 
     def tensor(name):
-        t = head[name]
-        return np.frombuffer(data[slice(*t["data_offsets"])],
-                             kinds[t["dtype"]]).reshape(t["shape"])
+        kind, shape, data = kept[name]
+        return np.frombuffer(data, kinds[kind]).reshape(shape)
 
     faces, scalp = tensor("f"), tensor("hair")
     mirror = tensor("avatar.mirror")[:len(scalp)]
@@ -189,22 +184,10 @@ def main():
             "avatar.cloth": cloth_chance, "avatar.cloth_share": cloth_share}
     made = {name: value.astype("<f2") for name, value in made.items()}
 
-    out, block = {"__metadata__": head.pop("__metadata__", {})}, b""
-    for name in [n for n in head if n not in made] + list(made):
-        if name in made:
-            kind, shape = "F16", made[name].shape
-            part = made[name].tobytes()
-        else:
-            kind, shape = head[name]["dtype"], head[name]["shape"]
-            part = data[slice(*head[name]["data_offsets"])]
-        out[name] = {"dtype": kind, "shape": list(shape),
-                     "data_offsets": [len(block), len(block) + len(part)]}
-        block += part
-    text = json.dumps(out, separators=(",", ":")).encode()
-    text += b" " * (-len(text) % 8)
-    with open(path + ".part", "wb") as f:
-        f.write(struct.pack("<Q", len(text)) + text + block)
-    os.replace(path + ".part", path)
+    for name, value in made.items():
+        kept.pop(name, None)
+        kept[name] = "F16", value.shape, value.tobytes()
+    tensors.write(path, kept, meta)
 
 
 if __name__ == "__main__":

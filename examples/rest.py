@@ -8,10 +8,10 @@ with the tensor motion.rest (spid-model(5)), which spid-train --join takes: for
 each number of the encoder's output what a twentieth of the photographs is below,
 and what a twentieth is above.  Pose and gaze are not of the face and stay free.
 """
-import json
 import struct
 import sys
 
+import tensors
 from spidstream import read_stream
 
 OUT, EXP, JAW, LID = 120, 9, 109, 112   # of lib/net/motion_encoder.h
@@ -48,12 +48,7 @@ def main():
         rest += [free if c[0] is None else quantile(c, share)
                  for c in zip(*rows)]
     data = struct.pack("<%df" % len(rest), *rest)
-    head = json.dumps({"motion.rest": {
-        "dtype": "F32", "shape": [2, OUT],
-        "data_offsets": [0, len(data)]}}).encode()
-    head += b" " * (-len(head) % 8)
-    with open(sys.argv[1], "wb") as f:
-        f.write(struct.pack("<Q", len(head)) + head + data)
+    tensors.write(sys.argv[1], {"motion.rest": ("F32", [2, OUT], data)})
 
 
 if __name__ == "__main__":
