@@ -37,15 +37,15 @@ def records(kind, path):
 
 
 def cut(pictures, window, how):
-    """What the window shows of pictures (n,h,w) or (n,h,w,3), black beyond."""
+    """What the window, corner and side, shows of pictures (n,h,w) or (n,h,w,3), black
+    beyond."""
     n, h, w = pictures.shape[:3]
-    side = int(round(window[2]))
-    x, y = (int(round(window[k] - window[2] / 2)) + side for k in range(2))
+    x, y, side = window
     form = "rgb24" if pictures.ndim == 4 else "gray"
     raw = subprocess.run(
         ["ffmpeg", "-v", "error", "-f", "rawvideo", "-pix_fmt", form, "-s",
          f"{w}x{h}", "-i", "-", "-vf",
-         f"pad=iw+2*{side}:ih+2*{side}:{side}:{side},crop={side}:{side}:{x}:{y},"
+         f"pad=iw+2*{side}:ih+2*{side}:{side}:{side},crop={side}:{side}:{x + side}:{y + side},"
          f"scale={SIZE}:{SIZE}:flags={how}", "-f", "rawvideo", "-pix_fmt", form,
          "-"], input=np.ascontiguousarray(pictures).tobytes(), check=True,
         stdout=subprocess.PIPE).stdout
@@ -71,7 +71,8 @@ def find(images, landmarks, number, tmp):
     source = save(images["rgb"][:1], f"{tmp}/source")[0]
     run("spid-shape", "-q", source, "-o", f"{tmp}/me.spid")
     conf = json.loads(bytes(records("CONF", f"{tmp}/me.spid")[0]["json"]))
-    window = conf["window"]
+    x, y, side = conf["window"]         # the middle; in whole pixels from here on
+    window = [round(x - side / 2), round(y - side / 2), round(side)]
     seen = {name: cut(a, window, "neighbor" if name == "label" else "area")
             for name, a in images.items()}
     label = seen.get("label", np.zeros_like(seen["mask"])).copy()
@@ -94,7 +95,7 @@ def find(images, landmarks, number, tmp):
     if len(motions) != len(shots) or any("lost" in m for m in motions):
         raise ValueError("no face in a picture")
 
-    at = (landmarks - np.array(window[:2]) + window[2] / 2) * SIZE / window[2]
+    at = (landmarks - np.array(window[:2])) * SIZE / window[2]
     files = []
     for i, m in enumerate(motions):
         frame = 1000 * number + i
