@@ -201,7 +201,7 @@ static void eval_open_comparison(struct comparison *j)
         die_error(&err);
     eval_load_head(&j->head, opt.people != NULL);
     if (opt.lpips) {
-        if (lpips_init(&j->lpips, opt.lpips, &err))
+        if (lpips_init(&j->lpips, LPIPS_ALEXNET, opt.lpips, &err))
             die_error(&err);
         j->nets.lpips = &j->lpips;
     }

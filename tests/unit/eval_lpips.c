@@ -125,7 +125,8 @@ int main(void)
     for (int learns = 0; learns < 2; learns++) {
         struct lpips l;
 
-        REQUIRE(!lpips_init(&l, path, &err), "%s", err.text);
+        REQUIRE(!lpips_init(&l, LPIPS_ALEXNET, path, &err), "%s",
+                err.text);
         l.learns = learns;
         REQUIRE(!lpips_distance(&got, &l, rgb[0], rgb[1], H, W, &err), "%s",
                 err.text);

@@ -211,7 +211,8 @@ static void check_heat(const float *heat, const struct map *rgb)
 }
 
 /* Along a random direction of the picture. */
-static void check_gradient(struct fan *f, struct map *rgb, uint64_t seed)
+static void check_gradient(struct tape *t, int heat, struct map *rgb,
+                           uint64_t seed)
 {
     size_t n = SIDE * SIDE * 3, m = SIDE * SIDE / 16 * FAN_LANDMARKS;
     float *probe = noise_make("fan", m, seed, -1, 1);
@@ -219,7 +220,7 @@ static void check_gradient(struct fan *f, struct map *rgb, uint64_t seed)
     float *d = malloc(n * sizeof *d), *dheat = malloc(m * sizeof *dheat);
 
     memcpy(dheat, probe, m * sizeof *dheat);
-    fan_backward(d, dheat, f);
+    tape_backward(d, &(struct tape_seed){heat, dheat}, 1, t);
     check("gradient along a direction",
           map_gradient_error(d, rgb, way, plain_dot, probe), 1e-6);
     free(probe);
@@ -302,6 +303,8 @@ static void check_loss(const struct params *ps, const float *x,
     check("gradient of the loss along a direction",
           map_gradient_error(d, rgb, way, plain_loss, &target), 1e-5);
     alignment_release(&a);
+    check_that("a side that cannot be halved so often is refused",
+               alignment_open(&a, path, 96, &err) != 0);
     free(target.v);
     free(y);
     free(way);
@@ -332,10 +335,12 @@ int main(void)
     const struct nn_options opt = {NN_FROZEN, NN_F32};
     struct error err = {0};
     struct params ps;
-    struct fan f;
+    struct tape t;
 
     params_init(&ps);
-    fan_init(&f, &ps, STACKS, WIDTH);
+    tape_init(&t, &ps, 3);
+    const int heat = fan_declare(&t, STACKS, WIDTH);
+
     if (params_allocate(&ps, &err))
         return 1;
     fan_fill(&ps);
@@ -343,20 +348,19 @@ int main(void)
     for (size_t i = 0; i < ps.count; i++)
         if (!ps.tensor[i].frozen)
             check_that(ps.tensor[i].name, false);
-    check_error("plan", !fan_plan(&f, SIDE, opt, &err), &err);
+    check_error("plan", !tape_plan(&t, SIDE, SIDE, opt, &err), &err);
     float *x = noise_make("fan", SIDE * SIDE * 3, 4, 0, 1);
     struct map rgb = map_of(x, SIDE, SIDE, 3);
-    check_heat(fan_forward(x, &f), &rgb);
-    check_gradient(&f, &rgb, 30);
-    check_gradient(&f, &rgb, 31);
+    tape_forward(x, &t);
+    check_heat(tape_map(NULL, &t, heat), &rgb);
+    check_gradient(&t, heat, &rgb, 30);
+    check_gradient(&t, heat, &rgb, 31);
     folder_make();
     check_loss(&ps, x, &rgb);
     check_that("the folder goes", !folder_remove());
-    check_that("a side that cannot be halved so often is refused",
-               fan_plan(&f, 96, opt, &err) != 0);
     free(x);
     free(rgb.v);
-    fan_release(&f);
+    tape_release(&t);
     params_release(&ps);
     return check_status();
 }

@@ -21,21 +21,18 @@ static float a[N], b[N], db[N], way[N], moved[N];
 /* Weights for a network, random, at path. */
 static void write_weights(const char *path)
 {
-    struct squeezenet s;
-    struct params ps;
+    struct lpips s;
     struct error err = { 0 };
 
-    params_init(&ps);
-    squeezenet_init(&s, &ps);
-    if (params_allocate(&ps, &err))
+    lpips_declare(&s, LPIPS_SQUEEZENET);
+    if (params_allocate(&s.ps, &err))
         exit(1);
-    params_randomise(&ps, 6);
-    if (params_save(&ps, path, NULL, &err)) {
+    params_randomise(&s.ps, 6);
+    if (params_save(&s.ps, path, NULL, &err)) {
         printf("%s\n", err.text);
         exit(1);
     }
-    squeezenet_release(&s);
-    params_release(&ps);
+    lpips_release(&s);
 }
 
 /* LPIPS's, with weights of channels above 0 as the learned ones are. */
@@ -132,6 +129,8 @@ static void check_network(const char *path)
     check("outside the box", outside, 0);
     check("an empty box", perceptual_loss(db, b, H, W, &none, 1, &p), 0);
     perceptual_release(&p);
+    check_that("a picture too small is refused",
+               perceptual_open(&p, path, 9, &err) != 0);
     remove(path);
     check_that("no file", perceptual_open(&p, path, 64, &err) != 0 &&
                               strstr(err.text, path) != NULL);

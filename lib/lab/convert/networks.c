@@ -8,7 +8,6 @@
 #include "lib/lab/convert/table.h"
 #include "lib/lab/eval/iresnet.h"
 #include "lib/lab/eval/lpips.h"
-#include "lib/lab/eval/squeezenet.h"
 #include "lib/lab/eval/topiq.h"
 #include "lib/net/config.h"
 #include "lib/net/dinov2.h"
@@ -213,7 +212,7 @@ int convert_lpips(struct convert *c, struct error *err)
                           true) != SIZE_MAX;
     if (!sliced)
         convert_prefix(prefix, c, 0, "features.0.weight");
-    lpips_declare(&net);
+    lpips_declare(&net, LPIPS_ALEXNET);
     for (size_t i = 0; !rc && i < sizeof alexnet / sizeof *alexnet; i++)
         rc = convert_take_params(c, 0, prefix, &net.ps, alexnet[i][sliced],
                                  alexnet[i][0], err);
@@ -343,24 +342,21 @@ int convert_squeezenet(struct convert *c, struct error *err)
 {
     const size_t classes[4] = {1000, 512, 1, 1};
     char prefix[TENSORFILE_NAME], name[40];
-    struct squeezenet net;
-    struct params ps;
+    struct lpips net;
     int rc;
 
     convert_prefix(prefix, c, 0, "features.0.weight");
-    params_init(&ps);
-    squeezenet_init(&net, &ps);
+    lpips_declare(&net, LPIPS_SQUEEZENET);
     rc = network_squeeze_first(c, prefix, err);
     for (int i = 1; !rc && i <= 12; i++) {      /* the first one is there */
         snprintf(name, sizeof name, "features.%d.", i);
-        rc = convert_take_params(c, 0, prefix, &ps, name, name, err);
+        rc = convert_take_params(c, 0, prefix, &net.ps, name, name, err);
     }
     rc = rc || convert_take(c, 0, prefix, "classifier.1.weight",
                             "classifier.1.weight", 4, classes, err) ||
          convert_take(c, 0, prefix, "classifier.1.bias", "classifier.1.bias", 1,
                       classes, err) ? -1 : 0;
-    squeezenet_release(&net);
-    params_release(&ps);
+    lpips_release(&net);
     return rc;
 }
 
@@ -372,13 +368,14 @@ static int network_fan_take(struct convert *c, const char *prefix,
                             size_t stacks, size_t width, struct error *err)
 {
     struct params ps;
-    struct fan net;
+    struct tape net;
     int rc;
 
     params_init(&ps);
-    fan_init(&net, &ps, stacks, width);
+    tape_init(&net, &ps, 3);
+    fan_declare(&net, stacks, width);
     rc = convert_take_params(c, 0, prefix, &ps, "", "", err);
-    fan_release(&net);
+    tape_release(&net);
     params_release(&ps);
     return rc;
 }

@@ -1,6 +1,12 @@
-/* LPIPS (Zhang et al. 2018) with AlexNet features, when its weights are
- * given: a safetensors file with torchvision's "features.{0,3,6,8,10}.weight"
- * and ".bias" and the LPIPS package's "lin{0..4}.model.1.weight". */
+/* How far two pictures are apart in a network's features, each pixel's channels
+ * scaled to length 1, squared differences summed over channels and averaged over
+ * pixels (Zhang et al. 2018).
+ *
+ * LPIPS itself is AlexNet's five layers with the learned weights of their
+ * channels: a safetensors file with torchvision's "features.{0,3,6,8,10}.weight"
+ * and ".bias" and the LPIPS package's "lin{0..4}.model.1.weight".  Of SqueezeNet
+ * 1.0 seven layers and all their channels count alike, for those weights belong
+ * to other networks: a file of lib/lab/eval/squeezenet.h's tensors. */
 #ifndef SPID_LAB_EVAL_LPIPS_H
 #define SPID_LAB_EVAL_LPIPS_H
 
@@ -11,36 +17,42 @@
 #include "lib/base/error.h"
 #include "lib/lab/eval/tape.h"
 
-#define LPIPS_STAGES 5
+#define LPIPS_LAYERS 7          /* at most */
+
+enum lpips_net { LPIPS_ALEXNET, LPIPS_SQUEEZENET };
 
 struct lpips {
     struct params ps;
     struct tape tape;
-    int map[LPIPS_STAGES];              /* what each stage makes */
-    size_t lin[LPIPS_STAGES];           /* tensors: (1,C,1,1) */
+    enum lpips_net net;
+    int layers, map[LPIPS_LAYERS];      /* the layers compared */
+    size_t lin[LPIPS_LAYERS];           /* tensors (1,C,1,1); NN_NONE: none */
     size_t H, W;                        /* as planned; 0: not yet */
     bool learns;                        /* planned for a gradient: set before
                                          * the first distance */
     float *in, *din;                    /* a picture with a border */
-    float *first[LPIPS_STAGES];         /* features of the first picture */
-    float *d[LPIPS_STAGES];             /* gradients by the second's */
+    float *first[LPIPS_LAYERS];         /* features of the first picture */
+    float *d[LPIPS_LAYERS];             /* gradients by the second's */
     struct arena memory;                /* of these */
 };
 
 /* Declare the tensors, by torchvision's and LPIPS's names. */
-void lpips_declare(struct lpips *l);
+void lpips_declare(struct lpips *l, enum lpips_net net);
 /* Load the weights; EX_DATAERR names a tensor that is missing. */
-int lpips_init(struct lpips *l, const char *path, struct error *err);
+int lpips_init(struct lpips *l, enum lpips_net net, const char *path,
+               struct error *err);
 /* Free what it holds; zeroed then. */
 void lpips_release(struct lpips *l);
 
-/* Mean over n places of sum_c w_c (a_c/|a| - b_c/|b|)^2, their features a and b
- * (n,C); w (C) or NULL, all 1.  g (n,C), unless NULL, += the gradient by b. */
-double lpips_feature_distance(float *g, const float *a, const float *b,
-                              const float *w, size_t n, size_t C);
-/* Distance of two planar pictures (3,H,W) in [0,1], both sides 64 or more. */
+/* Distance of two planar pictures (3,H,W) in [0,1], both sides 64 or more: the
+ * sum over layers. */
 int lpips_distance(double *distance, struct lpips *l, const float *a,
                    const float *b, size_t H, size_t W, struct error *err);
+/* Its parts: a plan for pictures of a size; the first picture; and, as often as
+ * wanted, the second one's distance from it. */
+int lpips_plan(struct lpips *l, size_t H, size_t W, struct error *err);
+void lpips_first(struct lpips *l, const float *rgb);
+double lpips_second(struct lpips *l, const float *rgb);
 /* db (3,H,W) = the gradient of the last distance by its second picture;
  * l->learns.  The weights are constants. */
 void lpips_backward(float *db, struct lpips *l);

@@ -1,8 +1,6 @@
 /* SqueezeNet 1.0's features. */
 #include "lib/lab/eval/squeezenet.h"
 
-#include <sysexits.h>
-
 #define FIRST 96                  /* channels of the first convolution */
 
 /* The fire modules: the index in "features.N", channels squeezed to, channels
@@ -26,13 +24,11 @@ static int squeezenet_conv(struct tape *t, int of, const char *name,
     return x;
 }
 
-void squeezenet_init(struct squeezenet *s, struct params *ps)
+void squeezenet_declare(int layer[SQUEEZENET_LAYERS], struct tape *t)
 {
-    struct tape *t = &s->tape;
     char name[120];
+    int x = layer[0] = squeezenet_conv(t, 0, "features.0", FIRST, 7);
 
-    tape_init(t, ps, 3);
-    int x = s->layer[0] = squeezenet_conv(t, 0, "features.0", FIRST, 7);
     tape_layer(t, x)->stride = 2;
     tape_layer(t, x)->pad = CONV_NONE;
     for (size_t i = 0; i < SQUEEZENET_FIRES; i++) {
@@ -48,43 +44,6 @@ void squeezenet_init(struct squeezenet *s, struct params *ps)
         const int three = squeezenet_conv(
             t, x, nn_name(name, "features.%zu.expand3x3", at), out, 3);
 
-        x = s->layer[i + 1] = tape_concat(t, one, three);
+        x = layer[i + 1] = tape_concat(t, one, three);
     }
-}
-
-int squeezenet_plan(struct squeezenet *s, size_t height, size_t width,
-                    struct nn_options opt, struct error *err)
-{
-    if (height < SQUEEZENET_MIN || width < SQUEEZENET_MIN)
-        return error_set(err, EX_DATAERR, "SqueezeNet on %zux%zu pixels "
-                         "(expected %d or more)", width, height,
-                         SQUEEZENET_MIN);
-    return tape_plan(&s->tape, height, width, opt, err);
-}
-
-void squeezenet_release(struct squeezenet *s)
-{
-    tape_release(&s->tape);
-}
-
-void squeezenet_forward(const float *rgb, struct squeezenet *s)
-{
-    tape_forward(rgb, &s->tape);
-}
-
-const float *squeezenet_layer(size_t shape[4], const struct squeezenet *s,
-                              enum squeezenet_layer layer)
-{
-    return tape_map(shape, &s->tape, s->layer[layer]);
-}
-
-void squeezenet_backward(float *drgb,
-                         const float *const dlayer[SQUEEZENET_LAYERS],
-                         struct squeezenet *s)
-{
-    struct tape_seed seed[SQUEEZENET_LAYERS];
-
-    for (int i = 0; i < SQUEEZENET_LAYERS; i++)
-        seed[i] = (struct tape_seed){s->layer[i], dlayer[i]};
-    tape_backward(drgb, seed, SQUEEZENET_LAYERS, &s->tape);
 }

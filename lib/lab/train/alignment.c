@@ -2,6 +2,7 @@
 #include "lib/lab/train/alignment.h"
 
 #include <string.h>
+#include <sysexits.h>
 
 #include "lib/base/resample.h"
 
@@ -18,11 +19,17 @@ int alignment_open(struct alignment *a, const char *path, size_t side,
     memset(a, 0, sizeof *a);
     params_init(&a->ps);
     nn_plan_init(&a->plan, opt);
+    if (side % FAN_MULTIPLE) {
+        error_set(err, EX_DATAERR, "face alignment on %zu pixels (expected a "
+                  "multiple of %d)", side, FAN_MULTIPLE);
+        goto out;
+    }
     if (!st || fan_size(&stacks, &width, st, err))
         goto out;
-    fan_init(&a->net, &a->ps, stacks, width);
+    tape_init(&a->net, &a->ps, 3);
+    a->heat = fan_declare(&a->net, stacks, width);
     if (params_allocate(&a->ps, err) || params_load(&a->ps, st, "", err) ||
-        fan_plan(&a->net, side, opt, err))
+        tape_plan(&a->net, side, side, opt, err))
         goto out;
     a->side = side;
     a->crop = nn_plan_floats(&a->plan, side * side * 3);
@@ -39,7 +46,7 @@ out:
 
 void alignment_release(struct alignment *a)
 {
-    fan_release(&a->net);
+    tape_release(&a->net);
     nn_plan_release(&a->plan);
     params_release(&a->ps);
     memset(a, 0, sizeof *a);
@@ -117,7 +124,8 @@ static const float *alignment_look(struct alignment *a, const float *rgb,
     affine_grid(a->grid, theta, 1, a->side, a->side, false);
     grid_sample(a->crop, rgb, a->grid, 1, H, W, 3, a->side * a->side, false,
                 RESAMPLE_ZEROS);
-    return fan_forward(a->crop, &a->net);
+    tape_forward(a->crop, &a->net);
+    return tape_map(NULL, &a->net, a->heat);
 }
 
 void alignment_target(struct alignment *a, const float *rgb, size_t H,
@@ -148,7 +156,7 @@ double alignment_loss(float *drgb, const float *rgb, size_t H, size_t W,
         }
         alignment_centre_backward(a->dheat, heat, d, at, mass, n, k);
     }
-    fan_backward(a->dcrop, a->dheat, &a->net);
+    tape_backward(a->dcrop, &(struct tape_seed){a->heat, a->dheat}, 1, &a->net);
     grid_sample_backward(drgb, NULL, a->dcrop, rgb, a->grid, 1, H, W, 3,
                          a->side * a->side, false, RESAMPLE_ZEROS);
     return sum;

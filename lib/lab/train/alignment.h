@@ -17,7 +17,8 @@
 
 struct alignment {
     struct params ps;
-    struct fan net;
+    struct tape net;              /* lib/lab/train/fan.h */
+    int heat;                     /* its map */
     size_t side;                  /* of the network's picture; 0: none */
     struct nn_plan plan;
     float *crop, *dcrop;          /* (side,side,3) */

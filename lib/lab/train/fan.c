@@ -80,11 +80,10 @@ static int fan_mix(struct tape *t, int x, const char *name, size_t stack,
     return tape_conv(t, x, nn_name(buf, "%s%zu", name, stack), out, 1, true);
 }
 
-/* f->heat of x; what the next stack sees, if there is one:
+/* *heat of x; what the next stack sees, if there is one:
  * x + again(features) + found(heat). */
-static int fan_stack(struct fan *f, int x, size_t k, bool last)
+static int fan_stack(int *heat, struct tape *t, int x, size_t k, bool last)
 {
-    struct tape *t = &f->tape;
     const size_t W = t->map[x]->channels;
     char name[120];
     int y = fan_block(t, fan_level(t, x, k, LEVELS),
@@ -93,20 +92,17 @@ static int fan_stack(struct fan *f, int x, size_t k, bool last)
     y = fan_mix(t, y, "conv_last", k, W);
     tape_fold_norm(t, y, nn_name(name, "bn_end%zu", k), NORM_EPS);
     tape_layer(t, y)->act = ACT_RELU;
-    f->heat = fan_mix(t, y, "l", k, FAN_LANDMARKS);
+    *heat = fan_mix(t, y, "l", k, FAN_LANDMARKS);
     if (last)
         return x;
     x = tape_add(t, x, fan_mix(t, y, "bl", k, W));
-    return tape_add(t, x, fan_mix(t, f->heat, "al", k, W));
+    return tape_add(t, x, fan_mix(t, *heat, "al", k, W));
 }
 
-void fan_init(struct fan *f, struct params *ps, size_t stacks, size_t width)
+int fan_declare(struct tape *t, size_t stacks, size_t width)
 {
-    struct tape *t = &f->tape;
-    int x;
+    int x = tape_conv(t, 0, "conv1", width / 4, 7, true), heat = x;
 
-    tape_init(t, ps, 3);
-    x = tape_conv(t, 0, "conv1", width / 4, 7, true);
     tape_layer(t, x)->stride = 2;
     tape_layer(t, x)->act = ACT_RELU;
     tape_fold_norm(t, x, "bn1", NORM_EPS);
@@ -114,30 +110,6 @@ void fan_init(struct fan *f, struct params *ps, size_t stacks, size_t width)
     x = fan_block(t, x, "conv3", width / 2);
     x = fan_block(t, x, "conv4", width);
     for (size_t k = 0; k < stacks; k++)
-        x = fan_stack(f, x, k, k + 1 == stacks);
-}
-
-int fan_plan(struct fan *f, size_t side, struct nn_options opt,
-             struct error *err)
-{
-    if (!side || side % FAN_MULTIPLE)
-        return error_set(err, EX_DATAERR, "face alignment on %zu pixels "
-                         "(expected a multiple of %d)", side, FAN_MULTIPLE);
-    return tape_plan(&f->tape, side, side, opt, err);
-}
-
-void fan_release(struct fan *f)
-{
-    tape_release(&f->tape);
-}
-
-const float *fan_forward(const float *rgb, struct fan *f)
-{
-    tape_forward(rgb, &f->tape);
-    return tape_map(NULL, &f->tape, f->heat);
-}
-
-void fan_backward(float *drgb, const float *dheat, struct fan *f)
-{
-    tape_backward(drgb, &(struct tape_seed){f->heat, dheat}, 1, &f->tape);
+        x = fan_stack(&heat, t, x, k, k + 1 == stacks);
+    return heat;
 }

@@ -2,93 +2,44 @@
 #include "lib/lab/train/perceptual.h"
 
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
+#include <sysexits.h>
 
 #include "formats/safetensors.h"
-
-/* Where LPIPS looks, with 1.0's fire modules. */
-static const enum squeezenet_layer perceptual_layers[PERCEPTUAL_LAYERS] = {
-    SQUEEZENET_RELU1, SQUEEZENET_FIRE3, SQUEEZENET_FIRE5, SQUEEZENET_FIRE6,
-    SQUEEZENET_FIRE7, SQUEEZENET_FIRE8, SQUEEZENET_FIRE9
-};
-
-/* Layer k of the last picture; pixels and channels. */
-static const float *perceptual_layer(size_t *pixels, size_t *channels,
-                                     const struct perceptual *p, size_t k)
-{
-    size_t s[4];
-    const float *x = squeezenet_layer(s, &p->net, perceptual_layers[k]);
-
-    *pixels = s[1] * s[2];
-    *channels = s[3];
-    return x;
-}
-
-/* LPIPS's weights, planned for boxes of p->side. */
-static int perceptual_open_lpips(struct perceptual *p, const char *path,
-                                 struct error *err)
-{
-    size_t n = 3 * p->side * p->side;
-    double none;
-
-    p->weighed = true;
-    for (int k = 0; k < 3; k++)
-        p->planar[k] = nn_plan_floats(&p->plan, n);
-    p->crop = nn_plan_floats(&p->plan, n);
-    p->dcrop = nn_plan_floats(&p->plan, n);
-    if (lpips_init(&p->lpips, path, err))
-        return -1;
-    p->lpips.learns = true;
-    if (nn_plan_finish(&p->plan, err))
-        return -1;
-    memset(p->planar[0], 0, n * sizeof *p->planar[0]);
-    return lpips_distance(&none, &p->lpips, p->planar[0], p->planar[0],
-                          p->side, p->side, err);
-}
 
 int perceptual_open(struct perceptual *p, const char *path, size_t side,
                     struct error *err)
 {
-    const struct nn_options opt = { NN_FROZEN, NN_F32 };
+    const size_t n = 3 * side * side;
     struct safetensors *st = st_open(path, err);
-    int rc = -1;
 
     memset(p, 0, sizeof *p);
-    params_init(&p->ps);
-    nn_plan_init(&p->plan, opt);
-    p->side = side;
-    if (st && st_find(st, "lin0.model.1.weight")) {
-        rc = perceptual_open_lpips(p, path, err);
-        goto out;
-    }
-    squeezenet_init(&p->net, &p->ps);
-    if (!st || params_allocate(&p->ps, err) ||
-        params_load(&p->ps, st, "", err) ||
-        squeezenet_plan(&p->net, side, side, opt, err))
-        goto out;
-    p->crop = nn_plan_floats(&p->plan, side * side * 3);
-    p->dcrop = nn_plan_floats(&p->plan, side * side * 3);
-    for (size_t k = 0; k < PERCEPTUAL_LAYERS; k++) {
-        size_t n, C;
+    if (!st)
+        return -1;
+    const enum lpips_net net = st_find(st, "lin0.model.1.weight")
+                                   ? LPIPS_ALEXNET : LPIPS_SQUEEZENET;
 
-        perceptual_layer(&n, &C, p, k);
-        p->target[k] = nn_plan_floats(&p->plan, n * C);
-        p->grad[k] = nn_plan_floats(&p->plan, n * C);
-    }
-    rc = nn_plan_finish(&p->plan, err);
-out:
     st_close(st);
-    if (rc)
+    if (lpips_init(&p->net, net, path, err))
+        return -1;
+    p->side = side;
+    p->net.learns = true;
+    p->crop = malloc(2 * n * sizeof *p->crop);
+    if (!p->crop || lpips_plan(&p->net, side, side, err)) {
+        if (!p->crop)
+            error_set(err, EX_OSERR, "no memory for a crop");
         perceptual_release(p);
-    return rc;
+        return -1;
+    }
+    p->dcrop = p->crop + n;
+    return 0;
 }
 
 void perceptual_release(struct perceptual *p)
 {
-    squeezenet_release(&p->net);
-    lpips_release(&p->lpips);
-    nn_plan_release(&p->plan);
-    params_release(&p->ps);
+    lpips_release(&p->net);
+    free(p->crop);
     memset(p, 0, sizeof *p);
 }
 
@@ -137,64 +88,25 @@ static void perceptual_crop(struct perceptual *p, const float *from,
             for (int k = 0; k < 4 && from; k++)
                 sum += w[k] * from[at[k] + c];
             for (int k = 0; k < 4 && back; k++)
-                back[at[k] + c] += weight * w[k] * p->dcrop[3 * i + c];
+                back[at[k] + c] += weight * w[k] * p->dcrop[c * side * side + i];
             if (from)
-                p->crop[3 * i + c] = sum;
+                p->crop[c * side * side + i] = sum;
         }
     }
 }
 
-/* ---- LPIPS -------------------------------------------------------------- */
-
-/* The crop, channel by channel. */
-static void perceptual_planar(float *planar, const struct perceptual *p)
-{
-    size_t n = p->side * p->side;
-
-    for (size_t i = 0; i < 3 * n; i++)
-        planar[i % 3 * n + i / 3] = p->crop[i];
-}
-
-/* The distance of crop and target; with grad, p->dcrop is its gradient. */
-static double perceptual_lpips(struct perceptual *p, bool grad)
-{
-    size_t n = p->side * p->side;
-    struct error none = {0};        /* it is planned: nothing can fail */
-    double sum = 0;
-
-    perceptual_planar(p->planar[1], p);
-    lpips_distance(&sum, &p->lpips, p->planar[0], p->planar[1], p->side,
-                   p->side, &none);
-    if (!grad)
-        return sum;
-    lpips_backward(p->planar[2], &p->lpips);
-    for (size_t i = 0; i < 3 * n; i++)
-        p->dcrop[i] = p->planar[2][i % 3 * n + i / 3];
-    return sum;
-}
-
-/* ---- SqueezeNet --------------------------------------------------------- */
+/* ---- the distance ------------------------------------------------------- */
 
 void perceptual_target(struct perceptual *p, const float *a, size_t H,
                        size_t W, const struct box *box)
 {
     const struct box all = { 0, 0, W, H };
-    size_t n, C;
 
     box = box ? box : &all;
     if (box_is_empty(*box))
         return;
     perceptual_crop(p, a, NULL, W, box, 0);
-    if (p->weighed) {
-        perceptual_planar(p->planar[0], p);
-        return;
-    }
-    squeezenet_forward(p->crop, &p->net);
-    for (size_t k = 0; k < PERCEPTUAL_LAYERS; k++) {
-        const float *x = perceptual_layer(&n, &C, p, k);
-
-        memcpy(p->target[k], x, n * C * sizeof *x);
-    }
+    lpips_first(&p->net, p->crop);
 }
 
 double perceptual_loss(float *db, const float *b, size_t H, size_t W,
@@ -202,32 +114,17 @@ double perceptual_loss(float *db, const float *b, size_t H, size_t W,
                        struct perceptual *p)
 {
     const struct box all = { 0, 0, W, H };
-    const float *dlayer[SQUEEZENET_LAYERS] = { NULL };
-    double sum = 0;
-    size_t n, C;
+    const double share = p->net.net == LPIPS_ALEXNET ? 1 : p->net.layers;
 
     box = box ? box : &all;
     if (box_is_empty(*box))
         return 0;
     perceptual_crop(p, b, NULL, W, box, 0);
-    if (p->weighed) {
-        sum = perceptual_lpips(p, db != NULL);
-        if (db)
-            perceptual_crop(p, NULL, db, W, box, (float)weight);
-        return weight * sum;
-    }
-    squeezenet_forward(p->crop, &p->net);
-    for (size_t k = 0; k < PERCEPTUAL_LAYERS; k++) {
-        const float *x = perceptual_layer(&n, &C, p, k);
+    const double sum = lpips_second(&p->net, p->crop);
 
-        memset(p->grad[k], 0, n * C * sizeof *x);
-        sum += lpips_feature_distance(p->grad[k], p->target[k], x, NULL, n, C);
-        dlayer[perceptual_layers[k]] = p->grad[k];
-    }
     if (db) {
-        squeezenet_backward(p->dcrop, dlayer, &p->net);
-        perceptual_crop(p, NULL, db, W, box,
-                        (float)(weight / PERCEPTUAL_LAYERS));
+        lpips_backward(p->dcrop, &p->net);
+        perceptual_crop(p, NULL, db, W, box, (float)(weight / share));
     }
-    return weight * sum / PERCEPTUAL_LAYERS;
+    return weight * sum / share;
 }
