@@ -75,20 +75,18 @@ static int musiq_take_heads(struct convert *c, const char *prefix,
 int convert_musiq(struct convert *c, struct error *err)
 {
     char prefix[TENSORFILE_NAME];
-    struct musiq net = {0};
-    struct params ps;
+    struct musiq net;
     int rc = 0;
 
-    params_init(&ps);
-    musiq_declare(&net, &ps);
+    musiq_declare(&net);
     convert_prefix(prefix, c, 0, "conv_root.weight");
-    for (size_t i = 0; !rc && i < ps.count; i++) {
-        const struct param *p = &ps.tensor[i];
+    for (size_t i = 0; !rc && i < net.ps.count; i++) {
+        const struct param *p = &net.ps.tensor[i];
         const char *from = p->name, *heads = strstr(from, "qkv.");
 
         rc = heads ? musiq_take_heads(c, prefix, p, heads, err)
                    : musiq_take(c, prefix, p, &from, 1, p->ndim == 4, err);
     }
-    params_release(&ps);
+    musiq_release(&net);
     return rc;
 }

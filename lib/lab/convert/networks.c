@@ -279,15 +279,13 @@ static void network_pass_over_idle(struct convert *c, const char *prefix)
 int convert_topiq(struct convert *c, struct error *err)
 {
     char prefix[TENSORFILE_NAME];
-    struct topiq net = {0};
-    struct params ps;
+    struct topiq net;
     int rc = 0;
 
-    params_init(&ps);
-    topiq_declare(&net, &ps);
+    topiq_declare(&net);
     convert_prefix(prefix, c, 0, "h_emb");
-    for (size_t i = 0; !rc && i < ps.count; i++) {
-        const struct param *p = &ps.tensor[i];
+    for (size_t i = 0; !rc && i < net.ps.count; i++) {
+        const struct param *p = &net.ps.tensor[i];
         char name[sizeof p->name], *at;
 
         /* "in_proj.weight" of ours is "in_proj_weight" there */
@@ -298,7 +296,7 @@ int convert_topiq(struct convert *c, struct error *err)
         rc = convert_take(c, 0, prefix, name, p->name, p->ndim, p->dim, err);
     }
     network_pass_over_idle(c, prefix);
-    params_release(&ps);
+    topiq_release(&net);
     return rc;
 }
 

@@ -39,7 +39,7 @@ static int iresnet_block(struct tape *t, int x, const char *name, size_t out,
         tape_layer(t, x)->stride = 2;
         tape_fold_norm(t, x, nn_name(buf, "%s.downsample.1", name), NORM_EPS);
     }
-    return tape_add(t, y, x);
+    return tape_add(t, y, x, ACT_NONE);
 }
 
 int iresnet_declare(struct iresnet *n,

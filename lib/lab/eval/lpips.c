@@ -48,7 +48,7 @@ static void lpips_declare_alexnet(struct lpips *l)
         const size_t lin[4] = {1, stage[i].out, 1, 1};
 
         if (stage[i].pool)
-            x = tape_pool(t, x, false);
+            x = tape_pool(t, x, 0, false);
         snprintf(name, sizeof name, "features.%d", stage[i].index);
         x = l->map[i] = tape_conv(t, x, name, stage[i].out, stage[i].kernel,
                                   true);
@@ -71,13 +71,15 @@ void lpips_declare(struct lpips *l, enum lpips_net net)
     tape_init(&l->tape, &l->ps, 3);
     if (net == LPIPS_ALEXNET) {
         lpips_declare_alexnet(l);
-        return;
+    } else {
+        squeezenet_declare(layer, &l->tape);
+        for (; l->layers < LPIPS_LAYERS; l->layers++) {
+            l->map[l->layers] = layer[squeezenet[l->layers]];
+            l->lin[l->layers] = NN_NONE;
+        }
     }
-    squeezenet_declare(layer, &l->tape);
-    for (l->layers = 0; l->layers < LPIPS_LAYERS; l->layers++) {
-        l->map[l->layers] = layer[squeezenet[l->layers]];
-        l->lin[l->layers] = NN_NONE;
-    }
+    for (int i = 0; i < l->layers; i++)
+        tape_keep(&l->tape, l->map[i]);
 }
 
 int lpips_init(struct lpips *l, enum lpips_net net, const char *path,

@@ -13,49 +13,42 @@ static size_t max_pool_size(size_t n, bool cut)
 }
 
 void max_pool_plan(struct max_pool *m, struct nn_plan *p, size_t batch,
-                   size_t h, size_t w, size_t channels, bool cut)
+                   size_t h, size_t w, size_t channels, size_t before,
+                   bool cut)
 {
     assert(h > 1 && w > 1);
     *m = (struct max_pool){ .batch = batch, .h = h, .w = w,
-                            .oh = max_pool_size(h, cut),
-                            .ow = max_pool_size(w, cut),
-                            .channels = channels };
+                            .oh = max_pool_size(h + before, cut),
+                            .ow = max_pool_size(w + before, cut),
+                            .before = before, .channels = channels };
     if (nn_plan_backward(p))
         m->which = nn_plan_floats(p, batch * m->oh * m->ow * channels);
-}
-
-/* Pixels of the window whose first is number i of n. */
-static size_t max_pool_window(size_t i, size_t n)
-{
-    return n - i < 3 ? n - i : 3;
 }
 
 /* Row r of all images. */
 PARALLEL(max_pool_forward_part, r, float *, out, struct max_pool *, m,
          const float *, in)
 {
-    const size_t C = m->channels, step = m->w * C, y = 2 * (r % m->oh);
-    const size_t rows = max_pool_window(y, m->h);
-    const float *line = in + (r / m->oh * m->h + y) * step;
+    const size_t C = m->channels, image = r / m->oh * m->h;
 
-    for (size_t x = 0; x < m->ow; x++) {
-        const size_t cols = max_pool_window(2 * x, m->w);
-        const float *first = line + 2 * x * C;
-        float *to = out + (r * m->ow + x) * C;
-        float *which = m->which ? m->which + (r * m->ow + x) * C : NULL;
+    for (size_t ox = 0; ox < m->ow; ox++) {
+        float *to = out + (r * m->ow + ox) * C;
+        float *which = m->which ? m->which + (r * m->ow + ox) * C : NULL;
+        bool begun = false;
 
-        memcpy(to, first, C * sizeof *to);
-        if (which)
-            memset(which, 0, C * sizeof *which);
-        for (size_t k = 1; k < 3 * rows; k++) {
-            const float *from = first + k / 3 * step + k % 3 * C;
+        for (size_t k = 0; k < 9; k++) {
+            /* before the border they are past its other end */
+            const size_t y = 2 * (r % m->oh) + k / 3 - m->before;
+            const size_t x = 2 * ox + k % 3 - m->before;
+            const float *from = in + ((image + y) * m->w + x) * C;
 
-            if (k % 3 >= cols)
+            if (y >= m->h || x >= m->w)
                 continue;
             for (size_t c = 0; which && c < C; c++)
-                which[c] = from[c] > to[c] ? (float)k : which[c];
+                which[c] = !begun || from[c] > to[c] ? (float)k : which[c];
             for (size_t c = 0; c < C; c++)
-                to[c] = from[c] > to[c] ? from[c] : to[c];
+                to[c] = !begun || from[c] > to[c] ? from[c] : to[c];
+            begun = true;
         }
     }
 }
@@ -93,5 +86,6 @@ PARALLEL(max_pool_backward_part, r, float *, din, const struct max_pool *, m,
 void max_pool_backward(float *din, const float *dout,
                        const struct max_pool *m)
 {
+    assert(!m->before);
     parallel_each(max_pool_backward_part, m->batch * m->h, 1, din, m, dout);
 }

@@ -27,13 +27,16 @@ static const struct transformer_kind kind = {
     .widen = 3, .act = ACT_GELU, .eps1 = 1e-6f, .eps2 = 1e-6f
 };
 
-void musiq_declare(struct musiq *m, struct params *ps)
+void musiq_declare(struct musiq *m)
 {
+    struct params *ps = &m->ps;
     const size_t position[3] = {1, GRID * GRID, WIDTH}, cls[3] = {1, 1, WIDTH};
     const size_t scale[2] = {MUSIQ_SCALES, WIDTH};
     static const char at[] = "transformer_encoder.";
     char name[120];
 
+    memset(m, 0, sizeof *m);
+    params_init(ps);
     conv_init(&m->root, ps, "conv_root", 3, STEM, 7, 2, false);
     m->root.pad = CONV_SAME;
     layer_norm_init(&m->gn_root, ps, "gn_root", STEM, 1e-6f);
@@ -64,9 +67,7 @@ void musiq_declare(struct musiq *m, struct params *ps)
 
 int musiq_init(struct musiq *m, const char *path, struct error *err)
 {
-    memset(m, 0, sizeof *m);
-    params_init(&m->ps);
-    musiq_declare(m, &m->ps);
+    musiq_declare(m);
     if (params_open(&m->ps, path, err) == 0)
         return 0;
     musiq_release(m);
@@ -125,7 +126,7 @@ static void musiq_plan_stem(struct musiq *m, size_t H, size_t W)
     conv_plan(&m->root, p, n, PATCH, PATCH);
     /* the public definition pads the last windows with zeros: behind a relu
      * that is the same as cutting them off */
-    max_pool_plan(&m->pool, p, n, 2 * MAP, 2 * MAP, STEM, true);
+    max_pool_plan(&m->pool, p, n, 2 * MAP, 2 * MAP, STEM, 0, true);
     conv_plan(&m->conv1, p, n, MAP, MAP);
     conv_plan(&m->conv2, p, n, MAP, MAP);
     conv_plan(&m->conv3, p, n, MAP, MAP);

@@ -50,8 +50,8 @@ struct musiq {
 
 /* Load the weights; EX_DATAERR names a tensor that is missing. */
 int musiq_init(struct musiq *m, const char *path, struct error *err);
-/* Declare the file's tensors in ps, frozen. */
-void musiq_declare(struct musiq *m, struct params *ps);
+/* Declare the file's tensors, frozen. */
+void musiq_declare(struct musiq *m);
 /* Free what it holds; zeroed then. */
 void musiq_release(struct musiq *m);
 

@@ -36,7 +36,7 @@ void squeezenet_declare(int layer[SQUEEZENET_LAYERS], struct tape *t)
         const size_t out = squeezenet_fires[i].expand;
 
         if (squeezenet_fires[i].pooled)
-            x = tape_pool(t, x, true);
+            x = tape_pool(t, x, 0, true);
         x = squeezenet_conv(t, x, nn_name(name, "features.%zu.squeeze", at),
                             squeezenet_fires[i].squeeze, 1);
         const int one = squeezenet_conv(

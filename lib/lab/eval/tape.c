@@ -84,9 +84,12 @@ int tape_norm(struct tape *t, int of, const char *name, float eps,
     return t->count - 1;
 }
 
-int tape_pool(struct tape *t, int of, bool cut)
+int tape_pool(struct tape *t, int of, size_t before, bool cut)
 {
-    tape_step(t, TAPE_POOL, of, -1)->cut = cut;
+    struct tape_step *s = tape_step(t, TAPE_POOL, of, -1);
+
+    s->before = before;
+    s->cut = cut;
     return t->count - 1;
 }
 
@@ -96,9 +99,9 @@ int tape_concat(struct tape *t, int a, int b)
     return t->count - 1;
 }
 
-int tape_add(struct tape *t, int a, int b)
+int tape_add(struct tape *t, int a, int b, enum nn_act act)
 {
-    tape_step(t, TAPE_ADD, a, b);
+    tape_step(t, TAPE_ADD, a, b)->act = act;
     return t->count - 1;
 }
 
@@ -137,6 +140,11 @@ int tape_linear(struct tape *t, int of, size_t h, size_t w, const char *name,
     return t->count - 1;
 }
 
+void tape_keep(struct tape *t, int map)
+{
+    t->map[map]->kept = true;
+}
+
 /* ---- planning ------------------------------------------------------------- */
 
 static size_t tape_count(const struct tape_step *s)
@@ -161,7 +169,8 @@ static void tape_plan_step(struct tape_step *s, struct nn_plan *p)
         batch_norm_plan(&s->norm, p, a->h * a->w);
         break;
     case TAPE_POOL:
-        max_pool_plan(&s->pool, p, 1, a->h, a->w, a->channels, s->cut);
+        max_pool_plan(&s->pool, p, 1, a->h, a->w, a->channels, s->before,
+                      s->cut);
         s->h = s->pool.oh;
         s->w = s->pool.ow;
         break;
@@ -179,7 +188,7 @@ static void tape_plan_step(struct tape_step *s, struct nn_plan *p)
     case TAPE_PICTURE: case TAPE_CONCAT: case TAPE_ADD: case TAPE_PRELU:
         break;
     }
-    s->x = s->out = nn_plan_floats(p, tape_count(s));
+    s->x = s->out = nn_plan_map(p, tape_count(s));
     if (nn_plan_backward(p))
         s->d = nn_plan_floats(p, tape_count(s));
 }
@@ -195,8 +204,17 @@ int tape_plan(struct tape *t, size_t h, size_t w, struct nn_options opt,
         return -1;
     t->picture.h = h;
     t->picture.w = w;
+    for (int i = 1; i < t->count; i++)
+        for (int k = 0; k < 2 && t->map[i]->of[k]; k++)
+            t->map[i]->of[k]->last = i;
     for (int i = 1; i < t->count; i++) {
         tape_plan_step(t->map[i], &t->plan);
+        for (int k = 0; k < 2 && t->map[i]->of[k]; k++) {
+            struct tape_step *a = t->map[i]->of[k];
+
+            if (a->last == i && !a->kept && a != &t->picture)
+                nn_plan_recycle(&t->plan, a->out);
+        }
         max = tape_count(t->map[i]) > max ? tape_count(t->map[i]) : max;
     }
     if (nn_plan_backward(&t->plan))
@@ -287,6 +305,7 @@ static void tape_forward_step(const struct tape *t, struct tape_step *s)
     case TAPE_ADD:
         memcpy(s->out, a->x, tape_count(s) * sizeof *s->out);
         image_add(s->out, b->x, tape_count(s));
+        act_forward(s->out, s->out, s->act, tape_count(s));
         break;
     case TAPE_HALVE:
         tape_pool_sum(s->out, a->x, s->h, s->w, s->channels, 0.25f);
@@ -348,7 +367,7 @@ static void tape_backward_step(float *to, const struct tape *t,
                     a->channels, s->channels);
         break;
     case TAPE_ADD:
-        memcpy(to, s->d, tape_count(s) * sizeof *to);
+        act_backward_out(to, s->d, s->x, s->act, tape_count(s));
         break;
     case TAPE_HALVE:
         tape_spread(to, s->d, s->h, s->w, s->channels, 0.25f);

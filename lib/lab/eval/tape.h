@@ -24,13 +24,17 @@ struct tape_step {
     struct conv conv;
     struct batch_norm norm;     /* a step, or folded into conv */
     struct max_pool pool;
-    bool cut;                   /* of pool */
+    size_t before;              /* of pool, */
+    bool cut;                   /* too */
+    enum nn_act act;            /* of add */
     size_t slope;               /* of a prelu: tensor (channels) */
     size_t h, w, channels;
     const float *x;             /* (h,w,channels): out, or the picture */
     float *out;
     float *d;                   /* x's gradient, in plans with a backward */
     bool begun;                 /* some of it is there */
+    bool kept;                  /* beyond */
+    int last;                   /* the last step that reads x; 0: none */
 };
 
 struct tape {
@@ -67,10 +71,11 @@ void tape_fold_norm(struct tape *t, int map, const char *name, float eps);
 int tape_norm(struct tape *t, int of, const char *name, float eps,
               enum nn_act act);
 /* lib/lab/eval/max_pool.h */
-int tape_pool(struct tape *t, int of, bool cut);
+int tape_pool(struct tape *t, int of, size_t before, bool cut);
 /* Channels of a, then b's. */
 int tape_concat(struct tape *t, int a, int b);
-int tape_add(struct tape *t, int a, int b);
+/* Their sum, then act: none or ACT_RELU. */
+int tape_add(struct tape *t, int a, int b, enum nn_act act);
 /* Half as large: means of 2x2 pixels. */
 int tape_halve(struct tape *t, int of);
 /* Twice as large: each pixel four times. */
@@ -80,6 +85,9 @@ int tape_prelu(struct tape *t, int of, const char *name);
 /* A linear layer of a map of h x w pixels, channels slowest. */
 int tape_linear(struct tape *t, int of, size_t h, size_t w, const char *name,
                 size_t out);
+/* The map will be asked for: otherwise plans for inference use its memory again
+ * behind the last step that reads it. */
+void tape_keep(struct tape *t, int map);
 
 /* ---- use ------------------------------------------------------------------ */
 
@@ -88,8 +96,8 @@ int tape_plan(struct tape *t, size_t h, size_t w, struct nn_options opt,
               struct error *err);
 /* All maps of a picture (h,w,channels), which must stay until the backward. */
 void tape_forward(const float *picture, struct tape *t);
-/* A map of the last forward, (1,h,w,channels) as in shape; shape may be
- * NULL. */
+/* A map of the last forward, which no step reads or which was kept,
+ * (1,h,w,channels) as in shape; shape may be NULL. */
 const float *tape_map(size_t shape[4], const struct tape *t, int map);
 /* dpicture is written, from the gradients of n maps; NN_FROZEN plans. */
 void tape_backward(float *dpicture, const struct tape_seed *seed, size_t n,

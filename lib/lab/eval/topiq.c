@@ -61,13 +61,17 @@ static void topiq_declare_cross(struct topiq_cross *c, struct params *ps, int i)
     transformer_init(&c->query, ps, at, &cross, WIDTH, HEADS);
 }
 
-void topiq_declare(struct topiq *t, struct params *ps)
+void topiq_declare(struct topiq *t)
 {
+    struct params *ps = &t->ps;
     const size_t row[4] = {1, WIDTH / 2, GRID, 1};
     const size_t column[4] = {1, WIDTH / 2, 1, GRID};
     char name[120];
 
-    resnet_init(&t->resnet, ps, "semantic_model.");
+    memset(t, 0, sizeof *t);
+    params_init(ps);
+    tape_init(&t->resnet, ps, 3);
+    resnet_declare(t->map, &t->resnet, "semantic_model.");
     for (int i = 0; i < RESNET_LEVELS; i++)
         topiq_declare_level(&t->level[i], ps, i,
                             i ? (size_t)128 << i : GATE);
@@ -91,9 +95,7 @@ void topiq_declare(struct topiq *t, struct params *ps)
 
 int topiq_init(struct topiq *t, const char *path, struct error *err)
 {
-    memset(t, 0, sizeof *t);
-    params_init(&t->ps);
-    topiq_declare(t, &t->ps);
+    topiq_declare(t);
     if (params_open(&t->ps, path, err) == 0)
         return 0;
     topiq_release(t);
@@ -102,6 +104,7 @@ int topiq_init(struct topiq *t, const char *path, struct error *err)
 
 void topiq_release(struct topiq *t)
 {
+    tape_release(&t->resnet);
     nn_plan_release(&t->plan);
     params_release(&t->ps);
     memset(t, 0, sizeof *t);
@@ -120,7 +123,7 @@ static void topiq_plan_block(struct topiq *t, struct transformer *b,
 /* From the map of ResNet's level i to tokens, h x w of them. */
 static void topiq_plan_level(struct topiq *t, int i, size_t h, size_t w)
 {
-    const struct resnet_level *in = &t->resnet.level[i];
+    const struct tape_step *in = t->resnet.map[t->map[i]];
     struct topiq_level *l = &t->level[i];
     const size_t pixels = in->h * in->w, C = in->channels;
     struct nn_plan *p = &t->plan;
@@ -205,14 +208,12 @@ static int topiq_plan(struct topiq *t, size_t H, size_t W, struct error *err)
     t->H = t->W = 0;
     nn_plan_release(p);
     nn_plan_init(p, opt);
+    if (tape_plan(&t->resnet, H, W, opt, err))
+        return -1;
     t->picture = nn_plan_floats(p, 3 * H * W);
     topiq_plan_blocks(t, h, w);
-    for (int i = 0; i < RESNET_LEVELS; i++) {
-        resnet_plan(&t->resnet, i, p, H, W);
-        if (i)
-            nn_plan_recycle(p, t->resnet.level[i - 1].map);
+    for (int i = 0; i < RESNET_LEVELS; i++)
         topiq_plan_level(t, i, h, w);
-    }
     topiq_plan_end(t);
     rescale_plan(&rows, p, RESCALE_BICUBIC, 1, GRID, 1, h, 1, half);
     rescale_plan(&columns, p, RESCALE_BICUBIC, 1, 1, GRID, 1, w, half);
@@ -239,11 +240,11 @@ PARALLEL(topiq_gate_part, i, float *, x, const float *, weight, size_t, C)
 /* Tokens of a level. */
 static void topiq_look(struct topiq *t, int i)
 {
-    const struct resnet_level *in = &t->resnet.level[i];
+    const struct tape_step *in = t->resnet.map[t->map[i]];
     const size_t pixels = in->h * in->w, C = in->channels;
     struct topiq_level *l = &t->level[i];
 
-    conv_forward(l->both, in->map, &l->split);
+    conv_forward(l->both, in->x, &l->split);
     for (size_t k = 0; k < 2; k++)
         concat_take(l->half[k], l->both, pixels, k * C, C, 2 * C);
     act_forward(l->half[0], l->half[0], ACT_GELU, pixels * C);
@@ -302,10 +303,9 @@ int topiq_quality(double *quality, struct topiq *t, const float *rgb,
         for (size_t c = 0; c < 3; c++)
             t->picture[3 * i + c] =
                 (rgb[c * H * W + i] - mean[c]) / deviation[c];
-    for (int i = 0; i < RESNET_LEVELS; i++) {
-        resnet_forward(&t->resnet, i, t->picture);
+    tape_forward(t->picture, &t->resnet);
+    for (int i = 0; i < RESNET_LEVELS; i++)
         topiq_look(t, i);
-    }
     for (int i = 0; i < RESNET_LEVELS - 1; i++)
         topiq_ask(t, &t->cross[i], t->level[RESNET_LEVELS - 2 - i].tokens);
     transformer_forward(NULL, &t->last, &t->attention);

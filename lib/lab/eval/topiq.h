@@ -43,7 +43,8 @@ struct topiq_cross {
 struct topiq {
     struct params ps;
     struct nn_plan plan;
-    struct resnet resnet;
+    struct tape resnet;
+    int map[RESNET_LEVELS];     /* its levels */
     struct topiq_level level[RESNET_LEVELS];
     struct topiq_cross cross[RESNET_LEVELS - 1];    /* as they are asked */
     struct transformer last;
@@ -61,8 +62,8 @@ struct topiq {
 
 /* Load the weights; EX_DATAERR names a tensor that is missing. */
 int topiq_init(struct topiq *t, const char *path, struct error *err);
-/* Declare the file's tensors in ps, frozen. */
-void topiq_declare(struct topiq *t, struct params *ps);
+/* Declare the file's tensors, frozen. */
+void topiq_declare(struct topiq *t);
 /* Free what it holds; zeroed then. */
 void topiq_release(struct topiq *t);
 

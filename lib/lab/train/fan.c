@@ -52,7 +52,7 @@ static int fan_block(struct tape *t, int x, const char *name, size_t out)
     if (widens)
         x = fan_step(t, x, nn_name(norm, "%s.downsample.0", name),
                      nn_name(conv, "%s.downsample.2", name), out, 1);
-    return tape_add(t, y, x);
+    return tape_add(t, y, x, ACT_NONE);
 }
 
 /* outer(x) + twice as large back(inner(down(x halved))), inner the next level,
@@ -68,7 +68,7 @@ static int fan_level(struct tape *t, int x, size_t stack, int level)
                   : fan_block(t, y, nn_name(name, "m%zu.b2_plus_1", stack), W);
     y = fan_block(t, y, nn_name(name, "m%zu.b3_%d", stack, level), W);
     x = fan_block(t, x, nn_name(name, "m%zu.b1_%d", stack, level), W);
-    return tape_add(t, x, tape_double(t, y));
+    return tape_add(t, x, tape_double(t, y), ACT_NONE);
 }
 
 /* A 1x1 convolution with bias. */
@@ -95,8 +95,8 @@ static int fan_stack(int *heat, struct tape *t, int x, size_t k, bool last)
     *heat = fan_mix(t, y, "l", k, FAN_LANDMARKS);
     if (last)
         return x;
-    x = tape_add(t, x, fan_mix(t, y, "bl", k, W));
-    return tape_add(t, x, fan_mix(t, *heat, "al", k, W));
+    x = tape_add(t, x, fan_mix(t, y, "bl", k, W), ACT_NONE);
+    return tape_add(t, x, fan_mix(t, *heat, "al", k, W), ACT_NONE);
 }
 
 int fan_declare(struct tape *t, size_t stacks, size_t width)
