@@ -8,10 +8,10 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/cpu.h"
 #include "lib/base/half.h"
 #include "lib/base/parallel.h"
 #include "lib/base/random.h"
-#include "lib/lab/bench/scalar.h"
 #include "lib/lab/bench/testscene.h"
 #include "lib/splat/reference.h"
 #include "lib/splat/splat.h"
@@ -275,62 +275,6 @@ static int bench_stage_truth(double **out, struct stage *st,
     return rc;
 }
 
-/* ---- the plain renderer -------------------------------------------------- */
-
-struct scalar {
-    const struct stage *st;
-    float *image, *alpha;
-};
-
-/* For bench_time. */
-static int bench_scalar_draw(void *context, struct error *err)
-{
-    struct scalar *p = context;
-
-    return scalar_forward(p->image, p->alpha, &p->st->scene.g, &p->st->cam,
-                          SIZE, SIZE, err);
-}
-
-/* The scalar renderer's row, and how much faster the kernels are. */
-static int bench_scalar_row(struct stage *st, struct error *err)
-{
-    size_t pixels = (size_t)SIZE * SIZE;
-    struct scalar p = {st, calloc(pixels * 3, sizeof(float)),
-                      calloc(pixels, sizeof(float))};
-    struct bench_times t;
-    double *want = malloc(pixels * 3 * sizeof *want), worst, psnr;
-    char config[96];
-    int rc = -1;
-
-    if (!p.image || !p.alpha || !want) {
-        error_set(err, EX_OSERR, "out of memory");
-        goto out;
-    }
-    if (bench_time(&t, st->part, 3, bench_scalar_draw, &p, err))
-        goto out;
-    for (size_t i = 0; i < pixels * 3; i++)
-        want[i] = st->exact[i / 3 * 32 + i % 3];
-    bench_compare(&worst, &psnr, p.image, want, pixels * 3);
-    snprintf(config, sizeof config, "%dx%d N=%zu C=3 f32", SIZE, SIZE,
-             st->scene.g.n);
-    bench_add(st->b, "splat", config, "plain scalar renderer", 1, &t, worst,
-              psnr);
-    for (size_t i = 0; i < st->b->rows; i++) {
-        const struct bench_row *r = &st->b->row[i];
-
-        if (r->threads == 1 && !strcmp(r->knob, "default") &&
-            !strcmp(r->config, config))
-            bench_note(st->b, "splat C=3, 1 thread: %.1f times as fast as "
-                       "the plain scalar renderer", t.min / r->ms_min);
-    }
-    rc = 0;
-out:
-    free(p.image);
-    free(p.alpha);
-    free(want);
-    return rc;
-}
-
 /* ---- backward ------------------------------------------------------------ */
 
 struct back {
@@ -405,8 +349,6 @@ static int bench_all_knobs(struct stage *st, struct error *err)
                 return -1;
     }
     parallel_alone(false);
-    if (bench_scalar_row(st, err))
-        return -1;
     bench_pareto(st->b, first);
     return 0;
 }
@@ -414,6 +356,7 @@ static int bench_all_knobs(struct stage *st, struct error *err)
 int bench_splat(struct bench *b, struct error *err)
 {
     struct stage st = {.b = b};
+    double begun;
     int rc = -1;
 
     if (b->scene ? testscene_load(&st.scene, b->scene, err)
@@ -424,9 +367,15 @@ int bench_splat(struct bench *b, struct error *err)
     bench_note(b, "splat scene: %s, %zu Gaussians, %zu (pixel, Gaussian) "
                "pairs with alpha >= 1/255", b->scene ? b->scene : "seed 2026",
                st.scene.g.n, testscene_pairs(&st.scene, SIZE, err));
-    if (bench_stage_truth(&st.exact, &st, SPLAT_EXACT, err) ||
-        bench_stage_truth(&st.ruled, &st, SPLAT_GSPLAT, err) ||
-        bench_all_knobs(&st, err) ||
+    if (bench_stage_truth(&st.exact, &st, SPLAT_EXACT, err))
+        goto out;
+    begun = cpu_seconds();
+    if (bench_stage_truth(&st.ruled, &st, SPLAT_GSPLAT, err))
+        goto out;
+    bench_note(b, "splat C=32, %d thread%s: the plain renderer in double with "
+               "the same rules took %.0f ms", b->threads, plural(b->threads),
+               (cpu_seconds() - begun) * 1e3);
+    if (bench_all_knobs(&st, err) ||
         bench_backward_row(&st, 30000, 128, 3, err) ||
         bench_backward_row(&st, 30000, 256, 3, err) ||
         bench_backward_row(&st, TESTSCENE_N, 512, 32, err))
