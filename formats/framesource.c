@@ -212,7 +212,7 @@ static int framesource_open_file(struct framesource *s, const char *path,
     s->video = video_open(path, s->opt.bt601, err);
     if (!s->video)
         return -1;
-    framesource_set_rate(s, video_rate(s->video));
+    framesource_set_rate(s, s->video->rate);
     return 0;
 }
 
@@ -248,7 +248,7 @@ static int framesource_open_next(struct framesource *s, struct error *err)
     s->kind = KIND_VIDEO;
     s->video = video_open(path, s->opt.bt601, err);
     if (s->video)
-        framesource_set_rate(s, video_rate(s->video));
+        framesource_set_rate(s, s->video->rate);
     return s->video ? 0 : -1;
 }
 
@@ -430,14 +430,14 @@ static void framesource_stamp(struct framesource *s, struct frame *f)
         s->start = f->time - (s->frames ? s->last + step : 0);
     if (s->kind == KIND_VIDEO) {
         f->time -= s->start;
-        s->sounds = video_sounds(s->video);
+        s->sounds = s->video->sounds;
     }
     /* multiples of the frame time, not sums of rounding errors */
     if (s->kind != KIND_VIDEO && s->next == 1)
         f->time = (double)s->frames * s->den / s->num;
     f->index = s->frames++;
     s->last = f->time;
-    s->end = s->kind == KIND_VIDEO ? video_end(s->video) - s->start
+    s->end = s->kind == KIND_VIDEO ? s->video->end - s->start
                                    : f->time + step;
     s->here++;
 }
@@ -461,7 +461,7 @@ int framesource_read(struct framesource *s, struct frame *f,
         if (rc != 0)
             return rc;
         if (s->kind == KIND_VIDEO)
-            s->end = video_end(s->video) - s->start;
+            s->end = s->video->end - s->start;
         framesource_close_input(s);
     }
 }
@@ -493,7 +493,7 @@ bool framesource_reads(const struct framesource *s, const char *name)
 size_t framesource_total(const struct framesource *s)
 {
     if (s->kind == KIND_VIDEO && s->in.count == 1)
-        return video_frames(s->video);
+        return s->video->frames;
     return s->kind == KIND_IMAGE ? s->in.count : 0;
 }
 

@@ -14,17 +14,8 @@
 #include "formats/video.h"
 #include "formats/y4m.h"
 
-/* What a reader of videos begins with: the functions of the module it is
- * of. */
-struct video_reader {
-    const struct video_reading *by;
-};
-
+/* What reads videos: the functions of the module that a reader is of. */
 struct video_reading {
-    double (*rate)(const struct video_reader *v);
-    size_t (*frames)(const struct video_reader *v);
-    double (*end)(const struct video_reader *v);
-    bool (*sounds)(const struct video_reader *v);
     int (*read)(struct video_reader *v, const uint8_t **rgb, size_t *width,
                 size_t *height, double *time, struct error *err);
     void (*close)(struct video_reader *v);
@@ -55,7 +46,6 @@ struct video_module {
     int (*write)(struct video_writer *v, const uint8_t *pixel, double time,
                  struct error *err);
     int (*finish)(struct video_writer *v, double end, struct error *err);
-    void (*abandon)(struct video_writer *v);
 };
 
 struct AVFrame;

@@ -39,26 +39,6 @@ struct video_reader *video_open(const char *path, bool bt601,
     return NULL;
 }
 
-double video_rate(const struct video_reader *v)
-{
-    return v->by->rate(v);
-}
-
-size_t video_frames(const struct video_reader *v)
-{
-    return v->by->frames(v);
-}
-
-double video_end(const struct video_reader *v)
-{
-    return v->by->end(v);
-}
-
-bool video_sounds(const struct video_reader *v)
-{
-    return v->by->sounds(v);
-}
-
 int video_read(struct video_reader *v, const uint8_t **rgb, size_t *width,
                size_t *height, double *time, struct error *err)
 {
@@ -92,10 +72,4 @@ int video_write(struct video_writer *v, const uint8_t *pixel, double time,
 int video_finish(struct video_writer *v, double end, struct error *err)
 {
     return module_video(NULL)->finish(v, end, err);
-}
-
-void video_abandon(struct video_writer *v)
-{
-    if (v)
-        module_video(NULL)->abandon(v);
 }

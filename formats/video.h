@@ -9,7 +9,15 @@
 
 #include "lib/base/error.h"
 
-struct video_reader;
+/* What every reader begins with. */
+struct video_reader {
+    const struct video_reading *by;     /* formats/module.h */
+    double rate;            /* frames a second; 0: unknown */
+    size_t frames;          /* about as many are announced; 0: unknown */
+    double end;             /* when the last frame that was read ceases to be
+                             * shown, seconds as its time */
+    bool sounds;            /* the file has sound, too */
+};
 
 /* Whether the name is a camera's: "camera:N" or "/dev/videoN". */
 bool video_is_camera(const char *path);
@@ -28,14 +36,6 @@ bool video_is_webp(const uint8_t *begin, size_t n);
  * it says. */
 struct video_reader *video_open(const char *path, bool bt601,
                                 struct error *err);
-/* Frames a second; 0 when unknown. */
-double video_rate(const struct video_reader *v);
-/* Frames the container announces, about; 0 when unknown. */
-size_t video_frames(const struct video_reader *v);
-/* When the last frame that was read ceases to be shown, seconds as its time. */
-double video_end(const struct video_reader *v);
-/* Whether the file has sound, too. */
-bool video_sounds(const struct video_reader *v);
 /* Next frame as RGB: 1 and *rgb (valid until the next call), the size and the
  * time in seconds of the container; 0 at the end; -1 on a fault, also where
  * the end is one: the file is shorter than it says, ends inside a packet, or
@@ -79,6 +79,5 @@ int video_write(struct video_writer *v, const uint8_t *pixel, double time,
 /* Write what is left and close: -1 when not all could be written.  end: the
  * time until which the last frame is shown; 0: for a step of the rate. */
 int video_finish(struct video_writer *v, double end, struct error *err);
-void video_abandon(struct video_writer *v);       /* NULL is allowed */
 
 #endif

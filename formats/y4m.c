@@ -117,11 +117,9 @@ int y4m_parse(struct y4m *y, const char *line, struct error *err)
 size_t y4m_header(char *line, size_t size, const struct y4m *y)
 {
     return (size_t)snprintf(
-        line, size, "YUV4MPEG2 W%zu H%zu F%d:%d Ip A%d:%d C%s "
+        line, size, "YUV4MPEG2 W%zu H%zu F%d:%d Ip A%d:%d C444 "
         "XCOLORRANGE=%s\n", y->width, y->height, y->rate_num, y->rate_den,
-        y->aspect_num, y->aspect_den,
-        y->chroma == Y4M_444 ? "444" : "420jpeg",
-        y->full ? "FULL" : "LIMITED");
+        y->aspect_num, y->aspect_den, y->full ? "FULL" : "LIMITED");
 }
 
 /* Of a chroma plane; 0 when there is none. */
@@ -177,13 +175,6 @@ static int y4m_fixed_of(double v)
     return (int)lrint(v * (1 << FIX));
 }
 
-/* Rounded beforehand; clamped. */
-static uint8_t y4m_fixed_byte(int v)
-{
-    v >>= FIX;
-    return (uint8_t)(v < 0 ? 0 : v > 255 ? 255 : v);
-}
-
 /* w (3,4), fixed point: Y, Cb and Cr from red, green, blue and 1, rounding
  * included. */
 static void y4m_weights(int32_t w[3][4], const struct y4m *y)
@@ -202,48 +193,14 @@ static void y4m_weights(int32_t w[3][4], const struct y4m *y)
     memcpy(w, of, sizeof of);
 }
 
-/* Cb and Cr of two by two pixels each. */
-static void y4m_halve_chroma(uint8_t *cb, uint8_t *cr, const uint8_t *rgb,
-                             const struct y4m *y, const int32_t m[3][4])
-{
-    const size_t W = y->width, H = y->height;
-
-    for (size_t v = 0; v < H; v += 2)
-        for (size_t u = 0; u < W; u += 2) {
-            size_t u1 = u + 1 < W ? u + 1 : u, v1 = v + 1 < H ? v + 1 : v;
-            const uint8_t *p = rgb + 3 * (v * W + u);
-            const uint8_t *q = rgb + 3 * (v * W + u1);
-            const uint8_t *r = rgb + 3 * (v1 * W + u);
-            const uint8_t *s = rgb + 3 * (v1 * W + u1);
-            int t[3];
-
-            for (int k = 0; k < 3; k++)
-                t[k] = p[k] + q[k] + r[k] + s[k];
-            *cb++ = y4m_fixed_byte((m[1][0] * t[0] + m[1][1] * t[1] +
-                                    m[1][2] * t[2]) / 4 + m[1][3]);
-            *cr++ = y4m_fixed_byte((m[2][0] * t[0] + m[2][1] * t[1] +
-                                    m[2][2] * t[2]) / 4 + m[2][3]);
-        }
-}
-
 void y4m_from_rgb(uint8_t *planes, const uint8_t *rgb, const struct y4m *y)
 {
     const size_t N = y->width * y->height;
-    uint8_t *cb = planes + N;
-    uint8_t *cr = cb + y4m_chroma_width(y) * y4m_chroma_height(y);
     int32_t m[3][4];
 
     y4m_weights(m, y);
-    if (y->chroma == Y4M_444) {
-        CPU_PICK(compose_kernels)->planes((uint8_t *[3]){planes, cb, cr}, rgb,
-                                          N, m);
-        return;
-    }
-    for (size_t i = 0; i < N; i++, rgb += 3)
-        planes[i] = y4m_fixed_byte(m[0][0] * rgb[0] + m[0][1] * rgb[1] +
-                                   m[0][2] * rgb[2] + m[0][3]);
-    if (y->chroma == Y4M_420)
-        y4m_halve_chroma(cb, cr, rgb - 3 * N, y, m);
+    CPU_PICK(compose_kernels)->planes((uint8_t *[3]){planes, planes + N,
+                                                     planes + 2 * N}, rgb, N, m);
 }
 
 /* Where a row of chroma lies for luma row i: the upper of two, and the weight

@@ -23,13 +23,13 @@ struct y4m {
 
 /* Parse a header line (without its newline).  EX_DATAERR names the field. */
 int y4m_parse(struct y4m *y, const char *line, struct error *err);
-/* Write the header line with newline; returns its length (below 80). */
+/* Write the header line of Y4M_444 with newline; returns its length (below
+ * 80). */
 size_t y4m_header(char *line, size_t size, const struct y4m *y);
 /* Bytes of one frame's planes. */
 size_t y4m_frame_bytes(const struct y4m *y);
 
-/* planes (Y, then Cb, Cr in the chroma's size) from rgb [H,W,3]; Y4M_444 and
- * Y4M_420 (box average of 2x2, odd sizes repeat the border). */
+/* planes (Y, then Cb, then Cr) of Y4M_444 from rgb [H,W,3]. */
 void y4m_from_rgb(uint8_t *planes, const uint8_t *rgb, const struct y4m *y);
 /* rgb [H,W,3] from planes; chroma is interpolated linearly at its site. */
 void y4m_to_rgb(uint8_t *rgb, const uint8_t *planes, const struct y4m *y);

@@ -24,7 +24,6 @@ struct camera : video_reader {
     cv::VideoCapture capture;
     cv::Mat bgr, rgb;
     std::string path;
-    double rate = 0, last = -1;
     size_t count = 0;
 };
 
@@ -38,29 +37,8 @@ static bool camera_capture(camera *c, const char *path)
     return true;
 }
 
-static double camera_rate(const struct video_reader *v)
-{
-    return static_cast<const camera *>(v)->rate;
-}
-
-/* It announces nothing, ... */
-static size_t camera_frames(const struct video_reader *)
-{
-    return 0;
-}
-
-/* ... and ends with what was seen last. */
-static double camera_end(const struct video_reader *v)
-{
-    return static_cast<const camera *>(v)->last;
-}
-
-static bool camera_sounds(const struct video_reader *)
-{
-    return false;
-}
-
-/* As video_read; a camera that sends nothing has ended. */
+/* As video_read; a camera that sends nothing has ended, with what was seen
+ * last. */
 static int camera_read(struct video_reader *v, const uint8_t **rgb,
                        size_t *width, size_t *height, double *time,
                        struct error *err)
@@ -78,9 +56,9 @@ static int camera_read(struct video_reader *v, const uint8_t **rgb,
         double t = c->capture.get(cv::CAP_PROP_POS_MSEC) / 1000;
         double step = 1 / (c->rate > 0 ? c->rate : 25);
         /* times must grow; some give none */
-        if (!(t > c->last) || !std::isfinite(t))
-            t = c->last < 0 ? 0 : c->last + step;
-        c->last = t;
+        if (!(t > c->end) || !std::isfinite(t))
+            t = c->end < 0 ? 0 : c->end + step;
+        c->end = t;
         c->count++;
         *rgb = c->rgb.data;
         *width = (size_t)c->rgb.cols;
@@ -99,8 +77,7 @@ static void camera_close(struct video_reader *v)
 }
 
 static const struct video_reading camera_functions = {
-    camera_rate, camera_frames, camera_end, camera_sounds, camera_read,
-    camera_close
+    camera_read, camera_close
 };
 
 struct video_reader *camera_open(const char *path, struct error *err)
@@ -109,8 +86,9 @@ struct video_reader *camera_open(const char *path, struct error *err)
 
     camera_opencv_silence();
     try {
-        c = new camera;
+        c = new camera();
         c->by = &camera_functions;
+        c->end = -1;
         c->path = path;
         if (camera_capture(c, path)) {
             double rate = c->capture.get(cv::CAP_PROP_FPS);

@@ -87,7 +87,6 @@ struct animation {
     struct door door;
     struct image frame;         /* upright */
     size_t count;
-    int end;                    /* of the last frame, milliseconds */
 };
 
 static struct animation *animation_of(const struct video_reader *v)
@@ -97,9 +96,8 @@ static struct animation *animation_of(const struct video_reader *v)
 
 /* Frames a second of which all durations are whole ones, or their mean where
  * that would be more than a hundred. */
-static double animation_rate(const struct video_reader *v)
+static double animation_rate(const struct animation *a)
 {
-    const struct animation *a = animation_of(v);
     int common = 0;
     double ms = 0, n = 0;
     WebPIterator it;
@@ -116,22 +114,6 @@ static double animation_rate(const struct video_reader *v)
     } while (WebPDemuxNextFrame(&it));
     WebPDemuxReleaseIterator(&it);
     return common >= 10 ? 1000.0 / common : ms > 0 ? 1000 * n / ms : 0;
-}
-
-static size_t animation_frames(const struct video_reader *v)
-{
-    return animation_of(v)->info.frame_count;
-}
-
-static double animation_end(const struct video_reader *v)
-{
-    return animation_of(v)->end / 1000.0;
-}
-
-static bool animation_sounds(const struct video_reader *v)
-{
-    (void)v;
-    return false;
 }
 
 /* As video_read. */
@@ -155,8 +137,8 @@ static int animation_read(struct video_reader *v, const uint8_t **rgb,
     *rgb = a->frame.rgb;
     *width = a->frame.width;
     *height = a->frame.height;
-    *time = a->end / 1000.0;
-    a->end = end;
+    *time = v->end;
+    v->end = end / 1000.0;
     a->count++;
     return 1;
 }
@@ -174,7 +156,6 @@ static void animation_close(struct video_reader *v)
 }
 
 static const struct video_reading animation_functions = {
-    animation_rate, animation_frames, animation_end, animation_sounds,
     animation_read, animation_close
 };
 
@@ -193,6 +174,8 @@ struct video_reader *webp_open(const char *path, struct error *err)
     a->decoder = a->data ? webp_decoder(a->data, n, &a->info, path, err)
                          : NULL;
     if (a->decoder) {
+        a->base.rate = animation_rate(a);
+        a->base.frames = a->info.frame_count;
         a->tag = webp_tag(WebPAnimDecoderGetDemuxer(a->decoder));
         a->tag.alpha = false;   /* a driver is looked at, not laid over */
         return &a->base;

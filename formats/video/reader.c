@@ -42,9 +42,7 @@ struct reader {
     struct image upright;
     uint8_t *rows;              /* as converted */
     size_t room;                /* bytes of them */
-    double rate;                /* frames a second */
-    double last, end;           /* time of the last frame, and of its end */
-    size_t frames;              /* announced */
+    double last;                /* time of the last frame */
     size_t count, faults;       /* frames read; packets that no decoder takes */
     bool broken;                /* the last packet is not whole */
     bool drained;               /* no packet is left */
@@ -67,39 +65,20 @@ char *reader_url(const char *path)
 
 /* ---- the container ------------------------------------------------------- */
 
-static double reader_rate(const struct video_reader *v)
-{
-    return reader_of(v)->rate;
-}
-
-static size_t reader_frames(const struct video_reader *v)
-{
-    return reader_of(v)->live ? 0 : reader_of(v)->frames;
-}
-
 /* After the last frame the container knows better how long it stays. */
-static double reader_end(const struct video_reader *v)
+static void reader_end(struct reader *r)
 {
-    const struct reader *r = reader_of(v);
     const AVStream *s = r->stream;
     double end = 0;
 
-    if (!r->drained)
-        return r->end;
     if (r->file->nb_streams == 1 && r->file->duration != AV_NOPTS_VALUE &&
         r->file->start_time != AV_NOPTS_VALUE)
         end = (double)(r->file->start_time + r->file->duration) /
               AV_TIME_BASE;
     else if (s->duration != AV_NOPTS_VALUE && s->start_time != AV_NOPTS_VALUE)
         end = (double)(s->start_time + s->duration) * av_q2d(s->time_base);
-    return end > r->last ? end : r->end;
-}
-
-static bool reader_sounds(const struct video_reader *v)
-{
-    return !reader_of(v)->live &&
-           av_find_best_stream(reader_of(v)->file, AVMEDIA_TYPE_AUDIO, -1, -1,
-                               NULL, 0) >= 0;
+    if (end > r->last)
+        r->base.end = end;
 }
 
 /* How many samples an index of all of them shows: those that an edit list
@@ -115,7 +94,7 @@ static double reader_shown(const AVStream *s)
     return shown;
 }
 
-/* Frames a second, and how many of them. */
+/* Frames a second, how many of them, and whether there is sound. */
 static void reader_announced(struct reader *r)
 {
     const AVStream *s = r->stream;
@@ -124,14 +103,18 @@ static void reader_announced(struct reader *r)
 
     if (!(rate > 0))
         rate = av_q2d(s->avg_frame_rate);
-    r->rate = rate > 0 && rate < 100000 ? rate : 0;
+    r->base.rate = rate = rate > 0 && rate < 100000 ? rate : 0;
+    if (r->live)
+        return;
+    r->base.sounds = av_find_best_stream(r->file, AVMEDIA_TYPE_AUDIO, -1, -1,
+                                         NULL, 0) >= 0;
     if (n > 0 && strstr(r->file->iformat->name, "mp4"))
         n = reader_shown(s);
     if (!(n > 0) && s->duration != AV_NOPTS_VALUE)
-        n = floor((double)s->duration * av_q2d(s->time_base) * r->rate + 0.5);
+        n = floor((double)s->duration * av_q2d(s->time_base) * rate + 0.5);
     if (!(n > 0) && r->file->duration != AV_NOPTS_VALUE)
-        n = floor((double)r->file->duration / AV_TIME_BASE * r->rate + 0.5);
-    r->frames = n > 0 && n < 1e12 ? (size_t)n : 0;
+        n = floor((double)r->file->duration / AV_TIME_BASE * rate + 0.5);
+    r->base.frames = n > 0 && n < 1e12 ? (size_t)n : 0;
 }
 
 /* libav's AVIOInterruptCB: whether to wait no longer. */
@@ -407,19 +390,22 @@ static double reader_time(struct reader *r)
 {
     const AVFrame *f = r->frame;
     const double step = av_q2d(r->stream->time_base);
-    const double pause = 1 / (r->rate > 0 ? r->rate : 25);
+    const double pause = 1 / (r->base.rate > 0 ? r->base.rate : 25);
     const int64_t at = f->best_effort_timestamp;
     double t = at != AV_NOPTS_VALUE ? (double)at * step : NAN;
 
     if (!isfinite(t) || (r->count && !(t > r->last)))
         t = r->count ? r->last + pause : 0;
-    r->end = t + (f->pkt_duration > 0 ? (double)f->pkt_duration * step : pause);
+    r->base.end = t + (f->pkt_duration > 0 ? (double)f->pkt_duration * step
+                                           : pause);
     return r->last = t;
 }
 
 /* Whether the end is where it should be: 0, or -1. */
 static int reader_finish(struct reader *r, struct error *err)
 {
+    if (r->drained)
+        reader_end(r);
     if (r->count == 0)
         return error_set(err, EX_DATAERR, "%s: no frame could be decoded",
                          r->path);
@@ -494,8 +480,7 @@ static int reader_read(struct video_reader *v, const uint8_t **rgb,
 }
 
 static const struct video_reading reader_functions = {
-    reader_rate, reader_frames, reader_end, reader_sounds, reader_read,
-    reader_close
+    reader_read, reader_close
 };
 
 struct video_reader *reader_open(const char *path, bool bt601,

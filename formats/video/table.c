@@ -4,5 +4,5 @@
 extern const struct video_module spid_video;
 
 __attribute__((visibility("default"))) const struct video_module spid_video = {
-    reader_open, writer_create, writer_write, writer_finish, writer_abandon
+    reader_open, writer_create, writer_write, writer_finish
 };

@@ -17,8 +17,6 @@ int writer_write(struct video_writer *v, const uint8_t *pixel, double time,
                  struct error *err);
 /* video_finish's. */
 int writer_finish(struct video_writer *v, double end, struct error *err);
-/* video_abandon's. */
-void writer_abandon(struct video_writer *v);
 
 /* Whether the end of the file is missing, by what its container says of its
  * length.  Moves the place that is read next. */

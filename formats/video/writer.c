@@ -102,7 +102,7 @@ static int writer_fault(const struct video_writer *v, int code, int number,
     return error_set(err, code, "%s: frame %zu: %s", v->path, v->count, why);
 }
 
-void writer_abandon(struct video_writer *v)
+static void writer_abandon(struct video_writer *v)
 {
     if (v->palette)
         module_filter()->close(v->palette);

@@ -24,8 +24,6 @@ static int video_read_some(const char *path)
         if (sum + rgb[3 * width * height - 1] == SIZE_MAX)
             break;
     }
-    if (v)
-        (void)video_end(v);
     video_close(v);
     return 0;
 }

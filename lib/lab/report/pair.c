@@ -126,7 +126,8 @@ int pair_make(struct pair *p, const char *driver, const char *result,
             p->mp4 = (uint8_t *)file_read(&p->bytes, g.path, PAIR_MAX, err);
         rc = p->mp4 ? 0 : -1;
     }
-    video_abandon(g.video);
+    if (g.video)
+        video_finish(g.video, 0, NULL);
     if (g.path[0])
         unlink(g.path);
     framesource_close(g.driver);
