@@ -212,12 +212,10 @@ const char *cli_stream_operand(int first, int argc, char **argv)
 
 struct stream_writer *cli_create_stream(const char *path, struct error *err)
 {
-    if (file_is_media_name(path)) {
-        error_set(err, EX_USAGE, "%s: records would be written under the name "
-                  "of a picture or a clip (expected a name such as x.spid)",
-                  path);
-        return NULL;
-    }
+    if (file_is_media_name(path))
+        return error_null(err, EX_USAGE, "%s: records would be written under "
+                          "the name of a picture or a clip (expected a name "
+                          "such as x.spid)", path);
     return stream_create(path, err);
 }
 

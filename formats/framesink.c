@@ -122,8 +122,7 @@ struct framesink *framesink_open(const struct framesink_options *opt,
     }
     if (!s || !s->path) {
         free(s);
-        error_set(err, EX_OSERR, "out of memory");
-        return NULL;
+        return error_null(err, EX_OSERR, "out of memory");
     }
     s->opt.path = s->path;
     if (s->opt.format == FRAMESINK_AUTO &&

@@ -49,10 +49,8 @@ struct framesource *framesource_open(const char *const *paths, size_t count,
 {
     struct framesource *s = calloc(1, sizeof *s);
 
-    if (!s) {
-        error_set(err, EX_OSERR, "out of memory");
-        return NULL;
-    }
+    if (!s)
+        return error_null(err, EX_OSERR, "out of memory");
     if (opt)
         s->opt = *opt;
     if (s->opt.max_pixels == 0)

@@ -53,11 +53,9 @@ struct httpsink *httpsink_open(const char *address, bool anyone,
 
     if (httpsink_parse(&at, address, err))
         return NULL;
-    if (!anyone && ntohl(at.sin_addr.s_addr) >> 24 != 127) {
-        error_set(err, EX_USAGE, "%s: other machines could look (expected "
-                  "127.0.0.1, or --public)", address);
-        return NULL;
-    }
+    if (!anyone && ntohl(at.sin_addr.s_addr) >> 24 != 127)
+        return error_null(err, EX_USAGE, "%s: other machines could look "
+                          "(expected 127.0.0.1, or --public)", address);
     if (!(by = module_http(err)) || !(h = malloc(sizeof *h)) ||
         !(h->server = by->open(&at, anyone, err))) {
         if (!err->code)

@@ -492,8 +492,7 @@ struct livelink *livelink_open(const char *path, double rate,
 
     if (!l || !(l->name = strdup(standard ? "<stdin>" : path))) {
         free(l);
-        error_set(err, EX_OSERR, "%s: no memory", path);
-        return NULL;
+        return error_null(err, EX_OSERR, "%s: no memory", path);
     }
     l->file = standard ? stdin : fopen(path, "rb");
     if (!l->file || fstat(fileno(l->file), &st)) {

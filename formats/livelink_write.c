@@ -54,10 +54,8 @@ struct livelink_writer *livelink_create(const char *path, double rate,
 {
     struct livelink_writer *w = calloc(1, sizeof *w);
 
-    if (!w) {
-        error_set(err, EX_OSERR, "%s: no memory", path);
-        return NULL;
-    }
+    if (!w)
+        return error_null(err, EX_OSERR, "%s: no memory", path);
     w->rate = lround(ceil(rate - 0.02));
     if (w->rate < 1)
         w->rate = 1;

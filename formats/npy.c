@@ -67,10 +67,8 @@ struct npy_writer *npy_create(const char *path, enum dtype dtype, int ndim,
 {
     struct npy_writer *w = calloc(1, sizeof *w);
 
-    if (!w) {
-        error_set(err, EX_OSERR, "out of memory");
-        return NULL;
-    }
+    if (!w)
+        return error_null(err, EX_OSERR, "out of memory");
     w->dtype = dtype;
     w->ndim = ndim;
     w->bytes = dtype_size(dtype);

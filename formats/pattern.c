@@ -86,11 +86,9 @@ static uint64_t *pattern_list(const char *folder, const char *pattern,
     struct dirent *e;
 
     *count = 0;
-    if (!dir) {
-        error_set(err, EX_NOINPUT, "%s: cannot open: %s", folder,
-                  strerror(errno));
-        return NULL;
-    }
+    if (!dir)
+        return error_null(err, EX_NOINPUT, "%s: cannot open: %s", folder,
+                          strerror(errno));
     while ((e = readdir(dir))) {
         uint64_t n, *more;
 

@@ -151,10 +151,8 @@ struct ply_table *ply_table_open(const char *path, struct error *err)
     struct stat sb;
     long at;
 
-    if (!t) {
-        error_set(err, EX_OSERR, "%s: out of memory", path);
-        return NULL;
-    }
+    if (!t)
+        return error_null(err, EX_OSERR, "%s: out of memory", path);
     t->path = path;
     t->file = fopen(path, "rb");
     if (!t->file || fstat(fileno(t->file), &sb) || !S_ISREG(sb.st_mode)) {

@@ -57,8 +57,7 @@ static struct recordfile *recordfile_create(const char *path, bool npy,
     }
     if (!w || !w->path || !w->index) {
         recordfile_abandon(w);
-        error_set(err, EX_OSERR, "out of memory");
-        return NULL;
+        return error_null(err, EX_OSERR, "out of memory");
     }
     return w;
 }
@@ -74,15 +73,11 @@ struct recordfile *recordfile_create_npy(const char *dir, struct error *err)
     struct recordfile *w;
     struct stat st;
 
-    if (!made && errno != EEXIST) {
-        error_set(err, EX_CANTCREAT, "%s: cannot create: %s", dir,
-                  strerror(errno));
-        return NULL;
-    }
-    if (stat(dir, &st) || !S_ISDIR(st.st_mode)) {
-        error_set(err, EX_CANTCREAT, "%s: not a directory", dir);
-        return NULL;
-    }
+    if (!made && errno != EEXIST)
+        return error_null(err, EX_CANTCREAT, "%s: cannot create: %s", dir,
+                          strerror(errno));
+    if (stat(dir, &st) || !S_ISDIR(st.st_mode))
+        return error_null(err, EX_CANTCREAT, "%s: not a directory", dir);
     w = recordfile_create(dir, true, err);
     if (w)
         w->made = made;
@@ -195,10 +190,8 @@ static struct column *recordfile_find_column(struct recordfile *w,
         size_t at = w->columns;
 
         c = list_grow(w->column, &w->column_room, at, sizeof *c);
-        if (!c) {
-            error_set(err, EX_OSERR, "out of memory");
-            return NULL;
-        }
+        if (!c)
+            return error_null(err, EX_OSERR, "out of memory");
         w->column = c;
         c += at;
         memset(c, 0, sizeof *c);

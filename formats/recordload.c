@@ -44,11 +44,10 @@ static struct array *recordload_next_array(struct record *rec, const char *name,
     struct array *a = &rec->array[rec->count];
 
     if (rec->count == STREAM_MAX_ARRAYS || !name || !*name ||
-        strlen(name) >= STREAM_NAME) {
-        error_set(err, EX_DATAERR, "bad record list (expected up to %d arrays "
-                  "of 1 to %d letters)", STREAM_MAX_ARRAYS, STREAM_NAME - 1);
-        return NULL;
-    }
+        strlen(name) >= STREAM_NAME)
+        return error_null(err, EX_DATAERR, "bad record list (expected up to "
+                          "%d arrays of 1 to %d letters)", STREAM_MAX_ARRAYS,
+                          STREAM_NAME - 1);
     memset(a, 0, sizeof *a);
     strcpy(a->name, name);
     rec->count++;
@@ -166,15 +165,11 @@ static const struct npy *recordload_cache_get(struct cache *c, const char *file,
     for (size_t i = 0; i < c->count; i++)
         if (strcmp(c->loaded[i].file, file) == 0)
             return &c->loaded[i].a;
-    if (strchr(file, '/') || c->count == MAX_FILES) {
-        error_set(err, EX_DATAERR, "bad file name '%.80s'", file);
-        return NULL;
-    }
+    if (strchr(file, '/') || c->count == MAX_FILES)
+        return error_null(err, EX_DATAERR, "bad file name '%.80s'", file);
     l = list_grow(c->loaded, &c->room, c->count, sizeof *l);
-    if (!l) {
-        error_set(err, EX_OSERR, "out of memory");
-        return NULL;
-    }
+    if (!l)
+        return error_null(err, EX_OSERR, "out of memory");
     c->loaded = l;
     l += c->count;
     snprintf(path, sizeof path, "%s/%s", c->dir, file);
@@ -249,8 +244,7 @@ static cJSON *recordload_read_index(const char *path, struct error *err)
     if (!index || cJSON_IsArray(index))
         return index;
     cJSON_Delete(index);
-    error_set(err, EX_DATAERR, "%s: not a list of records", path);
-    return NULL;
+    return error_null(err, EX_DATAERR, "%s: not a list of records", path);
 }
 
 int recordfile_read_npy(const char *dir, record_sink sink, void *context,

@@ -439,10 +439,9 @@ float *st_load_f32(const struct safetensors *st, const char *name, int ndim,
 
     if (!t)
         return NULL;
-    if (!out) {
-        error_set(err, EX_OSERR, "%s: out of memory for '%s'", st->path, name);
-        return NULL;
-    }
+    if (!out)
+        return error_null(err, EX_OSERR, "%s: out of memory for '%s'",
+                          st->path, name);
     if (st_to_f32(st, t, out, err)) {
         free(out);
         return NULL;
@@ -479,9 +478,8 @@ const void *st_borrow_f16(const struct safetensors *st, const char *name,
     *count = t->count;
     if (t->dtype == ST_F16)
         return t->data;
-    error_set(err, EX_DATAERR, "%s: tensor '%s' is of %s (expected F16)",
-              st->path, name, st_dtype_name(t->dtype));
-    return NULL;
+    return error_null(err, EX_DATAERR, "%s: tensor '%s' is of %s (expected "
+                      "F16)", st->path, name, st_dtype_name(t->dtype));
 }
 
 int32_t *st_load_i32(const struct safetensors *st, const char *name, int ndim,
@@ -492,16 +490,13 @@ int32_t *st_load_i32(const struct safetensors *st, const char *name, int ndim,
 
     if (!t)
         return NULL;
-    if (t->dtype >= ST_F16 && t->dtype <= ST_F64) {
-        error_set(err, EX_DATAERR, "%s: tensor '%s' is %s (expected I32)",
-                  st->path, name, dtypes[t->dtype].name);
-        return NULL;
-    }
+    if (t->dtype >= ST_F16 && t->dtype <= ST_F64)
+        return error_null(err, EX_DATAERR, "%s: tensor '%s' is %s (expected "
+                          "I32)", st->path, name, dtypes[t->dtype].name);
     int32_t *out = malloc((t->count + 1) * sizeof *out);
-    if (!out) {
-        error_set(err, EX_OSERR, "%s: out of memory for '%s'", st->path, name);
-        return NULL;
-    }
+    if (!out)
+        return error_null(err, EX_OSERR, "%s: out of memory for '%s'",
+                          st->path, name);
     for (size_t i = 0; i < t->count; i++) {
         double v = array_view_number(t->dtype, t->data, i);
 

@@ -297,10 +297,8 @@ static struct http_server *http_open(const struct sockaddr_in *at, bool anyone,
 {
     struct http_server *s = calloc(1, sizeof *s);
 
-    if (!s) {
-        error_set(err, EX_OSERR, "out of memory");
-        return NULL;
-    }
+    if (!s)
+        return error_null(err, EX_OSERR, "out of memory");
     s->anyone = anyone;
     pthread_mutex_init(&s->lock, NULL);
     pthread_cond_init(&s->newer, NULL);
@@ -312,9 +310,8 @@ static struct http_server *http_open(const struct sockaddr_in *at, bool anyone,
     if (s->daemon)
         return s;
     free(s);
-    error_set(err, EX_UNAVAILABLE, "cannot listen there (expected a port that "
-              "is free, and an address of this machine)");
-    return NULL;
+    return error_null(err, EX_UNAVAILABLE, "cannot listen there (expected a "
+                      "port that is free, and an address of this machine)");
 }
 
 static void http_close(struct http_server *s)

@@ -20,8 +20,8 @@ uint8_t *still_load(const char *path, size_t *bytes, struct error *err)
     if (!data || *bytes)
         return (uint8_t *)data;
     free(data);
-    error_set(err, EX_DATAERR, "%s: empty file (expected a picture)", path);
-    return NULL;
+    return error_null(err, EX_DATAERR, "%s: empty file (expected a picture)",
+                      path);
 }
 
 /* Whether the file begins as WebP or as HEIF, and which. */

@@ -49,8 +49,8 @@ static WebPAnimDecoder *webp_decoder(const uint8_t *data, size_t n,
     if (d && WebPAnimDecoderGetInfo(d, info))
         return d;
     WebPAnimDecoderDelete(d);
-    error_set(err, EX_DATAERR, "%s: not a picture that can be read", name);
-    return NULL;
+    return error_null(err, EX_DATAERR, "%s: not a picture that can be read",
+                      name);
 }
 
 int webp_read(struct image *im, const uint8_t *data, size_t n,
@@ -166,8 +166,7 @@ struct video_reader *webp_open(const char *path, struct error *err)
 
     if (!a || !(a->path = strdup(path))) {
         free(a);
-        error_set(err, EX_OSERR, "%s: out of memory", path);
-        return NULL;
+        return error_null(err, EX_OSERR, "%s: out of memory", path);
     }
     a->base.by = &animation_functions;
     a->data = still_load(path, &n, err);

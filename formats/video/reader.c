@@ -495,9 +495,8 @@ struct video_reader *reader_open(const char *path, bool bt601,
     if (live)
         avformat_network_init();
     else if (stat(path, &st) != 0) {
-        error_set(err, EX_NOINPUT, "%s: cannot open: %s", path,
-                  strerror(errno));
-        return NULL;
+        return error_null(err, EX_NOINPUT, "%s: cannot open: %s", path,
+                          strerror(errno));
     }
     r = calloc(1, sizeof *r);
     if (r) {

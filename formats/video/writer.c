@@ -295,8 +295,7 @@ struct video_writer *writer_create(const char *path,
     av_log_set_level(AV_LOG_QUIET);
     if (!v || !(v->path = strdup(path))) {
         free(v);
-        error_set(err, EX_OSERR, "%s: out of memory", path);
-        return NULL;
+        return error_null(err, EX_OSERR, "%s: out of memory", path);
     }
     v->opt = *opt;
     v->kind = writer_kind_of(path, opt->alpha);
@@ -305,9 +304,9 @@ struct video_writer *writer_create(const char *path,
         writer_open_codec(v) < 0 || writer_begin(v) < 0 ||
         writer_open_colours(v) < 0) {
         writer_abandon(v);
-        error_set(err, EX_CANTCREAT, "%s: cannot create a video (no encoder, "
-                  "or the directory cannot be written)", path);
-        return NULL;
+        return error_null(err, EX_CANTCREAT, "%s: cannot create a video (no "
+                          "encoder, or the directory cannot be written)",
+                          path);
     }
     return v;
 }

@@ -68,10 +68,8 @@ static char *file_read_all(FILE *f, size_t *n, size_t max, struct error *err)
     struct stat st;
 
     if (!fstat(fileno(f), &st) && S_ISREG(st.st_mode) &&
-        (size_t)st.st_size > max) {
-        error_set(err, EX_DATAERR, "more than %zu bytes", max);
-        return NULL;
-    }
+        (size_t)st.st_size > max)
+        return error_null(err, EX_DATAERR, "more than %zu bytes", max);
     for (*n = 0;;) {
         if (*n == room) {
             char *more = realloc(text, (room = 2 * room + 4096) + 1);
@@ -106,10 +104,8 @@ char *file_read(size_t *bytes, const char *path, size_t max, struct error *err)
     FILE *f = strcmp(path, "-") ? fopen(path, "rb") : stdin;
     char *data;
 
-    if (!f) {
-        error_set(err, EX_NOINPUT, "%s: %s", path, strerror(errno));
-        return NULL;
-    }
+    if (!f)
+        return error_null(err, EX_NOINPUT, "%s: %s", path, strerror(errno));
     data = file_read_all(f, bytes, max, err);
     if (!data)
         error_prefix(err, "%s", path);
@@ -126,8 +122,7 @@ char *file_read_text(const char *path, size_t max, struct error *err)
     if (!text || strlen(text) == n)
         return text;
     free(text);
-    error_set(err, EX_DATAERR, "%s: not a text file", path);
-    return NULL;
+    return error_null(err, EX_DATAERR, "%s: not a text file", path);
 }
 
 void *file_map(size_t *bytes, const char *path, struct error *err)
@@ -136,15 +131,12 @@ void *file_map(size_t *bytes, const char *path, struct error *err)
     struct stat st;
     void *map;
 
-    if (fd < 0) {
-        error_set(err, errno == EACCES ? EX_NOPERM : EX_NOINPUT, "%s: %s", path,
-                  strerror(errno));
-        return NULL;
-    }
+    if (fd < 0)
+        return error_null(err, errno == EACCES ? EX_NOPERM : EX_NOINPUT,
+                          "%s: %s", path, strerror(errno));
     if (fstat(fd, &st) || !S_ISREG(st.st_mode)) {
         close(fd);
-        error_set(err, EX_NOINPUT, "%s: not a regular file", path);
-        return NULL;
+        return error_null(err, EX_NOINPUT, "%s: not a regular file", path);
     }
     *bytes = (size_t)st.st_size;
     map = *bytes ? mmap(NULL, *bytes, PROT_READ, MAP_PRIVATE, fd, 0)

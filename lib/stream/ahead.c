@@ -62,10 +62,8 @@ struct ahead *ahead_open(struct stream_reader *in, struct error *err)
 {
     struct ahead *a = calloc(1, sizeof *a);
 
-    if (!a) {
-        error_set(err, EX_OSERR, "out of memory");
-        return NULL;
-    }
+    if (!a)
+        return error_null(err, EX_OSERR, "out of memory");
     a->in = in;
     pthread_mutex_init(&a->lock, NULL);
     pthread_cond_init(&a->turn, NULL);
@@ -73,8 +71,7 @@ struct ahead *ahead_open(struct stream_reader *in, struct error *err)
         pthread_cond_destroy(&a->turn);
         pthread_mutex_destroy(&a->lock);
         free(a);
-        error_set(err, EX_OSERR, "cannot start a thread");
-        return NULL;
+        return error_null(err, EX_OSERR, "cannot start a thread");
     }
     return a;
 }

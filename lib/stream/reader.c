@@ -104,8 +104,7 @@ static struct stream_reader *reader_new(const char *name,
     }
     if (!r || !r->name || !r->hash) {
         stream_close(r);
-        error_set(err, EX_OSERR, "out of memory");
-        return NULL;
+        return error_null(err, EX_OSERR, "out of memory");
     }
     return r;
 }
@@ -202,10 +201,8 @@ struct stream_reader *stream_open_memory(const void *data, size_t bytes,
 {
     struct stream_reader *r;
 
-    if ((uintptr_t)data % STREAM_ALIGN) {
-        error_set(err, EX_SOFTWARE, "%s: memory is not aligned", name);
-        return NULL;
-    }
+    if ((uintptr_t)data % STREAM_ALIGN)
+        return error_null(err, EX_SOFTWARE, "%s: memory is not aligned", name);
     r = reader_new(name, opt, err);
     if (r) {
         r->source = SOURCE_MEMORY;

@@ -92,20 +92,17 @@ const void *record_get(const struct record *rec, const char *name,
     bool same;
 
     record_shape_text(expected, sizeof expected, dtype, ndim, dims, true);
-    if (!a) {
-        error_set(err, EX_DATAERR, "%s has no array '%s' (expected %s)",
-                  rec->type, name, expected);
-        return NULL;
-    }
+    if (!a)
+        return error_null(err, EX_DATAERR, "%s has no array '%s' (expected "
+                          "%s)", rec->type, name, expected);
     same = a->dtype == dtype && a->ndim == ndim;
     for (int k = 0; same && k < ndim; k++)
         same = dims[k] == 0 || dims[k] == a->dim[k];
     if (!same) {
         record_shape_text(found, sizeof found, a->dtype, a->ndim, a->dim,
                           false);
-        error_set(err, EX_DATAERR, "%s %s is %s (expected %s)", rec->type,
-                  name, found, expected);
-        return NULL;
+        return error_null(err, EX_DATAERR, "%s %s is %s (expected %s)",
+                          rec->type, name, found, expected);
     }
     return a->data;
 }
@@ -135,11 +132,9 @@ void *record_keep(struct record *to, const struct record *rec,
     for (int i = 0; i < rec->count; i++)
         bytes += layout_align(array_bytes(&rec->array[i]));
     at = block = aligned_alloc(STREAM_ALIGN, bytes + STREAM_ALIGN);
-    if (!block) {
-        error_set(err, EX_OSERR, "no memory for %s of %zu bytes", rec->type,
-                  bytes);
-        return NULL;
-    }
+    if (!block)
+        return error_null(err, EX_OSERR, "no memory for %s of %zu bytes",
+                          rec->type, bytes);
     *to = *rec;
     to->payload = NULL;
     for (int i = 0; i < rec->count; i++) {

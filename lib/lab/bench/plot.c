@@ -184,11 +184,10 @@ char *bench_plot(const struct bench *b, const char *file, struct error *err)
     qsort(p, n, sizeof *p, plot_by_rows);
     while (panels < n && panels < PANELS && p[panels].rows > 1)
         panels++;
-    if (panels == 0) {
-        error_set(err, EX_DATAERR, "%s: no two rows have an error to draw "
-                  "(expected a stage such as splat, motion or refine)", file);
-        return NULL;
-    }
+    if (panels == 0)
+        return error_null(err, EX_DATAERR, "%s: no two rows have an error to "
+                          "draw (expected a stage such as splat, motion or "
+                          "refine)", file);
     FILE *f = open_memstream(&text, &size);
     const int failed = !f || plot_put_script(f, p, panels, file, b);
 

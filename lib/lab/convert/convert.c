@@ -150,10 +150,8 @@ static struct convert_tensor *convert_add_tensor(struct convert *c,
     struct convert_tensor *t = list_grow(c->tensor, &c->room, c->count,
                                          sizeof *t);
 
-    if (!t) {
-        error_set(err, EX_OSERR, "out of memory");
-        return NULL;
-    }
+    if (!t)
+        return error_null(err, EX_OSERR, "out of memory");
     c->tensor = t;
     t += c->count++;
     *t = (struct convert_tensor){.name = arena_text(&c->memory, name),
@@ -322,10 +320,8 @@ static const void *convert_fetch(void *context, size_t i, struct error *err)
         return data;
     free(c->scratch);
     c->scratch = out = malloc(t->count * sizeof *out);
-    if (!out) {
-        error_set(err, EX_OSERR, "out of memory");
-        return NULL;
-    }
+    if (!out)
+        return error_null(err, EX_OSERR, "out of memory");
     for (size_t k = 0; k < t->count; k++)
         out[k] = (float)array_view_number(from, data, k);
     return out;

@@ -83,16 +83,12 @@ struct data_reader *data_open(const char *const *names, size_t count,
 {
     struct data_reader *r;
 
-    if (count == 0) {
-        error_set(err, EX_USAGE, "no training data (expected streams of "
-                  "spid-synth, or - for standard input)");
-        return NULL;
-    }
+    if (count == 0)
+        return error_null(err, EX_USAGE, "no training data (expected streams "
+                          "of spid-synth, or - for standard input)");
     r = calloc(1, sizeof *r);
-    if (!r) {
-        error_set(err, EX_OSERR, "out of memory");
-        return NULL;
-    }
+    if (!r)
+        return error_null(err, EX_OSERR, "out of memory");
     r->names = names;
     r->nnames = count;
     r->margin = margin;

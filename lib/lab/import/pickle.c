@@ -459,10 +459,8 @@ static struct pickle *pickle_read_any(const void *data, size_t size,
     int rc;
 
     m.p = calloc(1, sizeof *m.p);
-    if (!m.p) {
-        error_set(err, EX_OSERR, "out of memory");
-        return NULL;
-    }
+    if (!m.p)
+        return error_null(err, EX_OSERR, "out of memory");
     rc = pickle_run(&m);
     free(m.stack);
     free(m.memo);

@@ -105,10 +105,8 @@ struct pickle *tensorfile_unpickle(struct tensorfile *f, const char *where,
     struct pickle *p;
     size_t memory = 0;
 
-    if (!list) {
-        error_set(err, EX_OSERR, "out of memory");
-        return NULL;
-    }
+    if (!list)
+        return error_null(err, EX_OSERR, "out of memory");
     f->pickle = list;
     p = pickle_read(data, bytes, used, err);
     if (!p)
@@ -121,9 +119,8 @@ struct pickle *tensorfile_unpickle(struct tensorfile *f, const char *where,
         memory += pickle_memory(f->pickle[i]);
     if (memory <= PICKLE_MAX_MEMORY)
         return p;
-    error_set(err, EX_DATAERR, "its pickles make more than %zu MB of objects",
-              PICKLE_MAX_MEMORY >> 20);
-    return NULL;
+    return error_null(err, EX_DATAERR, "its pickles make more than %zu MB of "
+                      "objects", PICKLE_MAX_MEMORY >> 20);
 }
 
 /* An array of objects is a pickle behind the header. */
@@ -339,8 +336,7 @@ struct tensorfile *tensorfile_open(const char *path, struct error *err)
 
     if (!f || !(f->path = arena_text(&f->memory, path))) {
         free(f);
-        error_set(err, EX_OSERR, "out of memory");
-        return NULL;
+        return error_null(err, EX_OSERR, "out of memory");
     }
     f->cached = SIZE_MAX;
     f->map = file_map(&f->bytes, path, err);
@@ -449,18 +445,14 @@ static const char *tensorfile_entry_unpacked(struct tensorfile *f, size_t entry,
 
     if (f->cached == entry)
         return f->cache;
-    if (f->unpacked / 8 > f->source + TENSORFILE_SMALL) {
-        error_set(err, EX_DATAERR, "its tensors share storages in too many "
-                  "places");
-        return NULL;
-    }
+    if (f->unpacked / 8 > f->source + TENSORFILE_SMALL)
+        return error_null(err, EX_DATAERR, "its tensors share storages in too "
+                          "many places");
     f->cached = SIZE_MAX;
     free(f->cache);
     f->cache = malloc(bytes + 1);
-    if (!f->cache) {
-        error_set(err, EX_OSERR, "out of memory for %zu bytes", bytes);
-        return NULL;
-    }
+    if (!f->cache)
+        return error_null(err, EX_OSERR, "out of memory for %zu bytes", bytes);
     if (ziparchive_read(f->cache, f->zip, entry, err))
         return NULL;
     f->unpacked += bytes;
@@ -499,11 +491,9 @@ const void *tensorfile_data(struct tensorfile *f, size_t i, struct error *err)
         return from;
     free(f->packed);
     f->packed = malloc(p->view.count * st_dtype_size(p->view.dtype));
-    if (!f->packed) {
-        error_set(err, EX_OSERR, "%s: tensor '%s': out of memory", f->path,
-                  f->tensor[i].name);
-        return NULL;
-    }
+    if (!f->packed)
+        return error_null(err, EX_OSERR, "%s: tensor '%s': out of memory",
+                          f->path, f->tensor[i].name);
     array_view_copy(f->packed, &p->view, from);
     return f->packed;
 }

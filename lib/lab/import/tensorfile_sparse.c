@@ -281,12 +281,10 @@ static double *sparse_matrix(struct tensor_place *p, struct tensorfile *f,
     p->view.dim[0] = s->dim[0];
     p->view.dim[1] = s->dim[1];
     if (!array_view_pack(&p->view, false) ||
-        p->view.count > (s->n > max / 64 ? max : 65536 + 64 * s->n)) {
-        error_set(s->err, EX_DATAERR, "sparse matrix of %zu by %zu with %zu "
-                  "entries (expected a smaller or fuller one)", s->dim[0],
-                  s->dim[1], s->n);
-        return NULL;
-    }
+        p->view.count > (s->n > max / 64 ? max : 65536 + 64 * s->n))
+        return error_null(s->err, EX_DATAERR, "sparse matrix of %zu by %zu "
+                          "with %zu entries (expected a smaller or fuller "
+                          "one)", s->dim[0], s->dim[1], s->n);
     p->data = out = arena_take(&f->memory, p->view.count, sizeof *out);
     return arena_check(&f->memory, "a sparse matrix", s->err) ? NULL : out;
 }

@@ -103,10 +103,8 @@ struct ziparchive *ziparchive_open(const char *path, struct error *err)
     zip_error_t why;
     int code = 0;
 
-    if (!z) {
-        error_set(err, EX_OSERR, "out of memory");
-        return NULL;
-    }
+    if (!z)
+        return error_null(err, EX_OSERR, "out of memory");
     /* the check for consistency refuses names that stand twice */
     z->zip = zip_open(path, ZIP_RDONLY | ZIP_CHECKCONS, &code);
     if (!z->zip) {

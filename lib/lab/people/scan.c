@@ -253,10 +253,8 @@ struct scan_assets *scan_open(const char *dir, const char *light,
     char path[PATH];
     int rc;
 
-    if (!a) {
-        error_set(err, EX_OSERR, "out of memory");
-        return NULL;
-    }
+    if (!a)
+        return error_null(err, EX_OSERR, "out of memory");
     struct arena *memory = &a->memory;
 
     snprintf(path, sizeof path, "%s/ict/ict.safetensors", dir);

@@ -50,10 +50,8 @@ struct figure_part *figure_grow(struct figure *f, size_t nc, size_t nf,
     for (size_t i = 0; ok && i < FIELDS; i++)
         ok = figure_stretch(f, &fields[i], fields[i].face ? f->nf : f->nc,
                             fields[i].face ? nf : nc);
-    if (!ok) {
-        error_set(err, EX_OSERR, "out of memory for a person");
-        return NULL;
-    }
+    if (!ok)
+        return error_null(err, EX_OSERR, "out of memory for a person");
     memset(f->part + f->nf, f->nparts, nf);
     memset(f->stuff + f->nf, stuff, nf);
     struct figure_part *p = &f->parts[f->nparts++];

@@ -321,10 +321,8 @@ struct scan_assets *scan_plain_open(const char *traits, const struct head *h,
 {
     struct scan_assets *a = calloc(1, sizeof *a);
 
-    if (!a) {
-        error_set(err, EX_OSERR, "out of memory for a figure");
-        return NULL;
-    }
+    if (!a)
+        return error_null(err, EX_OSERR, "out of memory for a figure");
     struct arena *memory = &a->memory;
 
     noise_lattice_fill();

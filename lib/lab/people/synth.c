@@ -85,10 +85,8 @@ struct synth *synth_open(const struct head *head,
 {
     struct synth *s = calloc(1, sizeof *s);
 
-    if (!s) {
-        error_set(err, EX_OSERR, "out of memory");
-        return NULL;
-    }
+    if (!s)
+        return error_null(err, EX_OSERR, "out of memory");
     s->opt = *opt;
     s->head = head;
     s->threads = (size_t)parallel_width();
