@@ -17,21 +17,22 @@ static long expressions = 50;
 static bool live;
 
 static const struct cli_option options[] = {
-    OPTION_OUTPUT("ply", 0, &opt.ply, "FILE",
+    OPTION_OUTPUT("ply", 0, &opt.file[EXPORT_PLY], "FILE",
                   "3DGS PLY; name_%06d.ply for every frame"),
-    OPTION_OUTPUT("ply-compressed", 0, &opt.ply_packed, "FILE",
+    OPTION_OUTPUT("ply-compressed", 0, &opt.file[EXPORT_PLY_PACKED], "FILE",
                   "the same in SuperSplat's compressed form"),
-    OPTION_OUTPUT("splat", 0, &opt.splat, "FILE", ".splat of the web viewers"),
-    OPTION_OUTPUT("glb-splats", 0, &opt.glb_splats, "FILE",
+    OPTION_OUTPUT("splat", 0, &opt.file[EXPORT_SPLAT], "FILE",
+                  ".splat of the web viewers"),
+    OPTION_OUTPUT("glb-splats", 0, &opt.file[EXPORT_GLB_SPLATS], "FILE",
                   "GLB with KHR_gaussian_splatting"),
-    OPTION_OUTPUT("glb-head", 0, &opt.glb_head, "FILE",
+    OPTION_OUTPUT("glb-head", 0, &opt.file[EXPORT_GLB_HEAD], "FILE",
                   "GLB of the head: skin, morph targets, the motion as "
                   "animation"),
-    OPTION_OUTPUT("obj", 0, &opt.obj, "FILE",
+    OPTION_OUTPUT("obj", 0, &opt.file[EXPORT_OBJ], "FILE",
                   "OBJ of one frame's mesh; name_%06d.obj for every frame"),
-    OPTION_OUTPUT("html", 0, &opt.html, "FILE",
+    OPTION_OUTPUT("html", 0, &opt.file[EXPORT_HTML], "FILE",
                   "a page that plays the driven avatar in a browser"),
-    OPTION_STRING("web", 0, &opt.web, "FILE",
+    OPTION_STRING("web", 0, &opt.file[EXPORT_WEB], "FILE",
                   "the avatar for sites, driven from JavaScript"),
     OPTION_FLAG("live", 0, &live,
                 "--html: with a camera that drives it in the browser"),
@@ -83,15 +84,12 @@ static int export_lint_file(const char *path)
 /* What came back out of the files, beside our own picture. */
 static void export_print_drawn(const struct export *x)
 {
-    const char *const name[DRAWN_FORMATS] = {opt.ply, opt.splat,
-                                             opt.glb_splats, opt.ply_packed};
-
     for (int i = 0; i < DRAWN_FORMATS && !cli.quiet; i++) {
         const struct drawn *d = &x->drawn[i];
 
         if (d->files == 0)
             continue;
-        printf("%s: %zu Gaussians", name[i], d->n);
+        printf("%s: %zu Gaussians", opt.file[i], d->n);
         if (d->files > 1)
             printf(", the worst of %zu files", d->files);
         if (isinf(d->psnr_db))
@@ -105,7 +103,7 @@ static void export_print_drawn(const struct export *x)
     if (cli.quiet || h->vertices == 0)
         return;
     printf("%s: %zu vertices, the %s read back and drawn: %.1f micrometres "
-           "at most from our mesh, ", opt.glb_head, h->vertices,
+           "at most from our mesh, ", opt.file[EXPORT_GLB_HEAD], h->vertices,
            x->frames ? "first frame" : "head at rest", h->metres * 1e6);
     if (isinf(h->psnr_db))
         printf("the same picture\n");
@@ -116,17 +114,19 @@ static void export_print_drawn(const struct export *x)
 /* How large the page became. */
 static void export_print_page(const struct export *x)
 {
-    if (opt.html && !cli.quiet)
-        printf("%s: %zu Gaussians, %zu frame%s, %.1f MB\n", opt.html,
-               x->page.baked.N, x->page.frames, plural(x->page.frames),
-               (double)x->page_bytes / 1e6);
+    if (opt.file[EXPORT_HTML] && !cli.quiet)
+        printf("%s: %zu Gaussians, %zu frame%s, %.1f MB\n",
+               opt.file[EXPORT_HTML], x->page.baked.N, x->page.frames,
+               plural(x->page.frames), (double)x->page_bytes / 1e6);
 }
 
 /* Whether something is asked for that a stream has. */
 static bool export_streams(void)
 {
-    return opt.ply || opt.ply_packed || opt.splat || opt.glb_splats || opt.glb_head || opt.obj ||
-           opt.html || opt.web;
+    for (int k = 0; k < EXPORT_KINDS; k++)
+        if (opt.file[k])
+            return true;
+    return false;
 }
 
 /* --onnx: the model's networks as files. */
@@ -173,7 +173,7 @@ static void export_open_player(void)
     static char path[4096];
     struct error err = {0};
 
-    if (!opt.html)
+    if (!opt.file[EXPORT_HTML])
         return;
     if (cli_find_model(live ? "player-live.html" : "player.html", path,
                        sizeof path, &err))
@@ -188,7 +188,7 @@ static void export_open_all(struct export *x)
     struct error err = {0};
     static char path[4096];
 
-    if (live && !opt.html)
+    if (live && !opt.file[EXPORT_HTML])
         die(EX_USAGE, "--live: no page (expected --html FILE)");
     if (!export_streams())
         die(EX_USAGE, "nothing to write (expected --ply, --splat, "

@@ -15,26 +15,42 @@
 #include "lib/base/camera.h"
 #include "lib/head/mesh.h"
 
+/* By enum export_kind: the option, and the records that it is made of where the
+ * name may have one place for the frame's number. */
+static const struct {
+    const char *option, *record;
+} kinds[EXPORT_KINDS] = {
+    {"--ply", RECORD_GAUS}, {"--splat", RECORD_GAUS},
+    {"--glb-splats", RECORD_GAUS}, {"--ply-compressed", RECORD_GAUS},
+    {"--obj", RECORD_MESH}, {"--glb-head", NULL}, {"--html", NULL},
+    {"--web", NULL}
+};
+
 /* ---- names -------------------------------------------------------------- */
 
-/* The name is plain, or (pattern) has one place for the frame's number. */
-static int export_check_name(const char *option, const char *name, bool pattern,
-                             struct error *err)
+/* The names of all files. */
+static int export_check_names(const struct export_options *opt,
+                              struct error *err)
 {
-    int n = name ? pattern_count(name) : 0;
+    for (int k = 0; k < EXPORT_KINDS; k++) {
+        const bool pattern = kinds[k].record;
+        const int n = opt->file[k] ? pattern_count(opt->file[k]) : 0;
 
-    if (n < 0 || n > (pattern ? 1 : 0))
-        return error_set(err, EX_USAGE,
-                         "%s=%s: bad file name (expected %s)", option, name,
-                         pattern ? "at most one %d or %06d" : "no %");
+        if (n < 0 || n > pattern)
+            return error_set(err, EX_USAGE, "%s=%s: bad file name (expected "
+                             "%s)", kinds[k].option, opt->file[k],
+                             pattern ? "at most one %d or %06d" : "no %");
+    }
     return 0;
 }
 
-/* True when this frame goes into the file; path is then its name. */
+/* True when this frame goes into the file of that kind; path is then its
+ * name. */
 static bool export_wanted(char *path, size_t size, const struct export *x,
-                          const char *name, const struct record *rec,
-                          const bool *done)
+                          enum export_kind k, const struct record *rec)
 {
+    const char *name = x->opt.file[k];
+
     if (!name)
         return false;
     char *numbered = pattern_name(name, rec->frame);
@@ -43,32 +59,11 @@ static bool export_wanted(char *path, size_t size, const struct export *x,
     free(numbered);
     if (pattern_count(name) == 1)
         return true;
-    return !*done &&
+    return !x->done[k] &&
            (x->opt.frame < 0 || (size_t)x->opt.frame == rec->frame);
 }
 
 /* ---- Gaussians ---------------------------------------------------------- */
-
-/* The original layout of 3D Gaussian splatting. */
-static int export_write_ply(struct export *x, const char *path,
-                            struct error *err)
-{
-    return ply_write(path, &x->scene.g, !x->opt.model_space, err);
-}
-
-/* The same, compressed as SuperSplat does. */
-static int export_write_ply_packed(struct export *x, const char *path,
-                                   struct error *err)
-{
-    return ply_write_packed(path, &x->scene.g, !x->opt.model_space, err);
-}
-
-/* 32 bytes a Gaussian. */
-static int export_write_splat(struct export *x, const char *path,
-                              struct error *err)
-{
-    return splatfile_write(path, &x->scene.g, err);
-}
 
 /* Head units per metre. */
 static float export_head_scale(const struct export *x)
@@ -76,38 +71,38 @@ static float export_head_scale(const struct export *x)
     return x->has_head ? x->head.scale : 5;
 }
 
-/* KHR_gaussian_splatting, in metres. */
-static int export_write_glb(struct export *x, const char *path,
-                            struct error *err)
+/* The scene as it is now. */
+static int export_write_scene(const struct export *x, enum export_kind k,
+                              const char *path, struct error *err)
 {
-    return glb_write_splats(path, &x->scene.g, 1 / export_head_scale(x), err);
+    const struct gaussians *g = &x->scene.g;
+
+    switch (k) {
+    case EXPORT_PLY:
+        return ply_write(path, g, !x->opt.model_space, err);
+    case EXPORT_SPLAT:
+        return splatfile_write(path, g, err);
+    case EXPORT_GLB_SPLATS:
+        return glb_write_splats(path, g, 1 / export_head_scale(x), err);
+    default:
+        return ply_write_packed(path, g, !x->opt.model_space, err);
+    }
 }
 
-/* The scene as it is now, in every format that wants this frame. */
+/* The same in every format that wants this frame. */
 static int export_write_gaussians(struct export *x, const struct record *rec,
                                   struct error *err)
 {
-    struct {
-        const char *name;
-        int (*write)(struct export *, const char *, struct error *);
-        bool *done;
-    } kind[] = {                        /* in the order of drawn_format */
-                {x->opt.ply, export_write_ply, &x->done.ply},
-                {x->opt.splat, export_write_splat, &x->done.splat},
-                {x->opt.glb_splats, export_write_glb, &x->done.glb_splats},
-                {x->opt.ply_packed, export_write_ply_packed,
-                 &x->done.ply_packed}};
     char path[4096];
 
-    for (size_t i = 0; i < sizeof kind / sizeof *kind; i++) {
-        if (!export_wanted(path, sizeof path, x, kind[i].name, rec,
-                           kind[i].done))
+    for (int k = 0; k < DRAWN_FORMATS; k++) {
+        if (!export_wanted(path, sizeof path, x, (enum export_kind)k, rec))
             continue;
-        if (kind[i].write(x, path, err) ||
-            drawn_compare(&x->drawn[i], (enum drawn_format)i, path, &x->scene,
+        if (export_write_scene(x, (enum export_kind)k, path, err) ||
+            drawn_compare(&x->drawn[k], (enum drawn_format)k, path, &x->scene,
                           !x->opt.model_space, export_head_scale(x), err))
             return -1;
-        *kind[i].done = true;
+        x->done[k] = true;
         x->files++;
         x->coarse |= x->scene.g.channels > 3;
     }
@@ -124,7 +119,7 @@ static int export_fold(struct export *x, struct error *err)
     if (person_fold(&x->id, &x->head, &x->person, err))
         return -1;
     x->folded = true;
-    if (!x->opt.glb_head)
+    if (!x->opt.file[EXPORT_GLB_HEAD])
         return 0;
     return export_head_init(&x->skinned, &x->id, &x->opt.head, err);
 }
@@ -216,7 +211,7 @@ static int export_write_obj(struct export *x, const struct record *rec,
     char path[4096];
     int rc = -1;
 
-    if (!export_wanted(path, sizeof path, x, x->opt.obj, rec, &x->done.obj))
+    if (!export_wanted(path, sizeof path, x, EXPORT_OBJ, rec))
         return 0;
     if (mesh_read(&mesh, rec, err))
         return -1;
@@ -233,7 +228,7 @@ static int export_write_obj(struct export *x, const struct record *rec,
     } else {
         error_set(err, EX_OSERR, "out of memory for a mesh");
     }
-    x->done.obj = true;
+    x->done[EXPORT_OBJ] = true;
     x->files++;
     free(metres);
     return rc;
@@ -243,7 +238,8 @@ static int export_write_obj(struct export *x, const struct record *rec,
 
 bool export_needs_head(const struct export_options *opt)
 {
-    return opt->obj || opt->glb_head || opt->html || opt->web;
+    return opt->file[EXPORT_OBJ] || opt->file[EXPORT_GLB_HEAD] ||
+           opt->file[EXPORT_HTML] || opt->file[EXPORT_WEB];
 }
 
 int export_init(struct export *x, const struct export_options *opt,
@@ -251,14 +247,7 @@ int export_init(struct export *x, const struct export_options *opt,
 {
     memset(x, 0, sizeof *x);
     x->opt = *opt;
-    if (export_check_name("--ply", opt->ply, true, err) ||
-        export_check_name("--ply-compressed", opt->ply_packed, true, err) ||
-        export_check_name("--splat", opt->splat, true, err) ||
-        export_check_name("--glb-splats", opt->glb_splats, true, err) ||
-        export_check_name("--obj", opt->obj, true, err) ||
-        export_check_name("--glb-head", opt->glb_head, false, err) ||
-        export_check_name("--html", opt->html, false, err) ||
-        export_check_name("--web", opt->web, false, err))
+    if (export_check_names(opt, err))
         return -1;
     if (!export_needs_head(opt))
         return 0;
@@ -272,7 +261,7 @@ int export_init(struct export *x, const struct export_options *opt,
 /* Whether what a page has is wanted. */
 static bool export_has_page(const struct export *x)
 {
-    return x->opt.html || x->opt.web;
+    return x->opt.file[EXPORT_HTML] || x->opt.file[EXPORT_WEB];
 }
 
 int export_load_identity(struct export *x, const char *path,
@@ -314,57 +303,41 @@ int export_record(struct export *x, const struct record *rec,
         taken = person_read_record(&x->person, rec, x->head.nexp, err);
     if (taken)
         return taken < 0 ? -1 : 0;
-    if (record_is(rec, RECORD_MOTN) && x->opt.glb_head)
+    if (record_is(rec, RECORD_MOTN) && x->opt.file[EXPORT_GLB_HEAD])
         return export_take_motion(x, rec, err);
-    if (record_is(rec, RECORD_MESH) && x->opt.obj)
+    if (record_is(rec, RECORD_MESH) && x->opt.file[EXPORT_OBJ])
         return export_write_obj(x, rec, err);
     return 0;
 }
 
-/* An option was given and nothing for it came. */
-static int export_lacking(const char *option, bool asked, bool done,
-                          const char *record, struct error *err)
-{
-    if (!asked || done)
-        return 0;
-    return error_set(err, EX_DATAERR,
-                     "nothing for %s in this stream (expected %s records%s)",
-                     option, record, ", of the frame chosen if any");
-}
-
 int export_finish(struct export *x, struct error *err)
 {
-    const struct export_options *o = &x->opt;
+    const char *const *file = x->opt.file;
 
-    if (o->glb_head) {
+    if (file[EXPORT_GLB_HEAD]) {
         if (export_fold(x, err) || export_add_texture(x, err) ||
-            export_head_write(&x->skinned, o->glb_head, err) ||
-            drawn_head_compare(&x->drawn_head, o->glb_head,
+            export_head_write(&x->skinned, file[EXPORT_GLB_HEAD], err) ||
+            drawn_head_compare(&x->drawn_head, file[EXPORT_GLB_HEAD],
                                x->shown ? x->shown : x->skinned.position,
                                &x->head, err))
             return -1;
         x->files++;
     }
-    if (o->html) {
+    for (int k = EXPORT_HTML; k <= EXPORT_WEB; k++) {
+        const bool page = k == EXPORT_HTML;
+
+        if (!file[k])
+            continue;
         if (export_fold(x, err) ||
-            page_write(&x->page, o->html, o->player, &x->id, &x->person,
-                       &x->page_bytes, err))
+            page_write(&x->page, file[k], page ? x->opt.player : NULL, &x->id,
+                       &x->person, page ? &x->page_bytes : NULL, err))
             return -1;
         x->files++;
     }
-    if (o->web) {
-        if (export_fold(x, err) ||
-            page_write(&x->page, o->web, NULL, &x->id, &x->person, NULL, err))
-            return -1;
-        x->files++;
-    }
-    if (export_lacking("--ply", o->ply, x->done.ply, RECORD_GAUS, err) ||
-        export_lacking("--ply-compressed", o->ply_packed, x->done.ply_packed,
-                       RECORD_GAUS, err) ||
-        export_lacking("--splat", o->splat, x->done.splat, RECORD_GAUS, err) ||
-        export_lacking("--glb-splats", o->glb_splats, x->done.glb_splats,
-                       RECORD_GAUS, err) ||
-        export_lacking("--obj", o->obj, x->done.obj, RECORD_MESH, err))
-        return -1;
+    for (int k = 0; k < EXPORT_KINDS; k++)
+        if (file[k] && kinds[k].record && !x->done[k])
+            return error_set(err, EX_DATAERR, "nothing for %s in this stream "
+                             "(expected %s records, of the frame chosen if "
+                             "any)", kinds[k].option, kinds[k].record);
     return 0;
 }

@@ -13,12 +13,19 @@
 #include "lib/splat/scene.h"
 #include "lib/stream/stream.h"
 
-/* Where to write; NULL: not asked for.  A name with a %d conversion (such as
- * face_%06d.ply) makes a file per frame; any other holds the frame chosen. */
+/* What can be written: Gaussians, in the order of enum drawn_format; a mesh;
+ * the animated head, the page, and the page's arrays alone. */
+enum export_kind {
+    EXPORT_PLY, EXPORT_SPLAT, EXPORT_GLB_SPLATS, EXPORT_PLY_PACKED, EXPORT_OBJ,
+    EXPORT_GLB_HEAD, EXPORT_HTML, EXPORT_WEB, EXPORT_KINDS
+};
+
+/* Where to write; NULL: not asked for.  Up to EXPORT_OBJ a name with a %d
+ * conversion (such as face_%06d.ply) makes a file per frame; any other holds
+ * the frame chosen. */
 struct export_options {
-    const char *ply, *ply_packed, *splat, *glb_splats, *obj, *glb_head;
-    const char *html, *player;  /* the page, and the template it is made of */
-    const char *web;            /* the page's arrays alone */
+    const char *file[EXPORT_KINDS];
+    const char *player;     /* the template that the page is made of */
     long frame;             /* the frame for names without %d; -1: the first */
     bool model_space;       /* PLY: not turned to y down */
     struct export_head_options head;
@@ -40,9 +47,7 @@ struct export {
     struct drawn_head drawn_head;
     float *shown;           /* (V,3) the first frame of the animation as we
                              * have it, metres before glTF's camera */
-    struct {                /* a file of the kind has been written */
-        bool ply, ply_packed, splat, glb_splats, obj;
-    } done;
+    bool done[EXPORT_KINDS];    /* a file of the kind has been written */
 };
 
 /* Check the options (EX_USAGE) and load the head from head_path when the

@@ -328,15 +328,15 @@ int page_write(const struct page *p, const char *path,
     page_pack_mesh(k, id);
     page_pack_motion(k, p, person);
     const char *const meta[] = {"format", "spid-page", "names", names, NULL};
-    if (k->failed)
-        rc = error_set(err, EX_OSERR, "out of memory for a page");
-    else if (template_path)
+    if (arena_check(&k->memory, "a page", err))
+        goto out;
+    if (template_path)
         rc = pagefile_write(path, template_path, k->tensor, k->count, meta,
                             bytes, err);
     else
         rc = st_save(path, k->tensor, k->count, meta, err);
 out:
-    page_pack_release(k);
+    arena_release(&k->memory);
     free(k);
     return rc;
 }

@@ -1,36 +1,26 @@
 /* Packing: what a browser unpacks in lib/export/web/archive.js. */
 #include "lib/export/page_pack.h"
 
+#include <assert.h>
 #include <math.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
-
-void page_pack_release(struct pack *k)
-{
-    for (size_t i = 0; i < k->count; i++)
-        free(k->owned[i]);
-}
 
 void *page_pack_add(struct pack *k, const char *name, enum st_dtype dtype,
                     size_t d0, size_t d1, const void *data)
 {
     const size_t count = d0 * (d1 ? d1 : 1);
-    const size_t bytes = count * st_dtype_size(dtype), i = k->count;
-    void *copy = k->failed || i == PACK_MAX ? NULL : malloc(bytes + 1);
+    const char *own = arena_text(&k->memory, name);
+    void *copy = arena_take(&k->memory, count, st_dtype_size(dtype));
 
-    if (!copy) {
-        k->failed = true;
+    if (!own || !copy)
         return NULL;
-    }
+    assert(k->count < PACK_MAX);
     if (data)
-        memcpy(copy, data, bytes);
-    snprintf(k->name[i], sizeof k->name[i], "%s", name);
-    k->owned[i] = copy;
-    k->tensor[i] = (struct st_tensor){
-        .name = k->name[i], .dtype = dtype, .ndim = d1 ? 2 : 1,
-        .dim = {d0, d1}, .count = count, .data = copy};
-    k->count++;
+        memcpy(copy, data, count * st_dtype_size(dtype));
+    k->tensor[k->count++] = (struct st_tensor){
+        .name = own, .dtype = dtype, .ndim = d1 ? 2 : 1, .dim = {d0, d1},
+        .count = count, .data = copy};
     return copy;
 }
 
@@ -53,25 +43,39 @@ static void page_pack_range(float range[2], const float *x, size_t n,
     range[1] = hi;
 }
 
-void page_pack_columns(struct pack *k, const char *name, const float *x,
-                       size_t n, size_t stride, size_t K)
+/* Room for K rows of n numbers in 16 bits, and for their ranges. */
+static bool page_pack_open(uint16_t **to, float **range, struct pack *k,
+                           const char *name, size_t K, size_t n)
 {
     char range_name[24];
 
     snprintf(range_name, sizeof range_name, "%s.range", name);
-    uint16_t *to = page_pack_add(k, name, ST_U16, K, n, NULL);
-    float *range = page_pack_add(k, range_name, ST_F32, K, 2, NULL);
-    if (!to || !range)
-        return;
-    for (size_t c = 0; c < K; c++) {
-        float *r = range + 2 * c;
+    *to = page_pack_add(k, name, ST_U16, K, n, NULL);
+    *range = page_pack_add(k, range_name, ST_F32, K, 2, NULL);
+    return *to && *range;
+}
 
-        page_pack_range(r, x + c, n, stride);
-        double step = r[1] > r[0] ? 65534 / ((double)r[1] - r[0]) : 0;
-        for (size_t i = 0; i < n; i++)
-            to[c * n + i] = (uint16_t)lrint((x[i * stride + c] - r[0]) *
-                                            step);
-    }
+/* One of the rows. */
+static void page_pack_row(uint16_t *to, float r[2], const float *x, size_t n,
+                          size_t stride)
+{
+    page_pack_range(r, x, n, stride);
+    const double step = r[1] > r[0] ? 65534 / ((double)r[1] - r[0]) : 0;
+
+    for (size_t i = 0; i < n; i++)
+        to[i] = (uint16_t)lrint((x[i * stride] - r[0]) * step);
+}
+
+void page_pack_columns(struct pack *k, const char *name, const float *x,
+                       size_t n, size_t stride, size_t K)
+{
+    uint16_t *to;
+    float *range;
+
+    if (!page_pack_open(&to, &range, k, name, K, n))
+        return;
+    for (size_t c = 0; c < K; c++)
+        page_pack_row(to + c * n, range + 2 * c, x + c, n, stride);
 }
 
 /* Directions of the head's posing layout, each a row: name (K,3V). */
@@ -79,23 +83,16 @@ static void page_pack_directions(struct pack *k, const char *name,
                                  const struct head *h, const float *dirs,
                                  size_t K)
 {
-    char range_name[24];
-    float *row = malloc((3 * h->V + 1) * sizeof *row);
+    const size_t n = 3 * h->V;
+    float *row = arena_take(&k->memory, n, sizeof *row), *range;
+    uint16_t *to;
 
-    snprintf(range_name, sizeof range_name, "%s.range", name);
-    uint16_t *to = page_pack_add(k, name, ST_U16, K, 3 * h->V, NULL);
-    float *range = page_pack_add(k, range_name, ST_F32, K, 2, NULL);
-    k->failed |= !row;
-    for (size_t d = 0; to && range && row && d < K; d++) {
-        float *r = range + 2 * d;
-
+    if (!page_pack_open(&to, &range, k, name, K, n) || !row)
+        return;
+    for (size_t d = 0; d < K; d++) {
         head_direction(row, h, dirs, K, d);
-        page_pack_range(r, row, 3 * h->V, 1);
-        double step = r[1] > r[0] ? 65534 / ((double)r[1] - r[0]) : 0;
-        for (size_t i = 0; i < 3 * h->V; i++)
-            to[3 * h->V * d + i] = (uint16_t)lrint((row[i] - r[0]) * step);
+        page_pack_row(to + n * d, range + 2 * d, row, n, 1);
     }
-    free(row);
 }
 
 void page_pack_picture(struct pack *k, const char *name, const uint8_t *pixel,
@@ -116,17 +113,16 @@ void page_pack_picture(struct pack *k, const char *name, const uint8_t *pixel,
 static void page_pack_skin(struct pack *k, const char *name,
                            const struct head *h)
 {
-    float *w = malloc((HEAD_JOINTS * h->V + 1) * sizeof *w);
+    float *w = arena_take(&k->memory, HEAD_JOINTS * h->V, sizeof *w);
 
-    k->failed |= !w;
-    for (size_t v = 0; w && v < h->V; v++)
+    if (!w)
+        return;
+    for (size_t v = 0; v < h->V; v++)
         for (size_t j = 0; j < HEAD_JOINTS; j++)
             w[HEAD_JOINTS * v + j] =
                 h->skin[(v / HEAD_BLOCK * HEAD_JOINTS + j) * HEAD_BLOCK +
                         v % HEAD_BLOCK];
-    if (w)
-        page_pack_columns(k, name, w, h->V, HEAD_JOINTS, HEAD_JOINTS);
-    free(w);
+    page_pack_columns(k, name, w, h->V, HEAD_JOINTS, HEAD_JOINTS);
 }
 
 void page_pack_head(struct pack *k, const struct identity *id)

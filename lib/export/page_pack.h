@@ -8,23 +8,21 @@
 #include <stdint.h>
 
 #include "formats/safetensors.h"
+#include "lib/base/arena.h"
 #include "lib/head/lbs.h"
 
 #define PACK_MAX 96            /* arrays of an archive */
 
-/* With the memory they own; zeroed: none. */
+/* In memory whose `failed` says that it was short, which the owner gives back;
+ * zeroed: none. */
 struct pack {
+    struct arena memory;
     struct st_tensor tensor[PACK_MAX];
     size_t count;
-    char name[PACK_MAX][24];
-    void *owned[PACK_MAX];
-    bool failed;                /* memory was short */
 };
 
-/* Free what it holds. */
-void page_pack_release(struct pack *k);
 /* An array (d0, d1) of `bytes`, copied, or to be filled in where data is NULL;
- * d1 0: one dimension.  NULL where memory is short, which *k remembers. */
+ * d1 0: one dimension.  NULL where memory is short. */
 void *page_pack_add(struct pack *k, const char *name, enum st_dtype dtype,
                     size_t d0, size_t d1, const void *data);
 /* Columns of x (n rows of `stride` numbers, the first K of them) one after the
