@@ -60,6 +60,7 @@ static const struct cli_usage usage = {
     options
 };
 
+/* What packed records are not asked to say: who made them, and units. */
 #define CONF_TEXT "{\"producer\":\"spid-pack " SPID_VERSION "\"," \
     "\"units\":\"metres times 5\"}"
 
@@ -83,12 +84,6 @@ static double pack_frame_rate(void)
     return fps > 0 ? fps : 25;
 }
 
-/* What the packed records are not asked to say: who made them, and units. */
-static int pack_put_conf(struct pack *p, struct error *err)
-{
-    return conf_text_write(p->out, CONF_TEXT, err);
-}
-
 /* The sink of every source: records go out as they come. */
 static int pack_put_record(const struct record *rec, void *context,
                            struct error *err)
@@ -96,7 +91,7 @@ static int pack_put_record(const struct record *rec, void *context,
     struct pack *p = context;
 
     if (p->records++ == 0 && !raw && !record_is(rec, RECORD_CONF) &&
-        pack_put_conf(p, err))
+        conf_text_write(p->out, CONF_TEXT, err))
         return -1;
     progress("record", p->records, 0, NULL);
     double begun = stats_begin();

@@ -240,13 +240,6 @@ static cmsUInt32Number colour_format(cmsHPROFILE profile,
     return 0;
 }
 
-/* Nothing that is left, and what colour_open returns. */
-static struct colour *colour_give_up(struct colour *c)
-{
-    colour_close(c);
-    return NULL;
-}
-
 /* Whether no colour becomes another by more than a level: nine levels of each
  * channel, in all combinations. */
 static bool colour_is_srgb(const struct colour *c, struct colour_pixels p)
@@ -294,9 +287,10 @@ struct colour *colour_open(const struct colour_tag *tag,
         cmsCloseProfile(to);
     }
     cmsCloseProfile(from);
-    if (!c || !c->transform || colour_is_srgb(c, pixels))
-        return colour_give_up(c);
-    return c;
+    if (c && c->transform && !colour_is_srgb(c, pixels))
+        return c;
+    colour_close(c);
+    return NULL;
 }
 
 void colour_close(struct colour *c)

@@ -13,14 +13,6 @@
 #include "formats/png.h"
 #include "lib/base/kept.h"
 
-/* PNG is read as from pipes. */
-static int image_read_png(struct image *im, FILE *fp, const char *path,
-                          struct error *err)
-{
-    return png_read_next(im, fp, IMAGE_MAX_PIXELS, err)
-               ? error_prefix(err, "%s", path) : 0;
-}
-
 /* From what can be read again. */
 static int image_read_file(struct image *im, const char *path,
                            struct error *err)
@@ -36,8 +28,9 @@ static int image_read_file(struct image *im, const char *path,
     second = getc(fp);
     rewind(fp);
     if (first == 0x89 || (first == 0xff && second == 0xd8)) {
-        rc = first == 0x89 ? image_read_png(im, fp, path, err)
-                           : jpeg_read(im, fp, path, err);
+        rc = first == 0xff ? jpeg_read(im, fp, path, err)
+             : png_read_next(im, fp, IMAGE_MAX_PIXELS, err)
+                 ? error_prefix(err, "%s", path) : 0;
         fclose(fp);
         return rc;
     }

@@ -78,12 +78,6 @@ static bool st_write_all(FILE *f, const char *json, struct save *s,
     return ok && !fflush(f);
 }
 
-/* A device or a pipe has nothing to sync (EINVAL). */
-static bool st_write_sync(FILE *f)
-{
-    return !fsync(fileno(f)) || errno == EINVAL;
-}
-
 int st_write(FILE *f, const struct st_tensor *tensors, size_t count,
              const char *const *meta, struct error *err)
 {
@@ -117,7 +111,9 @@ int st_save_from(const char *path, const struct st_tensor *tensors,
     if (!json) {
         error_set(err, EX_OSERR, "%s: out of memory", path);
     } else if (outfile_open(&out, path, err) == 0) {
-        if (st_write_all(out.file, json, &save, err) && st_write_sync(out.file))
+        /* a device or a pipe has nothing to sync (EINVAL) */
+        if (st_write_all(out.file, json, &save, err) &&
+            (!fsync(fileno(out.file)) || errno == EINVAL))
             rc = outfile_close(&out, err);
         else if (!save.unfetched)
             outfile_error(&out, err);

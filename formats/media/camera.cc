@@ -14,12 +14,6 @@ extern "C" {
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
 
-/* OpenCV prints what it thinks; our messages say it instead. */
-static void camera_opencv_silence()
-{
-    cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
-}
-
 struct camera : video_reader {
     cv::VideoCapture capture;
     cv::Mat bgr, rgb;
@@ -84,7 +78,8 @@ struct video_reader *camera_open(const char *path, struct error *err)
 {
     camera *c = nullptr;
 
-    camera_opencv_silence();
+    /* OpenCV prints what it thinks; our messages say it instead */
+    cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
     try {
         c = new camera();
         c->by = &camera_functions;

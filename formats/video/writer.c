@@ -21,8 +21,8 @@ struct writer_codec {
     enum AVPixelFormat pixels;
     const char *name;           /* of the encoder, or NULL: the first */
     const char *options;        /* key=value:... of the encoder */
-    int step;                   /* times in so many parts of a second; 0: in
-                                 * steps of the rate */
+    int step;                   /* times in so many parts of a second, of
+                                 * frames of RGB; 0: in steps of the rate */
 };
 
 /* What a file of an ending is, the best first. */
@@ -128,12 +128,6 @@ static enum AVPixelFormat writer_plain(const struct video_writer *v)
     return v->opt.alpha ? AV_PIX_FMT_RGBA : AV_PIX_FMT_RGB24;
 }
 
-/* Whether the codec's frames are RGB, not YUV. */
-static bool writer_is_rgb(const struct writer_codec *w)
-{
-    return w->step > 0;
-}
-
 /* An encoder as it will be used; a libav error number. */
 static int writer_try(struct video_writer *v, const struct writer_codec *w)
 {
@@ -146,7 +140,7 @@ static int writer_try(struct video_writer *v, const struct writer_codec *w)
 
     if (!c)
         return AVERROR_ENCODER_NOT_FOUND;
-    const bool even = !writer_is_rgb(w);
+    const bool even = w->step == 0;     /* YUV */
 
     c->width = (int)(v->opt.width + (even && v->opt.width % 2));
     c->height = (int)(v->opt.height + (even && v->opt.height % 2));

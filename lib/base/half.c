@@ -17,17 +17,6 @@ float bf16_to_float(uint16_t h)
     return f;
 }
 
-/* To nearest, ties to even, by adding just under half of what is cut off. */
-uint16_t float_to_bf16(float f)
-{
-    uint32_t u;
-
-    memcpy(&u, &f, 4);
-    if ((u & 0x7fffffff) > 0x7f800000)           /* NaN stays NaN */
-        return (uint16_t)(u >> 16 | 0x40);
-    return (uint16_t)((u + 0x7fff + (u >> 16 & 1)) >> 16);
-}
-
 /* A subnormal half is a normal float, a multiple of 2^-24; for the rest the
  * exponent's bias changes from 15 to 127. */
 float half_to_float(uint16_t h)
@@ -49,7 +38,8 @@ void half_to_floats(float *out, const void *in, size_t n)
     CPU_PICK(half_widen)(out, in, n);
 }
 
-/* As float_to_bf16, with the bias changed back; what is below the smallest
+/* To nearest, ties to even, by adding just under half of what is cut off, with
+ * the bias changed back; what is below the smallest
  * normal half is rounded as a multiple of 2^-24. */
 uint16_t float_to_half(float f)
 {

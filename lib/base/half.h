@@ -17,7 +17,5 @@ ISA_VERSIONS(half_widen_fn, half_widen);
 uint16_t float_to_half(float f);
 /* Exact: a bfloat16 is the upper half of a float. */
 float bf16_to_float(uint16_t h);
-/* To the nearest bfloat16, ties to even. */
-uint16_t float_to_bf16(float f);
 
 #endif

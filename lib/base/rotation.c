@@ -239,17 +239,6 @@ void rotation_exp(float R[9], const float r[3])
     rotation_numbers_narrow(R, Rd, 9);
 }
 
-void rotation_exp_backward(float dr[3], const float dR[9], const float r[3])
-{
-    double rd[3], dRd[9], drd[3] = {0};
-
-    rotation_numbers_widen(rd, r, 3);
-    rotation_numbers_widen(dRd, dR, 9);
-    rotation_exp_backward_d(drd, dRd, rd);
-    for (int i = 0; i < 3; i++)
-        dr[i] += (float)drd[i];
-}
-
 /* Angle with the public code's offset, and k = r / angle. */
 static double rotation_rodrigues_axis(double k[3], double shifted[3],
                                       const double r[3])
@@ -348,18 +337,6 @@ void rotation_log(float r[3], const float R[9])
     rotation_numbers_widen(Rd, R, 9);
     rotation_log_d(rd, Rd);
     rotation_numbers_narrow(r, rd, 3);
-}
-
-void rotation_quat_d(double R[9], const double q[4])
-{
-    double n = sqrt(q[0] * q[0] + dot3_d(q + 1, q + 1));
-    double u[4];
-
-    for (int i = 0; i < 4; i++)
-        u[i] = q[i] / (n > TINY ? n : TINY);
-    /* of a unit quaternion: (1 - 2|v|^2) I + 2w [v]x + 2 v v^T */
-    rotation_assemble(R, 1 - 2 * dot3_d(u + 1, u + 1), 2 * u[0], 2,
-                      u + 1);
 }
 
 double rotation_distance(const float A[9], const float B[9])

@@ -29,8 +29,6 @@ void rotation_exp(float R[9], const float r[3]);
 /* rotation_exp in double precision. */
 void rotation_exp_d(double R[9], const double r[3]);
 /* dr (3) += gradient, given dR (3,3); a series takes over near 0. */
-void rotation_exp_backward(float dr[3], const float dR[9], const float r[3]);
-/* The same in double precision. */
 void rotation_exp_backward_d(double dr[3], const double dR[9],
                              const double r[3]);
 
@@ -47,8 +45,6 @@ void rotation_log(float r[3], const float R[9]);
 /* The same in double precision. */
 void rotation_log_d(double r[3], const double R[9]);
 
-/* R from q = w,x,y,z of any length (divided by max(|q|, 1e-12)). */
-void rotation_quat_d(double R[9], const double q[4]);
 /* Unit quaternion w,x,y,z with w >= 0 of a rotation. */
 void rotation_to_quat(float q[4], const float R[9]);
 

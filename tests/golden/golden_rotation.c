@@ -12,7 +12,7 @@ struct form {
     size_t n;                   /* numbers per input row */
     void (*forward)(double *R, const double *x);
     void (*backward)(double *dx, const double *dR, const double *x);
-    void (*forward_f)(float *R, const float *x);      /* NULL: double only */
+    void (*forward_f)(float *R, const float *x);      /* NULL: double only, */
     void (*backward_f)(float *dx, const float *dR, const float *x);
     double grad_rel;            /* tolerance of the double gradient */
 };
@@ -33,10 +33,6 @@ static void aa_back(double *dx, const double *dR, const double *x)
     rotation_exp_backward_d(dx, dR, x);
 }
 static void aa_f(float *R, const float *x) { rotation_exp(R, x); }
-static void aa_back_f(float *dx, const float *dR, const float *x)
-{
-    rotation_exp_backward(dx, dR, x);
-}
 static void rotation_eps(double *R, const double *x)
 {
     rotation_rodrigues_eps_d(R, x);
@@ -107,7 +103,8 @@ static void run_group(struct golden *g, const char *group,
         if (!f->forward_f)
             continue;
         f->forward_f(R32, xf + n * r);
-        f->backward_f(dx32, dR32, xf + n * r);
+        if (f->backward_f)
+            f->backward_f(dx32, dR32, xf + n * r);
         for (size_t i = 0; i < 9; i++)
             Rf[9 * r + i] = R32[i];
         for (size_t i = 0; i < n; i++)
@@ -119,7 +116,7 @@ static void run_group(struct golden *g, const char *group,
         compare_rows(g, name, Rf, rows, 9, 0, "f32");
     snprintf(name, sizeof name, "%s%s.grad", group, f->suffix);
     compare_rows(g, name, dx, rows, n, f->grad_rel, "f64");
-    if (f->forward_f)
+    if (f->backward_f)
         compare_rows(g, name, dxf, rows, n, 0, "f32");
     free(xf);
     free(x);
@@ -134,7 +131,7 @@ static void run_rotation(struct golden *g)
     static const struct form six = {"",   6,         rotation_d6, d6_back,
                                     d6_f, d6_back_f, 1e-9};
     static const struct form exact = {".quat", 3, rotation_aa, aa_back, aa_f,
-                                      aa_back_f, 1e-9};
+                                      NULL, 1e-9};
     static const struct form shifted
         = {".rodrigues_eps", 3, rotation_eps, eps_back, NULL, NULL, 1e-7};
     static const char *const d6_groups[] = {"d6.rand", "d6.ident",

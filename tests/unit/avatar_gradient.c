@@ -15,6 +15,7 @@
 #include "lib/head/lbs.h"
 #include "lib/lab/head/avatar_make.h"
 #include "tests/check.h"
+#include "tests/reference/rotation.h"
 #include "tests/unit/shipped_mouth.h"
 #include "tests/unit/sphere_head.h"
 

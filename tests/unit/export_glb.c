@@ -12,6 +12,7 @@
 #include "lib/export/export_head.h"
 #include "lib/base/rotation.h"
 #include "tests/check.h"
+#include "tests/reference/rotation.h"
 
 enum { V = 96, NSHAPE = 2, NEXP = 3, N = 500 };
 

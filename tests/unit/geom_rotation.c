@@ -8,6 +8,7 @@
 #include "lib/base/relative_pose.h"
 #include "lib/base/rotation.h"
 #include "tests/check.h"
+#include "tests/reference/rotation.h"
 
 typedef void (*forward)(double *R, const double *x);
 typedef void (*backward)(double *dx, const double *dR, const double *x);
