@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "lib/base/parallel.h"
+#include "lib/base/vec3.h"
 
 /* Each half and twice: tests/bench/README.md, "The constants of hidden hair". */
 #define RISE 0.1f       /* head units, 2 cm: halfway from short hair to long */
@@ -15,7 +16,8 @@
 #define SWEEPS 20       /* of Jacobi's: over about four vertices, 3 cm */
 #define STEP 0.7f       /* of the way each goes: less than whole, or Jacobi's may
                          * swing */
-#define TALL 0.2f       /* head units: hair beside the head is followed so far */
+#define TALL 0.2f       /* head units: hair beside the head, and a neck's edge, is
+                         * followed so far */
 #define FIRM 10         /* weight of a height on the outline, for one of a step */
 #define LOOSE 0.1f      /* of the styles': 1 / sqrt(LOOSE) vertices, 2 cm, away from
                          * the outline a third is left of what it asks for */
@@ -153,6 +155,40 @@ static float relief_follow(const struct source_picture *picture,
     return TALL * (float)part / PARTS;
 }
 
+/* How far vertex v has to go along its normal, inwards, to be within the person;
+ * 0 where the picture ends first. */
+static float relief_draw_in(const struct source_picture *picture,
+                            const struct source_mesh *mesh, size_t v)
+{
+    for (int part = 0; part < PARTS; part++) {
+        const float height = -TALL * (float)part / PARTS;
+        float place[2], rgba[4];
+
+        relief_place(place, mesh, v, height);
+        if (!source_picture_contains(picture, place))
+            return 0;
+        source_picture_sample(rgba, picture, place, 1);
+        if (rgba[3] >= 0.5f)
+            return height;
+    }
+    return -TALL;
+}
+
+/* height (V), which comes as zeros: as near to want (V) as weight (V) asks for, and to
+ * its neighbours'.  sum (V) scratch. */
+static void relief_spread(float *height, const float *want, const float *weight,
+                          float *sum, const struct densify *d)
+{
+    for (int sweep = 0; sweep < SPREAD; sweep++) {
+        memset(sum, 0, d->V * sizeof *sum);
+        for (size_t h = 0; h < 2 * d->E; h++)
+            sum[d->edge[h]] += height[d->edge[h ^ 1]];
+        for (size_t v = 0; v < d->V; v++)
+            height[v] = (sum[v] / (float)d->degree[v] + weight[v] * want[v]) /
+                        (1 + weight[v] + LOOSE);
+    }
+}
+
 void relief_meet(float *relief, const float *rim, const float *hair,
                  const struct material_colors *colors,
                  const struct source_picture *picture,
@@ -172,16 +208,22 @@ void relief_meet(float *relief, const float *rim, const float *hair,
         if (weight[v] > 0)
             want[v] = relief_follow(picture, mesh, colors, v) - relief[v];
     }
-    for (int sweep = 0; sweep < SPREAD; sweep++) {
-        memset(sum, 0, d->V * sizeof *sum);
-        for (size_t h = 0; h < 2 * d->E; h++)
-            sum[d->edge[h]] += more[d->edge[h ^ 1]];
-        for (size_t v = 0; v < d->V; v++)
-            more[v] = (sum[v] / (float)d->degree[v] + weight[v] * want[v]) /
-                      (1 + weight[v] + LOOSE);
-    }
-    for (size_t v = 0; v < d->V; v++)
+    relief_spread(more, want, weight, sum, d);
+    const int32_t *region = mesh->head->region;
+    for (size_t v = 0; v < d->V; v++) {
+        float place[2];
+
         relief[v] = fmaxf(relief[v] + hair[v] * more[v], 0);
+        more[v] = want[v] = weight[v] = 0;
+        if (rim[v] > 0 && region && region[v] == REGION_NECK &&
+            relief_is_outside(place, picture, mesh, v)) {
+            weight[v] = FIRM * rim[v];
+            want[v] = relief_draw_in(picture, mesh, v);
+        }
+    }
+    relief_spread(more, want, weight, sum, d);
+    for (size_t v = 0; v < d->V; v++)
+        relief[v] += more[v];
 }
 
 void relief_drape(float *offset, float *tmp, const float *relief,
@@ -200,7 +242,7 @@ void relief_drape(float *offset, float *tmp, const float *relief,
         }
         for (size_t i = 0; i < 3 * d->V; i++) {
             const size_t v = i / 3;
-            const float by = STEP * fminf(relief[v] / SOFT, 1);
+            const float by = STEP * clampf(relief[v] / SOFT, 0, 1);
 
             offset[i] += by * (tmp[i] / (float)d->degree[v] - mesh->verts[i] -
                                offset[i]);

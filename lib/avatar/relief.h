@@ -3,7 +3,9 @@
  * mesh rises on its outline until it meets that of the hair, and less and less away
  * from there.  People who wear their hair alike wear it about as far off the head
  * (head_avatar.h's styles), so that the side which is hidden rises by what people of
- * scans have there, as far as it would not have been seen. */
+ * scans have there, as far as it would not have been seen.  A neck's width no shape
+ * knows, since the scans end above it: where the mesh's is beyond the person, it is
+ * drawn in, or a spur of it would stand beside the neck of a head that turns. */
 #ifndef SPID_AVATAR_RELIEF_H
 #define SPID_AVATAR_RELIEF_H
 
@@ -44,7 +46,8 @@ void relief_limit(float *relief, const float *front,
 /* The heights where that is hair's (hair (V): its chance) which differ least from
  * relief as it comes, and from each other in how far they do, so that the mesh's
  * outline (rim (V): how far a vertex lies there) meets that of the hair by its colours
- * (MATERIALS): a screened Poisson equation on the mesh.  scratch (4,V). */
+ * (MATERIALS): a screened Poisson equation on the mesh.  Likewise, below 0, those with
+ * which the neck's outline is within the person.  scratch (4,V). */
 void relief_meet(float *relief, const float *rim, const float *hair,
                  const struct material_colors *colors,
                  const struct source_picture *picture,

@@ -312,7 +312,7 @@ static void relief_eliminate(double *x, double *A, double *b, size_t n)
 }
 
 /* A row of vertices a tenth apart that ends on the mesh's outline, in a picture with
- * 0.115 of hair beside it, or with nobody there. */
+ * 0.115 of hair beside it, with nobody there, or with a person who ends before it. */
 static void relief_row(void)
 {
     enum { ALL = 12, N = 16, RIM = ALL - 1 };
@@ -323,7 +323,8 @@ static void relief_row(void)
     double A[ALL * ALL] = {0}, b[ALL] = {0}, x[ALL], off = 0;
     const struct material_colors colors[MATERIALS] = {{0}};     /* nothing known */
     uint8_t colours[3 * N * N] = {0}, matte[N * N];
-    const struct head h = {.V = ALL};
+    int32_t region[ALL] = {0};
+    const struct head h = {.V = ALL, .region = region};
     const struct source_mesh mesh = {
         .head = &h, .n = N, .verts = verts, .normals = normals, .depth = depth,
         .cam = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 11}};
@@ -366,6 +367,22 @@ static void relief_row(void)
     source_picture_set(&p, colours, matte, NULL, false);
     relief_meet(relief, rim, hair, colors, &p, &mesh, &d, room);
     check("nobody there: none", relief[RIM], 0.01);
+
+    /* a neck that reaches 0.115 beyond the person */
+    for (size_t v = 0; v < ALL; v++) {
+        relief[v] = hair[v] = 0;
+        region[v] = REGION_NECK;
+    }
+    for (size_t i = 0; i < N * N; i++)
+        matte[i] = i % N < N / 2 - 1 ? 255 : 0;
+    source_picture_set(&p, colours, matte, NULL, false);
+    relief_meet(relief, rim, hair, colors, &p, &mesh, &d, room);
+    check_range("a neck is within the person", relief[RIM], -0.13, -0.11);
+    check_range("less of it further in", relief[RIM - 4], -0.08, -0.02);
+    memset(relief, 0, sizeof relief);
+    region[RIM] = REGION_SKIN;
+    relief_meet(relief, rim, hair, colors, &p, &mesh, &d, room);
+    check("not so a face, which has a shape", fabsf(relief[RIM]), 0);
     densify_release(&d);
     source_picture_release(&p);
 }
