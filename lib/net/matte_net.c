@@ -3,45 +3,36 @@
 #include "lib/net/matte_net.h"
 
 #include <math.h>
-#include <string.h>
-
-#include "lib/nn/image.h"
 
 void matte_net_init(struct matte_net *m, struct params *ps,
                     const char *prefix, size_t side, size_t width)
 {
-    memset(m, 0, sizeof *m);
+    struct tape *t = &m->net.tape;
+
     m->side = side;
     small_backbone_init(&m->net, ps, prefix, 4, side / 2, width);
+    tape_to_space(t, t->count - 1, 2);
 }
 
 int matte_net_plan(struct matte_net *m, size_t batch, struct nn_options opt,
                    struct error *err)
 {
-    m->batch = batch;
-    if (small_backbone_plan(&m->net, batch, m->side, opt, err))
-        return -1;
-    m->cell = nn_plan_floats(&m->net.plan, batch * m->side * m->side);
-    return nn_plan_finish(&m->net.plan, err);
+    return small_backbone_plan(&m->net, batch, m->side, opt, err);
 }
 
 void matte_net_release(struct matte_net *m)
 {
     small_backbone_release(&m->net);
-    memset(m, 0, sizeof *m);
 }
 
 void matte_net_forward(float *logit, const float *rgb, struct matte_net *m)
 {
-    small_backbone_forward(m->cell, rgb, &m->net);
-    depth_to_space(logit, m->cell, m->batch, m->side / 2, m->side / 2, 1, 2);
+    small_backbone_forward(logit, rgb, &m->net);
 }
 
-/* In the forward pass: logit = depth_to_space(cell). */
 void matte_net_backward(const float *dlogit, struct matte_net *m)
 {
-    space_to_depth(m->cell, dlogit, m->batch, m->side, m->side, 1, 2);
-    small_backbone_backward(m->cell, &m->net);
+    small_backbone_backward(dlogit, &m->net);
 }
 
 double matte_net_alpha(float logit)
@@ -72,6 +63,6 @@ void matte_net_graph(struct graph *g, const struct matte_net *m)
     int picture = GRAPH_INPUT(g, "picture", 1, S, S, 3);
     int x = small_backbone_graph(g, picture, S, &m->net);
 
-    x = graph_act(g, graph_to_space(g, x, 2), ACT_SIGMOID);
+    x = graph_act(g, x, ACT_SIGMOID);
     GRAPH_OUTPUT(g, graph_rows(g, x), "alpha", 1, S, S, 1);
 }

@@ -13,8 +13,7 @@
 
 struct matte_net {
     struct small_backbone net;
-    size_t batch, side;
-    float *cell;                /* (B,side/2,side/2,4) logits */
+    size_t side;
 };
 
 /* Declare the tensors, "<prefix>down.0.weight" and on: pictures of side x

@@ -2,14 +2,11 @@
  * blocks, norms folded into the weights for inference. */
 #include "lib/net/mobilenet.h"
 
-#include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 
 #include "lib/nn/depthwise.h"
 #include "lib/nn/squeeze_excite.h"
-
-#define BLOCKS 18
 
 /* One block as the table describes it; stage 255 ends the table.  expand 0 is
  * a depthwise-separable block, kernel 0 the last 1x1. */
@@ -71,64 +68,197 @@ static const struct mobilenet_variant {
       { 0, 1, 2, 4, 6 } },
 };
 
-/* A convolution, its batch norm, its activation. */
+/* ---- its steps: a convolution, its batch norm, its activation ------------- */
+
+/* It may be added to what a second map holds, the block's input. */
 struct mobilenet_unit {
     bool depthwise;
     struct conv conv;
     struct depthwise dw;
     struct batch_norm bn;
     enum nn_act act;
-    size_t C, h, w;               /* of the output */
-    float *z, *y;                 /* before and after norm and activation */
+    float *z;                     /* before norm and activation; NULL: these
+                                   * are folded in */
 };
 
-struct mobilenet_block {
-    bool expand, se, residual, last;
-    unsigned char stage;
-    struct mobilenet_unit up, dw, down;
-    struct squeeze_excite squeeze;
-    float *gated;                 /* the squeeze's output */
-    const float *in;
-};
-
-struct mobilenet_impl {
-    const struct mobilenet_variant *v;
-    struct nn_plan plan;
-    struct mobilenet_unit stem;
-    struct mobilenet_block block[BLOCKS];
-    size_t blocks;
-    const float *rgb;
-    float *mean_part;
-    float *grad[3];               /* gradients on their way */
-};
-
-/* ---- declaring ----------------------------------------------------------- */
-
-/* Tensors under `at`: a convolution named conv, its norm named bn. */
-static void mobilenet_unit_init(struct mobilenet_unit *u,
-                                struct mobilenet_impl *im, struct params *ps,
-                                const char *at, const char *conv,
-                                const char *bn, size_t in, size_t out,
-                                size_t kernel, size_t stride, enum nn_act act,
-                                bool depthwise)
+static void mobilenet_unit_plan(struct tape_step *s, struct nn_plan *p)
 {
+    struct mobilenet_unit *u = s->layer;
+    const bool fold = !nn_plan_backward(p);
+
+    u->conv.act = u->dw.act = fold ? u->act : ACT_NONE;
+    u->conv.norm = u->dw.norm = fold ? &u->bn : NULL;
+    u->conv.add = fold && s->reads == 2;
+    if (u->depthwise)
+        depthwise_plan(&u->dw, p, s->batch, s->h, s->w);
+    else
+        conv_plan(&u->conv, p, s->batch, s->h, s->w);
+    s->h = u->depthwise ? u->dw.oh : u->conv.oh;
+    s->w = u->depthwise ? u->dw.ow : u->conv.ow;
+    u->z = fold ? NULL : nn_plan_map(p, tape_count(s));
+    if (!fold)
+        batch_norm_plan(&u->bn, p, s->batch * s->h * s->w);
+}
+
+static void mobilenet_unit_forward(struct tape_step *s)
+{
+    struct mobilenet_unit *u = s->layer;
+    const float *x = s->of[0]->x, *onto = s->reads == 2 ? s->of[1]->x : NULL;
+    float *z = u->z ? u->z : s->out;
+
+    if (onto && !u->z && s->out != onto)
+        memcpy(s->out, onto, tape_count(s) * sizeof *onto);
+    if (u->depthwise)
+        depthwise_forward(z, x, &u->dw);
+    else
+        conv_forward(z, x, &u->conv);
+    if (u->z)
+        batch_norm_forward(s->out, z, onto, &u->bn);
+}
+
+static void mobilenet_unit_backward(float *to, struct tape_step *s, int k)
+{
+    struct mobilenet_unit *u = s->layer;
+
+    if (k == 1) {
+        memcpy(to, s->d, tape_count(s) * sizeof *to);
+        return;
+    }
+    batch_norm_backward(s->d, s->d, u->z, &u->bn);
+    if (u->depthwise)
+        depthwise_backward(to, s->d, s->of[0]->x, &u->dw);
+    else
+        conv_backward(to, s->d, u->z, s->of[0]->x, &u->conv);
+}
+
+static int mobilenet_unit_graph(struct graph *g, const int *in,
+                                const struct tape_step *s)
+{
+    const struct mobilenet_unit *u = s->layer;
+    struct conv plain = u->conv;
+    int x;
+
+    plain.act = ACT_NONE;         /* a plan may have moved the norm's there */
+    x = u->depthwise ? graph_depthwise(g, in[0], &u->dw)
+                     : graph_conv(g, in[0], &plain);
+    x = graph_batch_norm(g, x, &u->bn);
+    return s->reads == 2 ? GRAPH_NODE(g, "Add", x, in[1]) : x;
+}
+
+static const struct tape_op unit_op = {
+    sizeof(struct mobilenet_unit), 0, true, mobilenet_unit_plan,
+    mobilenet_unit_forward, mobilenet_unit_backward, mobilenet_unit_graph
+};
+static const struct tape_op unit_onto_op = {
+    sizeof(struct mobilenet_unit), 2, true, mobilenet_unit_plan,
+    mobilenet_unit_forward, mobilenet_unit_backward, mobilenet_unit_graph
+};
+
+/* ---- squeeze and excite, and the mean -------------------------------------- */
+
+static void mobilenet_squeeze_plan(struct tape_step *s, struct nn_plan *p)
+{
+    squeeze_excite_plan(s->layer, p, s->batch, s->h * s->w);
+}
+
+static void mobilenet_squeeze(struct tape_step *s)
+{
+    squeeze_excite_forward(s->out, s->of[0]->x, s->layer);
+}
+
+static void mobilenet_squeeze_backward(float *to, struct tape_step *s, int k)
+{
+    squeeze_excite_backward(to, s->d, s->of[k]->x, s->layer);
+}
+
+static int mobilenet_squeeze_graph(struct graph *g, const int *in,
+                                   const struct tape_step *s)
+{
+    return graph_squeeze_excite(g, in[0], s->layer);
+}
+
+static const struct tape_op squeeze_op = {
+    sizeof(struct squeeze_excite), 1, true, mobilenet_squeeze_plan,
+    mobilenet_squeeze, mobilenet_squeeze_backward, mobilenet_squeeze_graph
+};
+
+struct mobilenet_mean {
+    float *part;
+};
+
+static void mobilenet_mean_plan(struct tape_step *s, struct nn_plan *p)
+{
+    struct mobilenet_mean *l = s->layer;
+
+    s->h = s->w = 1;
+    l->part = nn_plan_floats(p, NN_PARTS * tape_count(s));
+}
+
+static void mobilenet_mean(struct tape_step *s)
+{
+    const struct mobilenet_mean *l = s->layer;
+    const struct tape_step *a = s->of[0];
+
+    spatial_mean_forward(s->out, l->part, a->x, a->batch, a->h * a->w,
+                         a->channels);
+}
+
+static void mobilenet_mean_backward(float *to, struct tape_step *s, int k)
+{
+    const struct tape_step *a = s->of[k];
+
+    spatial_mean_backward(to, s->d, a->batch, a->h * a->w, a->channels);
+}
+
+static int mobilenet_mean_graph(struct graph *g, const int *in,
+                                const struct tape_step *s)
+{
+    (void)s;
+    return graph_mean(g, in[0]);
+}
+
+static const struct tape_op mean_op = {
+    sizeof(struct mobilenet_mean), 0, false, mobilenet_mean_plan,
+    mobilenet_mean, mobilenet_mean_backward, mobilenet_mean_graph
+};
+
+/* ---- declaring --------------------------------------------------------------- */
+
+/* What all units of a network share, and where the next block's tensors are. */
+struct mobilenet_place {
+    struct tape *tape;
+    const struct mobilenet_variant *v;
+    char at[120];
+};
+
+/* A unit on x, added to `onto` (-1: to nothing): a convolution named conv, its
+ * norm named bn. */
+static int mobilenet_unit(const struct mobilenet_place *m, int x, int onto,
+                          const char *conv, const char *bn, size_t out,
+                          size_t kernel, size_t stride, enum nn_act act,
+                          bool depthwise)
+{
+    const enum conv_pad pad = m->v->same ? CONV_SAME : CONV_HALF;
+    struct tape *t = m->tape;
+    const size_t in = tape_channels(t, x);
+    const int map = onto < 0 ? TAPE_STEP(t, &unit_op, x)
+                             : TAPE_STEP(t, &unit_onto_op, x, onto);
+    struct mobilenet_unit *u = t->map[map]->layer;
     char name[120];
-    enum conv_pad pad = im->v->same ? CONV_SAME : CONV_HALF;
 
     u->depthwise = depthwise;
-    u->C = out;
     u->act = act;
-    nn_name(name, "%s%s", at, conv);
-    if (depthwise) {
-        depthwise_init(&u->dw, ps, name, out, kernel, stride);
-        u->dw.pad = pad;
-    } else {
-        conv_init(&u->conv, ps, name, in, out, kernel, stride, false);
-        u->conv.pad = pad;
-    }
-    nn_name(name, "%s%s", at, bn);
-    batch_norm_init(&u->bn, ps, name, out, im->v->same ? 1e-3f : NORM_EPS);
+    nn_name(name, "%s%s", m->at, conv);
+    if (depthwise)
+        depthwise_init(&u->dw, t->ps, name, out, kernel, stride);
+    else
+        conv_init(&u->conv, t->ps, name, in, out, kernel, stride, false);
+    u->conv.pad = u->dw.pad = pad;
+    nn_name(name, "%s%s", m->at, bn);
+    batch_norm_init(&u->bn, t->ps, name, out, m->v->same ? 1e-3f : NORM_EPS);
     u->bn.act = act;
+    t->map[map]->channels = out;
+    return map;
 }
 
 /* The multiple of 8 next to C, never less than nine tenths of it. */
@@ -140,379 +270,105 @@ static size_t mobilenet_channels(double C)
     return (double)n < 0.9 * C ? n + 8 : n;
 }
 
-/* base: the table's channels before this row; in: this network's. */
-static void mobilenet_block_init(struct mobilenet_block *b,
-                                 struct mobilenet_impl *im, struct params *ps,
-                                 const char *at, const struct mobilenet_row *r,
-                                 size_t base, size_t in)
+/* Expansion, depthwise, squeeze and excite, projection.  base: the table's
+ * channels before this row. */
+static int mobilenet_block(const struct mobilenet_place *m, int x,
+                           const struct mobilenet_row *r, size_t base)
 {
-    char name[120];
-    enum nn_act act = r->hs ? ACT_HARDSWISH : ACT_RELU;
-    size_t out = mobilenet_channels(r->out * im->v->width);
+    struct tape *t = m->tape;
+    const enum nn_act act = r->hs ? ACT_HARDSWISH : ACT_RELU;
+    const size_t out = mobilenet_channels(r->out * m->v->width);
+    const size_t in = tape_channels(t, x);
     size_t mid = r->expand ? mobilenet_channels((double)(in * r->expand) /
                                                 (double)base)
                            : in;
+    const int onto = r->stride == 1 && in == out ? x : -1;
+    char name[120];
 
-    b->stage = r->stage;
-    b->expand = r->expand;
-    b->se = r->se;
-    b->last = r->kernel == 0;
-    b->residual = !b->last && r->stride == 1 && in == out;
-    if (b->last) {
-        mobilenet_unit_init(&b->down, im, ps, at, "conv", "bn1", in, out, 1, 1,
-                            act, false);
-        return;
-    }
-    if (b->expand)
-        mobilenet_unit_init(&b->up, im, ps, at, "conv_pw", "bn1", in, mid, 1,
-                            1, act, false);
-    mobilenet_unit_init(&b->dw, im, ps, at, "conv_dw",
-                        b->expand ? "bn2" : "bn1", mid, mid, r->kernel,
-                        r->stride, act, true);
-    if (b->se)
-        squeeze_excite_init(&b->squeeze, ps, nn_name(name, "%sse", at), mid,
+    if (r->kernel == 0)
+        return mobilenet_unit(m, x, -1, "conv", "bn1", out, 1, 1, act, false);
+    if (r->expand)
+        x = mobilenet_unit(m, x, -1, "conv_pw", "bn1", mid, 1, 1, act, false);
+    x = mobilenet_unit(m, x, -1, "conv_dw", r->expand ? "bn2" : "bn1", mid,
+                       r->kernel, r->stride, act, true);
+    if (r->se) {
+        x = TAPE_STEP(t, &squeeze_op, x);
+        squeeze_excite_init(t->map[x]->layer, t->ps,
+                            nn_name(name, "%sse", m->at), mid,
                             mobilenet_channels((double)(mid / 4)));
-    mobilenet_unit_init(&b->down, im, ps, at,
-                        b->expand ? "conv_pwl" : "conv_pw",
-                        b->expand ? "bn3" : "bn2", mid, out, 1, 1, ACT_NONE,
-                        false);
+    }
+    return mobilenet_unit(m, x, onto, r->expand ? "conv_pwl" : "conv_pw",
+                          r->expand ? "bn3" : "bn2", out, 1, 1, ACT_NONE,
+                          false);
+}
+
+/* The variant of that name; NULL: none. */
+static const struct mobilenet_variant *mobilenet_find(const char *name)
+{
+    for (size_t i = 0; i < sizeof variants / sizeof *variants; i++)
+        if (!strcmp(variants[i].name, name))
+            return &variants[i];
+    return NULL;
 }
 
 int mobilenet_init(struct mobilenet *m, struct params *ps, const char *prefix,
                    const char *variant, struct error *err)
 {
-    char at[120];
-    const struct mobilenet_variant *v = NULL;
+    const struct mobilenet_variant *v = mobilenet_find(variant);
+    struct mobilenet_place place = {.tape = &m->tape, .v = v};
+    size_t base = 16, index = 0;
 
     memset(m, 0, sizeof *m);
-    for (size_t i = 0; i < sizeof variants / sizeof *variants; i++)
-        if (!strcmp(variants[i].name, variant))
-            v = &variants[i];
     if (!v)
         return error_set(err, EX_CONFIG, "unknown network '%s' (expected "
                          "mobilenetv3_small_100, mobilenetv3_small_150, "
                          "tf_mobilenetv3_small_minimal_100 or "
                          "tf_mobilenetv3_large_minimal_100)",
                          variant);
-    struct mobilenet_impl *im = calloc(1, sizeof *im);
-    if (!im)
-        return error_set(err, EX_OSERR, "out of memory");
-    m->impl = im;
-    im->v = v;
-    size_t base = 16, in = mobilenet_channels(base * v->width), index = 0;
-    mobilenet_unit_init(&im->stem, im, ps, prefix, "conv_stem", "bn1", 3, in,
-                        3, 2, v->stem_hs ? ACT_HARDSWISH : ACT_RELU, false);
+    m->variant = v->name;
+    tape_init(&m->tape, ps, 3, false);
+    nn_name(place.at, "%s", prefix);
+    int x = mobilenet_unit(&place, 0, -1, "conv_stem", "bn1",
+                           mobilenet_channels(base * v->width), 3, 2,
+                           v->stem_hs ? ACT_HARDSWISH : ACT_RELU, false);
+    for (int i = 0; i < 5; i++)
+        m->stage[i] = x;
     for (const struct mobilenet_row *r = v->rows; r->stage != 255; r++) {
         index = r > v->rows && r->stage == r[-1].stage ? index + 1 : 0;
-        nn_name(at, "%sblocks.%d.%zu.", prefix, r->stage, index);
-        struct mobilenet_block *b = &im->block[im->blocks++];
-        mobilenet_block_init(b, im, ps, at, r, base, in);
+        nn_name(place.at, "%sblocks.%d.%zu.", prefix, r->stage, index);
+        x = mobilenet_block(&place, x, r, base);
         base = r->out;
-        in = b->down.C;
+        for (int i = 0; i < 5; i++)
+            if (r->stage <= v->stage[i])
+                m->stage[i] = x;
     }
-    m->features = in;
-    return 0;
-}
-
-int mobilenet_copy(struct mobilenet *m, const struct mobilenet *of,
-                   struct error *err)
-{
-    *m = *of;
-    m->impl = malloc(sizeof *m->impl);
-    if (!m->impl)
-        return error_set(err, EX_OSERR, "out of memory");
-    *m->impl = *of->impl;
+    m->features = tape_channels(&m->tape, x);
+    TAPE_STEP(&m->tape, &mean_op, x);
     return 0;
 }
 
 void mobilenet_release(struct mobilenet *m)
 {
-    struct mobilenet_impl *im = m->impl;
-
-    if (!im)
-        return;
-    nn_plan_release(&im->plan);
-    free(im);
+    tape_release(&m->tape);
     memset(m, 0, sizeof *m);
 }
 
-/* ---- planning ------------------------------------------------------------ */
-
-/* One unit; add: the block's input is added to what it gives. */
-static void mobilenet_unit_plan(struct mobilenet_unit *u, struct nn_plan *p,
-                                size_t batch, size_t h, size_t w, bool add)
-{
-    bool train = nn_plan_backward(p);
-
-    if (u->depthwise) {
-        u->dw.act = train ? ACT_NONE : u->act;
-        u->dw.norm = train ? NULL : &u->bn;
-        depthwise_plan(&u->dw, p, batch, h, w);
-        u->h = u->dw.oh;
-        u->w = u->dw.ow;
-    } else {
-        u->conv.act = train ? ACT_NONE : u->act;
-        u->conv.add = !train && add;
-        u->conv.norm = train ? NULL : &u->bn;
-        conv_plan(&u->conv, p, batch, h, w);
-        u->h = u->conv.oh;
-        u->w = u->conv.ow;
-    }
-    size_t rows = batch * u->h * u->w;
-    if (train) {
-        batch_norm_plan(&u->bn, p, rows);
-        u->z = nn_plan_map(p, rows * u->C);
-    }
-    if (!train && add)
-        return;                   /* added to the block's input in place */
-    u->y = nn_plan_map(p, rows * u->C);
-}
-
-/* Returns the largest map of the block, in floats. */
-static size_t mobilenet_block_plan(struct mobilenet_block *b,
-                                   struct nn_plan *p, size_t batch, size_t *h,
-                                   size_t *w, float **x)
-{
-    size_t max = 0, n;
-    float *in = *x;
-
-    b->in = in;
-    if (b->last) {
-        mobilenet_unit_plan(&b->down, p, batch, *h, *w, false);
-        *x = b->down.y;
-        return batch * *h * *w * b->down.C;
-    }
-    if (b->expand) {
-        mobilenet_unit_plan(&b->up, p, batch, *h, *w, false);
-        max = batch * *h * *w * b->up.C;
-    }
-    mobilenet_unit_plan(&b->dw, p, batch, *h, *w, false);
-    if (b->expand)
-        nn_plan_recycle(p, b->up.y);
-    *h = b->dw.h;
-    *w = b->dw.w;
-    n = batch * *h * *w * b->dw.C;
-    max = n > max ? n : max;
-    b->gated = b->dw.y;
-    if (b->se) {
-        squeeze_excite_plan(&b->squeeze, p, batch, *h * *w);
-        if (nn_plan_backward(p))
-            b->gated = nn_plan_map(p, n);
-    }
-    mobilenet_unit_plan(&b->down, p, batch, *h, *w, b->residual);
-    nn_plan_recycle(p, b->dw.y);
-    if (!nn_plan_backward(p) && b->residual)
-        b->down.y = in;
-    else
-        nn_plan_recycle(p, in);
-    *x = b->down.y;
-    return max;
-}
+/* ---- use ----------------------------------------------------------------------- */
 
 int mobilenet_plan(struct mobilenet *m, size_t batch, size_t height,
                    size_t width, struct nn_options opt, struct error *err)
 {
-    struct mobilenet_impl *im = m->impl;
-    struct nn_plan *p = &im->plan;
-
-    nn_plan_release(p);
-    nn_plan_init(p, opt);
-    m->batch = batch;
-    m->height = height;
-    m->width = width;
-    mobilenet_unit_plan(&im->stem, p, batch, height, width, false);
-    size_t h = im->stem.h, w = im->stem.w, max = batch * h * w * im->stem.C;
-    float *x = im->stem.y;
-    for (size_t i = 0; i < im->blocks; i++) {
-        size_t n = mobilenet_block_plan(&im->block[i], p, batch, &h, &w, &x);
-
-        max = n > max ? n : max;
-    }
-    m->out_h = h;
-    m->out_w = w;
-    im->mean_part = nn_plan_floats(p, batch * NN_PARTS * m->features);
-    if (nn_plan_backward(p))
-        for (size_t i = 0; i < 3; i++)
-            im->grad[i] = nn_plan_floats(p, max);
-    return nn_plan_finish(p, err);
-}
-
-/* ---- one pass ------------------------------------------------------------ */
-
-/* Returns the unit's output; res (or NULL) is added to it. */
-static float *mobilenet_unit_forward(struct mobilenet_unit *u, const float *x,
-                                     const float *res, bool train)
-{
-    float *z = train ? u->z : u->y;
-
-    if (u->depthwise)
-        depthwise_forward(z, x, &u->dw);
-    else
-        conv_forward(z, x, &u->conv);
-    if (train)
-        batch_norm_forward(u->y, z, res, &u->bn);
-    return u->y;
-}
-
-/* Expansion, depthwise, squeeze and excite, projection; returns the output. */
-static const float *mobilenet_block_forward(struct mobilenet_block *b,
-                                            const float *x, bool train)
-{
-    const float *in = x;
-
-    b->in = x;
-    if (b->last)
-        return mobilenet_unit_forward(&b->down, x, NULL, train);
-    if (b->expand)
-        x = mobilenet_unit_forward(&b->up, x, NULL, train);
-    x = mobilenet_unit_forward(&b->dw, x, NULL, train);
-    if (b->se) {
-        squeeze_excite_forward(b->gated, x, &b->squeeze);
-        x = b->gated;
-    }
-    return mobilenet_unit_forward(&b->down, x, b->residual ? in : NULL, train);
+    return tape_plan(&m->tape, batch, height, width, opt, err);
 }
 
 void mobilenet_forward(float *pooled, const float *rgb, struct mobilenet *m)
 {
-    struct mobilenet_impl *im = m->impl;
-    bool train = nn_plan_backward(&im->plan);
-
-    im->rgb = rgb;
-    const float *x = mobilenet_unit_forward(&im->stem, rgb, NULL, train);
-    for (size_t i = 0; i < im->blocks; i++)
-        x = mobilenet_block_forward(&im->block[i], x, train);
-    spatial_mean_forward(pooled, im->mean_part, x, m->batch,
-                         m->out_h * m->out_w, m->features);
-}
-
-/* dy is overwritten; dx (or NULL) is written. */
-static void mobilenet_unit_backward(float *dx, float *dy, const float *x,
-                                    struct mobilenet_unit *u)
-{
-    batch_norm_backward(dy, dy, u->z, &u->bn);
-    if (u->depthwise)
-        depthwise_backward(dx, dy, x, &u->dw);
-    else
-        conv_backward(dx, dy, u->z, x, &u->conv);
-}
-
-/* g[0] holds the gradient of the block's output; on return, of its input.
- * The three buffers change places. */
-static void mobilenet_block_backward(float *g[3], struct mobilenet_block *b)
-{
-    float *dy = g[0], *s = g[1], *t = g[2];
-    size_t n = b->down.C * b->down.h * b->down.w;
-
-    if (b->last) {
-        mobilenet_unit_backward(s, dy, b->in, &b->down);
-        g[0] = s;
-        g[1] = dy;
-        return;
-    }
-    if (b->residual) {            /* dy is needed again at the end */
-        n *= b->down.bn.rows / (b->down.h * b->down.w);
-        memcpy(t, dy, n * sizeof *t);
-        mobilenet_unit_backward(s, t, b->gated, &b->down);
-    } else {
-        mobilenet_unit_backward(s, dy, b->gated, &b->down);
-    }
-    if (b->se)
-        squeeze_excite_backward(s, s, b->dw.y, &b->squeeze);
-    if (b->expand) {
-        mobilenet_unit_backward(t, s, b->up.y, &b->dw);
-        mobilenet_unit_backward(s, t, b->in, &b->up);
-    } else {
-        mobilenet_unit_backward(t, s, b->in, &b->dw);
-        float *swap = s;
-        s = t;
-        t = swap;
-    }
-    if (b->residual)
-        for (size_t i = 0; i < n; i++)
-            s[i] += dy[i];
-    g[0] = s;
-    g[1] = t;
-    g[2] = dy;
-}
-
-/* im->grad[0] holds the gradient of the last stage's map. */
-static void mobilenet_blocks_backward(float *drgb, struct mobilenet *m)
-{
-    struct mobilenet_impl *im = m->impl;
-
-    for (size_t i = im->blocks; i-- > 0;)
-        mobilenet_block_backward(im->grad, &im->block[i]);
-    mobilenet_unit_backward(drgb, im->grad[0], im->rgb, &im->stem);
+    tape_forward(pooled, rgb, &m->tape);
 }
 
 void mobilenet_backward(float *drgb, const float *dpooled,
                         struct mobilenet *m)
 {
-    spatial_mean_backward(m->impl->grad[0], dpooled, m->batch,
-                          m->out_h * m->out_w, m->features);
-    mobilenet_blocks_backward(drgb, m);
-}
-
-void mobilenet_backward_features(float *drgb, const float *dfeatures,
-                                 struct mobilenet *m)
-{
-    memcpy(m->impl->grad[0], dfeatures, m->batch * m->out_h * m->out_w *
-           m->features * sizeof *dfeatures);
-    mobilenet_blocks_backward(drgb, m);
-}
-
-const float *mobilenet_stage(size_t shape[4], const struct mobilenet *m,
-                             int stage)
-{
-    const struct mobilenet_impl *im = m->impl;
-    const struct mobilenet_unit *u = &im->stem;
-
-    for (size_t i = 0; i < im->blocks; i++)
-        if (im->block[i].stage <= im->v->stage[stage])
-            u = &im->block[i].down;
-    shape[0] = m->batch;
-    shape[1] = u->h;
-    shape[2] = u->w;
-    shape[3] = u->C;
-    return u->y;
-}
-
-/* ---- as a graph ---------------------------------------------------------- */
-
-static int mobilenet_unit_graph(struct graph *g, int x,
-                                const struct mobilenet_unit *u)
-{
-    struct conv plain = u->conv;
-
-    plain.act = ACT_NONE;         /* a plan may have moved the norm's there */
-    x = u->depthwise ? graph_depthwise(g, x, &u->dw)
-                     : graph_conv(g, x, &plain);
-    return graph_batch_norm(g, x, &u->bn);
-}
-
-static int mobilenet_block_graph(struct graph *g, int in,
-                                 const struct mobilenet_block *b)
-{
-    int x = in;
-
-    if (b->last)
-        return mobilenet_unit_graph(g, x, &b->down);
-    if (b->expand)
-        x = mobilenet_unit_graph(g, x, &b->up);
-    x = mobilenet_unit_graph(g, x, &b->dw);
-    if (b->se)
-        x = graph_squeeze_excite(g, x, &b->squeeze);
-    x = mobilenet_unit_graph(g, x, &b->down);
-    return b->residual ? GRAPH_NODE(g, "Add", x, in) : x;
-}
-
-int mobilenet_graph(struct graph *g, int maps, const struct mobilenet *m)
-{
-    const struct mobilenet_impl *im = m->impl;
-    int x = mobilenet_unit_graph(g, maps, &im->stem);
-
-    for (size_t i = 0; i < im->blocks; i++)
-        x = mobilenet_block_graph(g, x, &im->block[i]);
-    return graph_mean(g, x);
+    tape_backward(drgb, &(struct tape_seed){m->tape.count - 1, dpooled}, 1,
+                  &m->tape);
 }

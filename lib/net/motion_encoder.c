@@ -2,6 +2,7 @@
  * linear heads. */
 #include "lib/net/motion_encoder.h"
 
+#include <stdio.h>
 #include <string.h>
 
 #include "lib/base/parallel.h"
@@ -25,9 +26,9 @@ int motion_encoder_init(struct motion_encoder *m, struct params *ps,
 
     memset(m, 0, sizeof *m);
     m->ps = ps;
-    nn_name(name, "%sencoder.", prefix);
-    if (mobilenet_init(&m->net, ps, name, variant, err) ||
-        mobilenet_copy(&m->second, &m->net, err))
+    snprintf(m->prefix, sizeof m->prefix, "%s", prefix);
+    if (mobilenet_init(&m->net, ps, nn_name(name, "%sencoder.", prefix),
+                       variant, err))
         return -1;
     for (int i = 0; i < 6; i++) {
         nn_name(name, "%s%s", prefix, heads[i].name);
@@ -77,6 +78,7 @@ int motion_encoder_plan(struct motion_encoder *m, size_t batch,
                         struct nn_options opt, struct error *err)
 {
     size_t S = MOTION_ENCODER_SIZE;
+    char name[120];
 
     nn_plan_release(&m->plan);
     nn_plan_init(&m->plan, opt);
@@ -87,8 +89,13 @@ int motion_encoder_plan(struct motion_encoder *m, size_t batch,
     m->dout = nn_plan_floats(&m->plan, batch * MOTION_OUT);
     /* more crops are for training, whose layers have work for all threads */
     m->apart = batch == 2 && opt.mode == NN_INFER;
-    if (nn_plan_finish(&m->plan, err) ||
-        (m->apart && mobilenet_plan(&m->second, 1, S, S, opt, err)))
+    if (nn_plan_finish(&m->plan, err))
+        return -1;
+    if (m->apart && !m->second.variant &&
+        mobilenet_init(&m->second, m->ps, nn_name(name, "%sencoder.", m->prefix),
+                       m->net.variant, err))
+        return -1;
+    if (m->apart && mobilenet_plan(&m->second, 1, S, S, opt, err))
         return -1;
     return mobilenet_plan(&m->net, m->apart ? 1 : batch, S, S, opt, err);
 }
@@ -166,7 +173,7 @@ void motion_encoder_graph(struct graph *g, const struct motion_encoder *m)
 {
     const size_t S = MOTION_ENCODER_SIZE;
     int picture = GRAPH_INPUT(g, "picture", 1, S, S, 3);
-    int pooled = mobilenet_graph(g, graph_maps(g, picture), &m->net);
+    int pooled = tape_graph(g, graph_maps(g, picture), 0, &m->net.tape);
     int part[6];
 
     for (int i = 0; i < 6; i++) {

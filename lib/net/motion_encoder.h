@@ -30,6 +30,7 @@ struct motion_encoder {
                                    * each has a thread; NN_INFER only */
     bool apart;                   /* planned so */
     struct params *ps;
+    char prefix[32];              /* of its tensors */
     struct dense head[6];
     struct dense confidence;      /* confidence_head.h; zeroed: none */
     bool has_rest;                /* motion_encoder_add_rest was called */

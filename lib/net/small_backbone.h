@@ -4,24 +4,11 @@
 #ifndef SPID_NET_SMALL_BACKBONE_H
 #define SPID_NET_SMALL_BACKBONE_H
 
-#include "lib/nn/conv.h"
-#include "lib/nn/graph.h"
-#include "lib/nn/rescale.h"
-
-#define SMALL_LEVELS 5
+#include "lib/nn/tape.h"
 
 struct small_backbone {
-    struct nn_plan plan;
-    size_t features, size, batch, input;
-    size_t channels[SMALL_LEVELS], side[SMALL_LEVELS];
-    struct conv down[SMALL_LEVELS];   /* 0: the stem */
-    struct conv same[SMALL_LEVELS];   /* 1..4: residual */
-    struct conv up[SMALL_LEVELS];     /* 3..0 */
-    struct rescale enlarge, grow[SMALL_LEVELS];
-    float *large, *x;                 /* (B,2n,2n,3), (B,n,n,12) */
-    float *a[SMALL_LEVELS], *b[SMALL_LEVELS];
-    float *u[SMALL_LEVELS], *v[SMALL_LEVELS];
-    float *da[SMALL_LEVELS], *db[SMALL_LEVELS], *dv[SMALL_LEVELS], *dx;
+    struct tape tape;
+    size_t size;
 };
 
 /* Declare the tensors: C_f features of size x size, channels by width. */
@@ -33,7 +20,8 @@ int small_backbone_plan(struct small_backbone *s, size_t batch, size_t input,
                         struct nn_options opt, struct error *err);
 /* Free what _init and _plan allocated; zeroed then. */
 void small_backbone_release(struct small_backbone *s);
-/* features (B,size,size,features) from rgb (B,input,input,3) in [0,1]. */
+/* features (B,size,size,features) from rgb (B,input,input,3) in [0,1]; they
+ * stay until the backward. */
 void small_backbone_forward(float *features, const float *rgb,
                             struct small_backbone *s);
 /* The weights' gradients; the picture has none. */

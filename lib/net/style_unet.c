@@ -1,12 +1,146 @@
-/* StyleUNet (GAGAvatar's upsampler): its layers and their buffers; one pass is
- * in style_unet_pass.c. */
+/* StyleUNet (GAGAvatar's upsampler) as steps of a tape, after those that it
+ * alone has. */
 #include "lib/net/style_unet.h"
 
+#include <math.h>
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/parallel.h"
+#include "lib/nn/style.h"
 
-size_t style_unet_width(const struct style_unet *s, size_t side)
+#define EPS 1e-8
+#define CHUNK 16384              /* values that a thread takes at once */
+
+/* ---- its own steps: x scale + shift ------------------------------------------ */
+
+/* y = a b (+ c, or NULL), maps of n values. */
+PARALLEL(style_unet_product_part, k, float *, y, const float *, a,
+         const float *, b, const float *, c, size_t, n)
+{
+    const size_t end = (k + 1) * CHUNK < n ? (k + 1) * CHUNK : n;
+
+    if (c) {
+#pragma omp simd
+        for (size_t i = k * CHUNK; i < end; i++)
+            y[i] = a[i] * b[i] + c[i];
+        return;
+    }
+#pragma omp simd
+    for (size_t i = k * CHUNK; i < end; i++)
+        y[i] = a[i] * b[i];
+}
+
+static void style_unet_product(float *y, const float *a, const float *b,
+                               const float *c, size_t n)
+{
+    parallel_each(style_unet_product_part, (n + CHUNK - 1) / CHUNK, 1, y, a, b,
+                  c, n);
+}
+
+static void style_unet_transform(struct tape_step *s)
+{
+    style_unet_product(s->out, s->of[0]->x, s->of[1]->x, s->of[2]->x,
+                       tape_count(s));
+}
+
+static void style_unet_transform_backward(float *to, struct tape_step *s, int k)
+{
+    if (k == 2)
+        memcpy(to, s->d, tape_count(s) * sizeof *to);
+    else
+        style_unet_product(to, s->d, s->of[1 - k]->x, NULL, tape_count(s));
+}
+
+static const struct tape_op transform_op = {
+    0, 1, false, NULL, style_unet_transform, style_unet_transform_backward, NULL
+};
+
+/* ---- x rsqrt(mean(x^2) + eps), each row -------------------------------------- */
+
+static void style_unet_unit(struct tape_step *s)
+{
+    const size_t Z = s->channels;
+
+    for (size_t n = 0; n < s->batch; n++) {
+        const float *x = s->of[0]->x + n * Z;
+        double sum = 0;
+
+        for (size_t i = 0; i < Z; i++)
+            sum += (double)x[i] * (double)x[i];
+        const double unit = 1 / sqrt(sum / (double)Z + EPS);
+        for (size_t i = 0; i < Z; i++)
+            s->out[n * Z + i] = (float)((double)x[i] * unit);
+    }
+}
+
+static void style_unet_unit_backward(float *to, struct tape_step *s, int k)
+{
+    const size_t Z = s->channels;
+
+    for (size_t n = 0; n < s->batch; n++, to += Z) {
+        const float *x = s->of[k]->x + n * Z, *d = s->d + n * Z;
+        double sum = 0, along = 0;
+
+        for (size_t i = 0; i < Z; i++) {
+            sum += (double)x[i] * (double)x[i];
+            along += (double)x[i] * (double)d[i];
+        }
+        const double m = sum / (double)Z + EPS, unit = 1 / sqrt(m);
+        for (size_t i = 0; i < Z; i++)
+            to[i] = (float)(unit * ((double)d[i] - (double)x[i] * along /
+                                                       (m * (double)Z)));
+    }
+}
+
+static const struct tape_op unit_op = {
+    0, 0, false, NULL, style_unet_unit, style_unet_unit_backward, NULL
+};
+
+/* ---- 4x4 pixels that are learned ---------------------------------------------- */
+
+struct style_constant {
+    struct params *ps;
+    size_t tensor;              /* (1,C,4,4) */
+};
+
+static void style_unet_constant_plan(struct tape_step *s, struct nn_plan *p)
+{
+    (void)p;
+    s->h = s->w = 4;
+}
+
+static void style_unet_constant(struct tape_step *s)
+{
+    const struct style_constant *l = s->layer;
+    const float *w = param_w(l->ps, l->tensor);
+    const size_t C = s->channels;
+
+    for (size_t i = 0; i < tape_count(s); i++)
+        s->out[i] = w[i % C * 16 + i / C % 16];
+}
+
+static void style_unet_constant_backward(float *to, struct tape_step *s, int k)
+{
+    const struct style_constant *l = s->layer;
+    float *g = param_g(l->ps, l->tensor);
+    const size_t C = s->channels;
+
+    (void)to;
+    (void)k;
+    for (size_t i = 0; i < tape_count(s); i++)
+        g[i % C * 16 + i / C % 16] += s->d[i];
+}
+
+static const struct tape_op constant_op = {
+    sizeof(struct style_constant), 0, true, style_unet_constant_plan,
+    style_unet_constant, style_unet_constant_backward, NULL
+};
+
+/* ---- the network --------------------------------------------------------------- */
+
+/* Channels of the encoder at a side; the decoder has twice as many. */
+static size_t style_unet_width(const struct style_unet *s, size_t side)
 {
     size_t full = side <= 32 ? 256 : 8192 / side;
     size_t n = (size_t)((float)full * s->multiplier + 0.5f);
@@ -14,102 +148,201 @@ size_t style_unet_width(const struct style_unet *s, size_t side)
     return n < 8 ? 8 : (n + 7) / 8 * 8;
 }
 
-/* ---- declaring ----------------------------------------------------------- */
-
-/* StyleGAN2's decoder: style layers, constant input, levels from 4x4 on. */
-static void style_unet_decoder_init(struct style_unet *s, const char *prefix)
+/* A convolution or linear layer with leaky ReLU and the gain that goes with
+ * it. */
+static int style_unet_lrelu(struct tape *t, int map)
 {
-    struct params *ps = s->ps;
-    char at[120], name[120], noise[120];
-    size_t C = 2 * style_unet_width(s, 4), Z = s->latent;
-    size_t constant[4] = { 1, C, 4, 4 };
+    struct conv *c = tape_layer(t, map);
 
-    nn_name(at, "%sstylegan_decoder.", prefix);
-    for (size_t i = 0; i < 8; i++) {
-        linear_init(&s->mlp[i], ps,
-                    nn_name(name, "%sstyle_mlp.%zu", at, 2 * i + 1), Z, Z);
-        s->mlp[i].act = ACT_LRELU;
-        ps->tensor[s->mlp[i].weight].gain = ACT_LRELU_GAIN;
+    c->act = ACT_LRELU;
+    t->ps->tensor[c->weight].gain = ACT_LRELU_GAIN;
+    return map;
+}
+
+/* h = lrelu(conv1 x), resized to side; lrelu(conv2 h) + skip(x resized). */
+static int style_unet_residual(struct tape *t, int x, const char *at,
+                               size_t out, size_t side, bool up)
+{
+    char name[120];
+    int h = tape_conv(t, x, nn_name(name, "%s.conv1", at), tape_channels(t, x),
+                      3, true);
+
+    h = tape_rescale(t, style_unet_lrelu(t, h), RESCALE_BILINEAR, side, side);
+    h = style_unet_lrelu(t, tape_conv(t, h, nn_name(name, "%s.conv2", at), out,
+                                      3, true));
+    nn_name(name, "%s.skip", at);
+    if (up) {                     /* the 1x1 is cheaper before enlarging */
+        x = tape_conv(t, x, name, out, 1, false);
+        x = tape_rescale(t, x, RESCALE_BILINEAR, side, side);
+    } else {
+        x = tape_rescale(t, x, RESCALE_BILINEAR, side, side);
+        x = tape_conv(t, x, name, out, 1, false);
     }
-    s->constant = params_add(ps, nn_name(name, "%sconstant_input.weight", at),
-                             4, constant, PARAM_NORMAL, 1);
-    style_conv_init(&s->conv1, ps, nn_name(name, "%sstyle_conv1", at),
-                    nn_name(noise, "%snoises.noise0", at), 4, C, C, Z, false);
-    to_rgb_init(&s->rgb1, ps, nn_name(name, "%sto_rgb1", at), C, Z, true);
+    return tape_add(t, h, x, ACT_NONE);
+}
+
+/* Two convolutions that make a scale (bias 1) or a shift (bias 0). */
+static int style_unet_condition(struct tape *t, int x, const char *at,
+                                float bias)
+{
+    const size_t C = tape_channels(t, x);
+    char name[120];
+
+    x = style_unet_lrelu(t, tape_conv(t, x, nn_name(name, "%s.0", at), C, 3,
+                                      true));
+    x = tape_conv(t, x, nn_name(name, "%s.2", at), 2 * C, 3, true);
+    const struct conv *c = tape_layer(t, x);
+    t->ps->tensor[c->weight].gain = 0.3f;
+    t->ps->tensor[c->bias].init = PARAM_CONSTANT;
+    t->ps->tensor[c->bias].gain = bias;
+    return x;
+}
+
+/* The way down, to the innermost map. */
+static int style_unet_encoder(struct style_unet *s, const char *prefix)
+{
+    const bool halve = s->in_size > s->out_size;
+    const size_t top = halve ? s->in_size : s->out_size;
+    struct tape *t = &s->tape;
+    char name[120];
+    int x = s->in_size < top
+        ? tape_rescale(t, 0, RESCALE_BILINEAR, top, top) : 0;
+
+    nn_name(name, "%sconv_body_first%s", prefix, halve ? ".0" : "");
+    x = style_unet_lrelu(t, tape_conv(t, x, name, style_unet_width(s, top), 1,
+                                      true));
+    if (halve)
+        x = style_unet_residual(t, x,
+                                nn_name(name, "%sconv_body_first.1", prefix),
+                                style_unet_width(s, s->out_size), s->out_size,
+                                false);
     for (size_t i = 0; i < s->levels; i++) {
-        struct style_level *l = &s->level[i];
-        size_t side = 8u << i, out = 2 * style_unet_width(s, side);
-        size_t in = 2 * style_unet_width(s, side / 2);
+        const size_t side = s->out_size >> (i + 1);
 
-        style_conv_init(&l->enlarge, ps,
-                        nn_name(name, "%sstyle_convs.%zu", at, 2 * i),
-                        nn_name(noise, "%snoises.noise%zu", at, 2 * i + 1),
-                        side, in, out, Z, true);
-        style_conv_init(&l->same, ps,
-                        nn_name(name, "%sstyle_convs.%zu", at, 2 * i + 1),
-                        nn_name(noise, "%snoises.noise%zu", at, 2 * i + 2),
-                        side, out, out, Z, false);
-        to_rgb_init(&l->rgb, ps, nn_name(name, "%sto_rgbs.%zu", at, i), out, Z,
-                    false);
+        nn_name(name, "%sconv_body_down.%zu", prefix, i);
+        x = s->level[i].down = style_unet_residual(
+            t, x, name, style_unet_width(s, side), side, false);
     }
+    nn_name(name, "%sfinal_conv", prefix);
+    return style_unet_lrelu(t, tape_conv(t, x, name, tape_channels(t, x), 3,
+                                         true));
+}
+
+/* The style's code of the innermost map, and what eight layers make of it. */
+static void style_unet_style(struct style_unet *s, int inner,
+                             const char *prefix)
+{
+    const size_t Z = 2 * style_unet_width(s, 4);
+    struct tape *t = &s->tape;
+    char name[120];
+    int x = tape_flatten(t, inner, 16);
+
+    nn_name(name, "%sfinal_linear", prefix);
+    s->code = tape_keep(t, tape_linear(t, x, name, Z));
+    x = TAPE_STEP(t, &unit_op, s->code);
+    for (size_t i = 0; i < 8; i++) {
+        nn_name(name, "%sstylegan_decoder.style_mlp.%zu", prefix, 2 * i + 1);
+        x = style_unet_lrelu(t, tape_linear(t, x, name, Z));
+    }
+    s->latent = x;
+}
+
+/* Where the decoder begins. */
+static int style_unet_start(struct style_unet *s, const char *prefix)
+{
+    const size_t C = 2 * style_unet_width(s, 4), dim[4] = {1, C, 4, 4};
+    struct tape *t = &s->tape;
+    char name[120];
+    const int x = tape_step(t, &constant_op, NULL, 0);
+    struct style_constant *l = t->map[x]->layer;
+
+    nn_name(name, "%sstylegan_decoder.constant_input.weight", prefix);
+    l->ps = t->ps;
+    l->tensor = params_add(t->ps, name, 4, dim, PARAM_NORMAL, 1);
+    t->map[x]->channels = C;
+    return x;
+}
+
+/* One of StyleGAN2's convolutions. */
+static int style_unet_convolve(struct style_unet *s, int x, const char *prefix,
+                               const char *layer, size_t noise, size_t side,
+                               bool up)
+{
+    char name[120], map[120];
+
+    nn_name(name, "%sstylegan_decoder.%s", prefix, layer);
+    nn_name(map, "%sstylegan_decoder.noises.noise%zu", prefix, noise);
+    return style_conv(&s->tape, x, s->latent, name, map, side,
+                      2 * style_unet_width(s, side), up);
+}
+
+/* One level up, from f, the way up's map, and x, the decoder's: conditions, two
+ * style convolutions, the picture. */
+static void style_unet_level(struct style_unet *s, size_t i, int f, int x,
+                             int rgb, const char *prefix)
+{
+    struct style_level *l = &s->level[i];
+    struct tape *t = &s->tape;
+    const size_t side = 8u << i;
+    char name[120];
+
+    f = tape_add(t, f, s->level[s->levels - 1 - i].down, ACT_NONE);
+    l->up = style_unet_residual(
+        t, f, nn_name(name, "%sconv_body_up.%zu", prefix, i),
+        style_unet_width(s, side), side, true);
+    const int scale = style_unet_condition(
+        t, l->up, nn_name(name, "%scondition_scale.%zu", prefix, i), 1);
+    const int shift = style_unet_condition(
+        t, l->up, nn_name(name, "%scondition_shift.%zu", prefix, i), 0);
+    l->enlarge = style_unet_convolve(s, x, prefix,
+                                     nn_name(name, "style_convs.%zu", 2 * i),
+                                     2 * i + 1, side, true);
+    x = TAPE_STEP(t, &transform_op, l->enlarge, scale, shift);
+    l->same = style_unet_convolve(s, x, prefix,
+                                  nn_name(name, "style_convs.%zu", 2 * i + 1),
+                                  2 * i + 2, side, false);
+    nn_name(name, "%sstylegan_decoder.to_rgbs.%zu", prefix, i);
+    l->rgb = style_to_rgb(t, l->same, s->latent, rgb, name, side);
 }
 
 /* Weights of the public checkpoints that nothing uses. */
-static void style_unet_unused_init(struct style_unet *s, const char *prefix)
+static void style_unet_unused(struct style_unet *s, const char *prefix)
 {
+    struct params *ps = s->tape.ps;
     char name[120];
 
     for (size_t i = 0; i < s->levels; i++) {
         size_t dims[4] = { 3, style_unet_width(s, 8u << i), 1, 1 };
 
         nn_name(name, "%stoRGB.%zu.weight", prefix, i);
-        size_t t = params_add(s->ps, name, 4, dims, PARAM_ZERO, 0);
-        s->ps->tensor[t].frozen = true;
+        size_t t = params_add(ps, name, 4, dims, PARAM_ZERO, 0);
+        ps->tensor[t].frozen = true;
         nn_name(name, "%stoRGB.%zu.bias", prefix, i);
-        t = params_add(s->ps, name, 1, dims, PARAM_ZERO, 0);
-        s->ps->tensor[t].frozen = true;
+        t = params_add(ps, name, 1, dims, PARAM_ZERO, 0);
+        ps->tensor[t].frozen = true;
     }
 }
 
-/* The way down, the way up, the conditions and the code of the style. */
-static void style_unet_encoder_init(struct style_unet *s, const char *prefix)
+/* All of it, from the features to the last level's picture. */
+static void style_unet_steps(struct style_unet *s, const char *prefix)
 {
-    struct params *ps = s->ps;
+    struct tape *t = &s->tape;
     char name[120];
-    size_t top = s->halve ? s->in_size : s->out_size, C = style_unet_width(s,
-                                                                           4);
+    int f = style_unet_encoder(s, prefix), x, rgb;
 
-    nn_name(name, "%sconv_body_first%s", prefix, s->halve ? ".0" : "");
-    style_lrelu_conv(&s->first, ps, name, s->channels, style_unet_width(s, top),
-                     1);
-    if (s->halve)
-        style_res_init(&s->first_res, ps,
-                       nn_name(name, "%sconv_body_first.1", prefix),
-                       style_unet_width(s, top),
-                       style_unet_width(s, s->out_size), false);
+    style_unet_unused(s, prefix);
+    style_unet_style(s, f, prefix);
+    x = s->conv1 = style_unet_convolve(s, style_unet_start(s, prefix), prefix,
+                                       "style_conv1", 0, 4, false);
+    nn_name(name, "%sstylegan_decoder.to_rgb1", prefix);
+    rgb = style_to_rgb(t, x, s->latent, -1, name, 4);
     for (size_t i = 0; i < s->levels; i++) {
-        struct style_level *l = &s->level[i];
-        size_t from = s->out_size >> i, side = 8u << i, up =
-            style_unet_width(s, side);
-
-        style_res_init(&l->down, ps,
-                       nn_name(name, "%sconv_body_down.%zu", prefix, i),
-                       style_unet_width(s, from),
-                       style_unet_width(s, from / 2), false);
-        style_res_init(&l->up, ps,
-                       nn_name(name, "%sconv_body_up.%zu", prefix, i),
-                       style_unet_width(s, side / 2), up, true);
-        style_condition_init(&l->scale, ps,
-                             nn_name(name, "%scondition_scale.%zu", prefix, i),
-                             up, 2 * up, 1);
-        style_condition_init(&l->shift, ps,
-                             nn_name(name, "%scondition_shift.%zu", prefix, i),
-                             up, 2 * up, 0);
+        style_unet_level(s, i, f, x, rgb, prefix);
+        f = s->level[i].up;
+        x = s->level[i].same;
+        rgb = s->level[i].rgb;
     }
-    style_lrelu_conv(&s->final_conv, ps, nn_name(name, "%sfinal_conv", prefix),
-                     C, C, 3);
-    linear_init(&s->final_linear, ps, nn_name(name, "%sfinal_linear", prefix),
-                16 * C, s->latent);
+    tape_act(t, tape_keep(t, rgb), ACT_SIGMOID);
 }
 
 /* Whether n is one. */
@@ -130,137 +363,41 @@ int style_unet_init(struct style_unet *s, struct params *ps,
                          "%zu channels, width %g (expected powers of two, "
                          "8 to 2048, and a width above 0)", in_size, out_size,
                          channels, (double)multiplier);
-    s->ps = ps;
+    tape_init(&s->tape, ps, channels, false);
     s->channels = channels;
     s->in_size = in_size;
     s->out_size = out_size;
     s->multiplier = multiplier;
-    s->halve = in_size > out_size;
-    for (s->levels = 0; 4u << s->levels < out_size;)
+    while (4u << s->levels < out_size)
         s->levels++;
-    s->latent = 2 * style_unet_width(s, 4);
-    style_unet_encoder_init(s, prefix);
-    style_unet_unused_init(s, prefix);
-    style_unet_decoder_init(s, prefix);
+    style_unet_steps(s, prefix);
     return 0;
-}
-
-/* ---- planning ------------------------------------------------------------ */
-
-/* The way down, in the order of the forward pass. */
-static void style_unet_plan_encoder(struct style_unet *s)
-{
-    struct nn_plan *p = &s->plan;
-    size_t B = s->batch, C = style_unet_width(s, 4);
-    size_t top = s->halve ? s->in_size : s->out_size;
-
-    if (s->in_size < s->out_size) {
-        s->in = nn_plan_map(p, B * top * top * s->channels);
-        rescale_plan(&s->enlarge, p, RESCALE_BILINEAR, B, s->in_size,
-                     s->in_size, top, top, s->channels);
-    }
-    s->x0 = nn_plan_map(p, B * top * top * s->first.out);
-    conv_plan(&s->first, p, B, top, top);
-    if (s->halve)
-        style_res_plan(&s->first_res, p, B, top);
-    for (size_t i = 0; i < s->levels; i++) {
-        style_res_plan(&s->level[i].down, p, B, s->out_size >> i);
-        if (i == 0)
-            nn_plan_recycle(p, s->x0);
-    }
-    s->inner = nn_plan_map(p, B * 16 * C);
-    conv_plan(&s->final_conv, p, B, 4, 4);
-    s->flat = nn_plan_floats(p, B * 16 * C);
-    s->code = nn_plan_floats(p, B * s->latent);
-    linear_plan(&s->final_linear, p, B);
-    s->normal = nn_plan_floats(p, B * s->latent);
-    for (size_t i = 0; i < 8; i++) {
-        s->style[i] = nn_plan_floats(p, B * s->latent);
-        linear_plan(&s->mlp[i], p, B);
-    }
-}
-
-/* The order of the forward pass, so that maps are shared rightly. */
-static void style_unet_plan_decoder(struct style_unet *s)
-{
-    struct nn_plan *p = &s->plan;
-    size_t B = s->batch, C = 2 * style_unet_width(s, 4);
-
-    s->constants = nn_plan_floats(p, B * 16 * C);
-    style_conv_plan(&s->conv1, p, B, 4, 4);
-    to_rgb_plan(&s->rgb1, p, B, 4, 4);
-    float *f = s->inner, *x = s->conv1.y;
-    for (size_t i = 0; i < s->levels; i++) {
-        struct style_level *l = &s->level[i];
-        struct style_res *down = &s->level[s->levels - 1 - i].down;
-        size_t side = 8u << i, half = side / 2;
-
-        l->side = side;
-        l->f = nn_plan_map(p, B * half * half * l->up.conv1.in);
-        nn_plan_recycle(p, f);
-        nn_plan_recycle(p, down->out);
-        style_res_plan(&l->up, p, B, half);
-        nn_plan_recycle(p, l->f);
-        style_condition_plan(&l->scale, p, B, side);
-        style_condition_plan(&l->shift, p, B, side);
-        style_conv_plan(&l->enlarge, p, B, side, side);
-        nn_plan_recycle(p, x);
-        l->sft = nn_plan_backward(p)
-            ? nn_plan_map(p, B * side * side * l->enlarge.out)
-            : l->enlarge.y;
-        nn_plan_recycle(p, l->scale.out);
-        nn_plan_recycle(p, l->shift.out);
-        style_conv_plan(&l->same, p, B, side, side);
-        nn_plan_recycle(p, l->enlarge.y);
-        to_rgb_plan(&l->rgb, p, B, side, side);
-        f = l->up.out;
-        x = l->same.y;
-    }
-    s->image = nn_plan_floats(p, B * s->out_size * s->out_size * 3);
-}
-
-/* Gradients on their way; the skips keep theirs at each level. */
-static void style_unet_plan_gradients(struct style_unet *s)
-{
-    struct nn_plan *p = &s->plan;
-    size_t B = s->batch, top = s->halve ? s->in_size : s->out_size;
-    size_t max = top * top * s->first.out;
-    size_t in = top * top * s->channels;
-
-    for (size_t i = 0; i < s->levels; i++) {
-        struct style_level *l = &s->level[i];
-        size_t n = l->side * l->side * l->enlarge.in;
-
-        max = n > max ? n : max;
-        l->ddown = nn_plan_floats(p, B * (s->out_size >> (i + 1)) *
-                                         (s->out_size >> (i + 1)) *
-                                         l->down.conv2.out);
-    }
-    max = in > max ? in : max;
-    for (int i = 0; i < 5; i++)
-        s->g[i] = nn_plan_floats(p, B * max);
-    s->dlatent = nn_plan_floats(p, B * s->latent);
-    s->dstyle = nn_plan_floats(p, B * s->latent);
-    s->dflat = nn_plan_floats(p, B * 16 * style_unet_width(s, 4));
-    for (int i = 0; i < 2; i++)
-        s->drgb[i] = nn_plan_floats(p, B * s->out_size * s->out_size * 3);
 }
 
 int style_unet_plan(struct style_unet *s, size_t batch, struct nn_options opt,
                     struct error *err)
 {
-    nn_plan_release(&s->plan);
-    nn_plan_init(&s->plan, opt);
-    s->batch = batch;
-    style_unet_plan_encoder(s);
-    style_unet_plan_decoder(s);
-    if (nn_plan_backward(&s->plan))
-        style_unet_plan_gradients(s);
-    return nn_plan_finish(&s->plan, err);
+    return tape_plan(&s->tape, batch, s->in_size, s->in_size, opt, err);
 }
 
 void style_unet_release(struct style_unet *s)
 {
-    nn_plan_release(&s->plan);
+    tape_release(&s->tape);
     memset(s, 0, sizeof *s);
+}
+
+void style_unet_forward(float *image, const float *feat, struct style_unet *s)
+{
+    size_t shape[4];
+
+    tape_forward(NULL, feat, &s->tape);
+    const float *x = tape_map(shape, &s->tape, s->tape.count - 1);
+    memcpy(image, x, shape[0] * shape[1] * shape[2] * shape[3] * sizeof *image);
+}
+
+void style_unet_backward(float *dfeat, const float *dimage,
+                         struct style_unet *s)
+{
+    tape_backward(dfeat, &(struct tape_seed){s->tape.count - 1, dimage}, 1,
+                  &s->tape);
 }

@@ -276,9 +276,15 @@ float *nn_plan_map(struct nn_plan *p, size_t count)
 
 void nn_plan_recycle(struct nn_plan *p, void *map)
 {
+    if (!nn_plan_backward(p))
+        nn_plan_reuse(p, map);
+}
+
+void nn_plan_reuse(struct nn_plan *p, void *map)
+{
     struct nn_pool *pool = nn_plan_maps(p);
 
-    for (size_t i = 0; !nn_plan_backward(p) && i < pool->chunks; i++)
+    for (size_t i = 0; i < pool->chunks; i++)
         if (pool->chunk[i].data == map)
             pool->chunk[i].idle = true;
     plan_pool_join(pool);

@@ -92,6 +92,8 @@ float *nn_plan_map(struct nn_plan *p, size_t count);
 /* The map's content is dead from here on in the order of planning.  Only
  * inference gives anything back. */
 void nn_plan_recycle(struct nn_plan *p, void *map);
+/* The same in any plan: of gradients, planned after all maps. */
+void nn_plan_reuse(struct nn_plan *p, void *map);
 /* Some layer needs this much scratch while it runs. */
 void nn_plan_scratch(struct nn_plan *p, size_t bytes);
 /* Remember a failure; the first one stays. */

@@ -286,9 +286,11 @@ static void gagavatar_refine(struct golden *g, const struct golden_weights *w,
         float *rgb = gagavatar_grab(3 * P, sizeof *rgb);
 
         style_unet_forward(rgb, feat, &s);
-        golden_compare(g, "style_code", s.code, s.latent);
-        layout_compare(g, "logits", s.level[s.levels - 1].rgb.rgb, 1, P, 3,
-                       false);
+        golden_compare(g, "style_code", tape_map(NULL, &s.tape, s.code),
+                       tape_channels(&s.tape, s.code));
+        layout_compare(g, "logits",
+                       tape_map(NULL, &s.tape, s.level[s.levels - 1].rgb), 1, P,
+                       3, false);
         layout_compare(g, "refined", rgb, 1, P, 3, false);
         float *planes = layout_planes(rgb, 1, P, 3);
         compare_blocks(g, "refined_mean4", planes, 3, c->size, 4);

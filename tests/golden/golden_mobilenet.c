@@ -18,7 +18,7 @@ static void compare_stages(struct golden *g, struct mobilenet *m)
     size_t s[4];
 
     for (int i = 0; i < 5; i++) {
-        const float *x = mobilenet_stage(s, m, i);
+        const float *x = tape_map(s, &m->tape, m->stage[i]);
 
         mobilenet_compare(g, names[i], x, s, false);
     }
@@ -31,11 +31,11 @@ static void mobilenet_gradients(struct golden *g, struct mobilenet *m,
 {
     size_t s[4], n = in[0] * in[1] * in[2] * in[3];
 
-    mobilenet_stage(s, m, 4);
+    tape_map(s, &m->tape, m->stage[4]);
     float *probe = golden_probe_array(g->seed, s[0] * s[1] * s[2] * s[3]);
     float *dout = layout_rows(probe, s[0], s[1] * s[2], s[3]);
     float *drgb = malloc(n * sizeof *drgb);
-    mobilenet_backward_features(drgb, dout, m);
+    tape_backward(drgb, &(struct tape_seed){m->stage[4], dout}, 1, &m->tape);
     mobilenet_compare(g, "grad.input", drgb, in, true);
     size_t stem = params_find(ps, "conv_stem.weight");
     golden_compare_l2(g, "grad.conv_stem.weight", param_g(ps, stem),

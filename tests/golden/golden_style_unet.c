@@ -7,34 +7,38 @@
 #include "tests/golden/layout.h"
 
 static void compare_map(struct golden *g, const char *what, size_t i,
-                        const char *end, const float *x, size_t B,
-                        size_t side, size_t C)
+                        const char *end, const struct style_unet *s, int map)
 {
     char name[64];
+    size_t shape[4];
+    const float *x = tape_map(shape, &s->tape, map);
 
     snprintf(name, sizeof name, "%s%zu%s", what, i, end);
-    layout_compare(g, name, x, B, side * side, C, false);
+    layout_compare(g, name, x, shape[0], shape[1] * shape[2], shape[3], false);
+}
+
+static void compare_row(struct golden *g, const char *name,
+                        const struct style_unet *s, int map)
+{
+    size_t shape[4];
+    const float *x = tape_map(shape, &s->tape, map);
+
+    golden_compare(g, name, x, shape[0] * shape[3]);
 }
 
 static void compare_maps(struct golden *g, const struct style_unet *s)
 {
-    size_t B = s->batch;
-
-    golden_compare(g, "style_code", s->code, B * s->latent);
-    golden_compare(g, "latent", s->style[7], B * s->latent);
-    layout_compare(g, "dec.style_conv1", s->conv1.y, B, 16, s->conv1.out,
-                   false);
+    compare_row(g, "style_code", s, s->code);
+    compare_row(g, "latent", s, s->latent);
+    compare_map(g, "dec.style_conv", 1, "", s, s->conv1);
     for (size_t i = 0; i < s->levels; i++) {
         const struct style_level *l = &s->level[i];
 
-        compare_map(g, "down", i, "", l->down.out, B, s->out_size >> (i + 1),
-                    l->down.conv2.out);
-        compare_map(g, "up", i, "", l->up.out, B, l->side, l->up.conv2.out);
-        compare_map(g, "dec.style_conv", 2 * i, "_out", l->enlarge.y, B,
-                    l->side, l->enlarge.out);
-        compare_map(g, "dec.style_conv", 2 * i + 1, "_out", l->same.y, B,
-                    l->side, l->same.out);
-        compare_map(g, "dec.rgb", i, "", l->rgb.rgb, B, l->side, 3);
+        compare_map(g, "down", i, "", s, l->down);
+        compare_map(g, "up", i, "", s, l->up);
+        compare_map(g, "dec.style_conv", 2 * i, "_out", s, l->enlarge);
+        compare_map(g, "dec.style_conv", 2 * i + 1, "_out", s, l->same);
+        compare_map(g, "dec.rgb", i, "", s, l->rgb);
     }
 }
 
@@ -48,7 +52,7 @@ static void style_unet_gradients(struct golden *g, struct style_unet *s,
         "stylegan_decoder.style_convs.0.modulated_conv.modulation.weight",
         "stylegan_decoder.style_convs.1.weight"
     };
-    size_t B = s->batch, P = s->out_size * s->out_size;
+    size_t B = s->tape.picture.batch, P = s->out_size * s->out_size;
     size_t in = s->in_size * s->in_size;
     float *probe = golden_probe_array(g->seed, B * 3 * P);
     float *dout = layout_rows(probe, B, P, 3);
@@ -86,7 +90,9 @@ static void run_mode(struct golden *g, struct style_unet *s, struct params *ps,
     float *image = malloc(batch * P * 3 * sizeof *image);
     style_unet_forward(image, feat, s);
     layout_compare(g, "image", image, batch, P, 3, false);
-    layout_compare(g, "logits", s->level[s->levels - 1].rgb.rgb, batch, P, 3, false);
+    layout_compare(g, "logits",
+                   tape_map(NULL, &s->tape, s->level[s->levels - 1].rgb), batch,
+                   P, 3, false);
     free(image);
     if (mode == NN_INFER)
         return;

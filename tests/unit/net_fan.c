@@ -338,7 +338,7 @@ int main(void)
     struct tape t;
 
     params_init(&ps);
-    tape_init(&t, &ps, 3);
+    tape_init(&t, &ps, 3, true);
     const int heat = fan_declare(&t, STACKS, WIDTH);
 
     if (params_allocate(&ps, &err))
@@ -348,10 +348,10 @@ int main(void)
     for (size_t i = 0; i < ps.count; i++)
         if (!ps.tensor[i].frozen)
             check_that(ps.tensor[i].name, false);
-    check_error("plan", !tape_plan(&t, SIDE, SIDE, opt, &err), &err);
+    check_error("plan", !tape_plan(&t, 1, SIDE, SIDE, opt, &err), &err);
     float *x = noise_make("fan", SIDE * SIDE * 3, 4, 0, 1);
     struct map rgb = map_of(x, SIDE, SIDE, 3);
-    tape_forward(x, &t);
+    tape_forward(NULL, x, &t);
     check_heat(tape_map(NULL, &t, heat), &rgb);
     check_gradient(&t, heat, &rgb, 30);
     check_gradient(&t, heat, &rgb, 31);

@@ -38,17 +38,17 @@ static struct map plain_conv(const struct map *in, const struct conv *c,
 static void plain_net(struct map layer[SQUEEZENET_LAYERS],
                       const struct map *rgb, const struct net *s)
 {
-    layer[0] = plain_conv(rgb, &s->tape.map[s->layer[0]]->conv, 0);
+    layer[0] = plain_conv(rgb, s->tape.map[s->layer[0]]->layer, 0);
     for (size_t i = 0; i < SQUEEZENET_FIRES; i++) {
         struct tape_step *const *both = s->tape.map[s->layer[i + 1]]->of;
-        const struct conv *squeeze = &both[0]->of[0]->conv;
+        const struct conv *squeeze = both[0]->of[0]->layer;
         const bool pooled = i == 0 || i == 3 || i == 7;
         struct map x = pooled ? map_max_pool(&layer[i], true) : layer[i];
         struct map few = plain_conv(&x, squeeze, 0);
 
-        layer[i + 1] = map_make(x.h, x.w, 2 * both[0]->conv.out);
+        layer[i + 1] = map_make(x.h, x.w, 2 * both[0]->channels);
         for (size_t k = 0; k < 2; k++) {
-            struct map half = plain_conv(&few, &both[k]->conv, k);
+            struct map half = plain_conv(&few, both[k]->layer, k);
 
             map_put(&layer[i + 1], k * half.C, &half);
             free(half.v);
@@ -133,7 +133,7 @@ static void check_random(void)
     struct error err = { 0 };
 
     params_init(&ps);
-    tape_init(&s.tape, &ps, 3);
+    tape_init(&s.tape, &ps, 3, true);
     squeezenet_declare(s.layer, &s.tape);
     if (params_allocate(&ps, &err))
         exit(1);
@@ -141,10 +141,10 @@ static void check_random(void)
     for (size_t t = 0; t < ps.count; t++)
         for (size_t i = 0; i < ps.tensor[t].count; i++)
             param_w(&ps, t)[i] *= 1.5f;
-    check_error("plan", !tape_plan(&s.tape, SIDE, SIDE, opt, &err), &err);
+    check_error("plan", !tape_plan(&s.tape, 1, SIDE, SIDE, opt, &err), &err);
     float *x = noise_make("squeezenet", SIDE * SIDE * 3, 4, 0, 1);
     struct map rgb = map_of(x, SIDE, SIDE, 3);
-    tape_forward(x, &s.tape);
+    tape_forward(NULL, x, &s.tape);
     check_layers(&s, &rgb);
     check_gradient(&s, &rgb);
     free(x);
@@ -184,11 +184,11 @@ static void check_file(const char *folder)
     params_init(&ps);
     snprintf(path, sizeof path, "%s/squeezenet10.safetensors", folder);
     struct safetensors *st = st_open(path, &err);
-    tape_init(&s.tape, &ps, 3);
+    tape_init(&s.tape, &ps, 3, true);
     squeezenet_declare(s.layer, &s.tape);
     bool ok = st &&
               !params_allocate(&ps, &err) && !params_load(&ps, st, "", &err) &&
-              !tape_plan(&s.tape, 64, 64, opt, &err);
+              !tape_plan(&s.tape, 1, 64, 64, opt, &err);
     check_error("weights", ok, &err);
     st_close(st);
     snprintf(path, sizeof path, "%s/golden.safetensors", folder);
@@ -200,7 +200,7 @@ static void check_file(const char *folder)
 
         for (size_t i = 0; i < 64 * 64 * 3; i++)
             x[i] = in[i % 3 * 64 * 64 + i / 3];
-        tape_forward(x, &s.tape);
+        tape_forward(NULL, x, &s.tape);
         for (int k = 0; k < SQUEEZENET_LAYERS; k++) {
             const float *y = tape_map(shape, &s.tape, s.layer[k]);
 

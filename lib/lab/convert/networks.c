@@ -370,7 +370,7 @@ static int network_fan_take(struct convert *c, const char *prefix,
     int rc;
 
     params_init(&ps);
-    tape_init(&net, &ps, 3);
+    tape_init(&net, &ps, 3, true);
     fan_declare(&net, stacks, width);
     rc = convert_take_params(c, 0, prefix, &ps, "", "", err);
     tape_release(&net);

@@ -7,6 +7,8 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/lab/eval/tape_steps.h"
+
 #define STAGES 4
 #define BLOCKS_MAX (TAPE_MAPS - 16)  /* maps, of all blocks */
 
@@ -55,7 +57,7 @@ int iresnet_declare(struct iresnet *n,
 
     memset(n, 0, sizeof *n);
     params_init(&n->ps);
-    tape_init(t, &n->ps, 3);
+    tape_init(t, &n->ps, 3, true);
     if (!channels || !code)
         return error_set(err, EX_DATAERR, "%s: no conv1.weight or fc.weight "
                          "(expected an iresnet)", path);
@@ -76,7 +78,7 @@ int iresnet_declare(struct iresnet *n,
             x = iresnet_block(t, x, name, out, i == 0);
         }
     x = tape_norm(t, x, "bn2", NORM_EPS, ACT_NONE);
-    x = tape_linear(t, x, side, side, "fc", code);
+    x = tape_linear(t, tape_flatten(t, x, side * side), "fc", code);
     n->code = tape_norm(t, x, "features", NORM_EPS, ACT_NONE);
     return 0;
 }
@@ -91,7 +93,7 @@ int iresnet_open(struct iresnet *n, const char *path, struct error *err)
         return -1;
     if (!iresnet_declare(n, iresnet_rows, st, path, err) &&
         !params_allocate(&n->ps, err) && !params_load(&n->ps, st, "", err))
-        rc = tape_plan(&n->tape, IRESNET_SIDE, IRESNET_SIDE,
+        rc = tape_plan(&n->tape, 1, IRESNET_SIDE, IRESNET_SIDE,
                        (struct nn_options){NN_INFER, NN_F32}, err);
     st_close(st);
     if (rc)
@@ -117,7 +119,7 @@ void iresnet_forward(float *embedding, const float *rgb, struct iresnet *n)
     const float *code = tape_map(NULL, &n->tape, n->code);
     double sum = 0;
 
-    tape_forward(rgb, &n->tape);
+    tape_forward(NULL, rgb, &n->tape);
     for (size_t i = 0; i < size; i++)
         sum += (double)code[i] * (double)code[i];
     for (size_t i = 0; i < size; i++)

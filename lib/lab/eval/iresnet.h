@@ -6,7 +6,7 @@
 
 #include <stddef.h>
 
-#include "lib/lab/eval/tape.h"
+#include "lib/nn/tape.h"
 
 #define IRESNET_SIDE 112        /* pixels of the aligned face */
 

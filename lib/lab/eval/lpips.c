@@ -8,6 +8,7 @@
 #include <sysexits.h>
 
 #include "lib/lab/eval/squeezenet.h"
+#include "lib/lab/eval/tape_steps.h"
 
 /* AlexNet's convolutions: where each lies in "features", its geometry, and
  * whether a 3x3 maximum of stride 2 goes before it.  All are padded by half
@@ -68,7 +69,7 @@ void lpips_declare(struct lpips *l, enum lpips_net net)
     memset(l, 0, sizeof *l);
     l->net = net;
     params_init(&l->ps);
-    tape_init(&l->tape, &l->ps, 3);
+    tape_init(&l->tape, &l->ps, 3, true);
     if (net == LPIPS_ALEXNET) {
         lpips_declare_alexnet(l);
     } else {
@@ -125,7 +126,7 @@ int lpips_plan(struct lpips *l, size_t H, size_t W, struct error *err)
                          "sides of 64 or more)", W, H);
     l->H = l->W = 0;
     arena_release(a);
-    if (tape_plan(&l->tape, h, w, opt, err))
+    if (tape_plan(&l->tape, 1, h, w, opt, err))
         return -1;
     l->in = arena_take(a, 3 * h * w, sizeof *l->in);
     l->din = arena_take(a, l->learns ? 3 * h * w : 0, sizeof *l->din);
@@ -160,7 +161,7 @@ static void lpips_look(struct lpips *l, const float *rgb)
             l->in[lpips_place(l, i) + c] =
                 (how->gain * rgb[c * n + i] - how->offset - how->shift[c]) /
                 how->scale[c];
-    tape_forward(l->in, &l->tape);
+    tape_forward(NULL, l->in, &l->tape);
 }
 
 /* One over the length of x (C), a pixel's features. */

@@ -15,7 +15,7 @@
 
 #include "lib/base/arena.h"
 #include "lib/base/error.h"
-#include "lib/lab/eval/tape.h"
+#include "lib/nn/tape.h"
 
 #define LPIPS_LAYERS 7          /* at most */
 

@@ -1,6 +1,8 @@
 /* ResNet-50, a stage at a time. */
 #include "lib/lab/eval/resnet.h"
 
+#include "lib/lab/eval/tape_steps.h"
+
 #define STEM ((size_t)64)
 #define WIDEN ((size_t)4)       /* channels of a block over those within */
 

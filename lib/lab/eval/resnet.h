@@ -6,7 +6,7 @@
 #ifndef SPID_LAB_EVAL_RESNET_H
 #define SPID_LAB_EVAL_RESNET_H
 
-#include "lib/lab/eval/tape.h"
+#include "lib/nn/tape.h"
 
 #define RESNET_LEVELS 5
 

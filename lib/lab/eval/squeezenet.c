@@ -1,6 +1,8 @@
 /* SqueezeNet 1.0's features. */
 #include "lib/lab/eval/squeezenet.h"
 
+#include "lib/lab/eval/tape_steps.h"
+
 #define FIRST 96                  /* channels of the first convolution */
 
 /* The fire modules: the index in "features.N", channels squeezed to, channels

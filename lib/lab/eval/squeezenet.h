@@ -5,7 +5,7 @@
 #ifndef SPID_LAB_EVAL_SQUEEZENET_H
 #define SPID_LAB_EVAL_SQUEEZENET_H
 
-#include "lib/lab/eval/tape.h"
+#include "lib/nn/tape.h"
 
 #define SQUEEZENET_FIRES 8
 

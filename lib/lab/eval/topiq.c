@@ -70,7 +70,7 @@ void topiq_declare(struct topiq *t)
 
     memset(t, 0, sizeof *t);
     params_init(ps);
-    tape_init(&t->resnet, ps, 3);
+    tape_init(&t->resnet, ps, 3, true);
     resnet_declare(t->map, &t->resnet, "semantic_model.");
     for (int i = 0; i < RESNET_LEVELS; i++)
         topiq_declare_level(&t->level[i], ps, i,
@@ -208,7 +208,7 @@ static int topiq_plan(struct topiq *t, size_t H, size_t W, struct error *err)
     t->H = t->W = 0;
     nn_plan_release(p);
     nn_plan_init(p, opt);
-    if (tape_plan(&t->resnet, H, W, opt, err))
+    if (tape_plan(&t->resnet, 1, H, W, opt, err))
         return -1;
     t->picture = nn_plan_floats(p, 3 * H * W);
     topiq_plan_blocks(t, h, w);
@@ -303,7 +303,7 @@ int topiq_quality(double *quality, struct topiq *t, const float *rgb,
         for (size_t c = 0; c < 3; c++)
             t->picture[3 * i + c] =
                 (rgb[c * H * W + i] - mean[c]) / deviation[c];
-    tape_forward(t->picture, &t->resnet);
+    tape_forward(NULL, t->picture, &t->resnet);
     for (int i = 0; i < RESNET_LEVELS; i++)
         topiq_look(t, i);
     for (int i = 0; i < RESNET_LEVELS - 1; i++)

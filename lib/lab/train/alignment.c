@@ -26,10 +26,10 @@ int alignment_open(struct alignment *a, const char *path, size_t side,
     }
     if (!st || fan_size(&stacks, &width, st, err))
         goto out;
-    tape_init(&a->net, &a->ps, 3);
+    tape_init(&a->net, &a->ps, 3, true);
     a->heat = fan_declare(&a->net, stacks, width);
     if (params_allocate(&a->ps, err) || params_load(&a->ps, st, "", err) ||
-        tape_plan(&a->net, side, side, opt, err))
+        tape_plan(&a->net, 1, side, side, opt, err))
         goto out;
     a->side = side;
     a->crop = nn_plan_floats(&a->plan, side * side * 3);
@@ -124,7 +124,7 @@ static const float *alignment_look(struct alignment *a, const float *rgb,
     affine_grid(a->grid, theta, 1, a->side, a->side, false);
     grid_sample(a->crop, rgb, a->grid, 1, H, W, 3, a->side * a->side, false,
                 RESAMPLE_ZEROS);
-    tape_forward(a->crop, &a->net);
+    tape_forward(NULL, a->crop, &a->net);
     return tape_map(NULL, &a->net, a->heat);
 }
 

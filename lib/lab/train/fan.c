@@ -4,6 +4,8 @@
 #include <stdio.h>
 #include <sysexits.h>
 
+#include "lib/lab/eval/tape_steps.h"
+
 #define LEVELS 4              /* an hourglass halves its maps so often */
 
 int fan_size(size_t *stacks, size_t *width, const struct safetensors *st,

@@ -6,7 +6,7 @@
 #define SPID_LAB_TRAIN_FAN_H
 
 #include "formats/safetensors.h"
-#include "lib/lab/eval/tape.h"
+#include "lib/nn/tape.h"
 
 #define FAN_LANDMARKS 68
 #define FAN_SIDE 256          /* pixels of the pictures it was trained with */
