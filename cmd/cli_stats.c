@@ -33,11 +33,9 @@ void stats_end(const char *name, double begun)
     if (s == stages + MAX_STAGES)
         return;
     s->name = name;
-    double *ms = list_grow(s->ms, &s->room, s->count, sizeof *ms);
-    if (!ms)
-        return;
-    s->ms = ms;
-    s->ms[s->count++] = 1e3 * (cpu_seconds() - begun);
+    double *ms = list_add(&s->ms, &s->count, &s->room, sizeof *ms, NULL);
+    if (ms)
+        *ms = 1e3 * (cpu_seconds() - begun);
 }
 
 /* A row for each stage, which is then forgotten. */

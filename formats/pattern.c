@@ -90,19 +90,17 @@ static uint64_t *pattern_list(const char *folder, const char *pattern,
         return error_null(err, EX_NOINPUT, "%s: cannot open: %s", folder,
                           strerror(errno));
     while ((e = readdir(dir))) {
-        uint64_t n, *more;
+        uint64_t n, *to;
 
         if (!pattern_match(pattern, e->d_name, &n))
             continue;
-        more = list_grow(list, &room, *count, sizeof *list);
-        if (!more) {
-            error_set(err, EX_OSERR, "out of memory");
+        to = list_add(&list, count, &room, sizeof *list, err);
+        if (!to) {
             free(list);
             closedir(dir);
             return NULL;
         }
-        list = more;
-        list[(*count)++] = n;
+        *to = n;
     }
     closedir(dir);
     if (list)

@@ -106,8 +106,7 @@ static int recordfile_add_tensor(struct recordfile *w, const struct record *rec,
                                  const struct array *a, struct error *err)
 {
     size_t bytes = array_bytes(a);
-    struct st_tensor *t = list_grow(w->tensor, &w->room, w->tensors,
-                                    sizeof *t);
+    struct st_tensor *t;
     void *data = arena_take(&w->memory, bytes, 1);
     char name[STREAM_NAME + 40];
 
@@ -115,11 +114,11 @@ static int recordfile_add_tensor(struct recordfile *w, const struct record *rec,
              (unsigned long long)w->records, rec->type, a->name);
     const char *own = arena_text(&w->memory, name);
 
-    w->tensor = t ? t : w->tensor;
-    if (!t || !data || !own)
+    t = data && own ? list_add(&w->tensor, &w->tensors, &w->room, sizeof *t,
+                               err) : NULL;
+    if (!t)
         return error_set(err, EX_OSERR, "out of memory (%zu tensors so far; "
                          "see --frames)", w->tensors);
-    t = &w->tensor[w->tensors++];
     *t = (struct st_tensor){ .name = own, .dtype = to_st[a->dtype],
                              .ndim = a->ndim, .count = array_count(a),
                              .data = memcpy(data, a->data, bytes) };
@@ -187,16 +186,10 @@ static struct column *recordfile_find_column(struct recordfile *w,
            (strcmp(c->type, rec->type) || strcmp(c->like.name, a->name)))
         c++;
     if (c == w->column + w->columns) {
-        size_t at = w->columns;
-
-        c = list_grow(w->column, &w->column_room, at, sizeof *c);
+        c = list_add(&w->column, &w->columns, &w->column_room, sizeof *c, err);
         if (!c)
-            return error_null(err, EX_OSERR, "out of memory");
-        w->column = c;
-        c += at;
-        memset(c, 0, sizeof *c);
+            return NULL;
         strcpy(c->type, rec->type);
-        w->columns++;
         return recordfile_open_column(w, c, a, err) ? NULL : c;
     }
     if (recordfile_same_row(&c->like, a))

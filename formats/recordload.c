@@ -167,19 +167,16 @@ static const struct npy *recordload_cache_get(struct cache *c, const char *file,
             return &c->loaded[i].a;
     if (strchr(file, '/') || c->count == MAX_FILES)
         return error_null(err, EX_DATAERR, "bad file name '%.80s'", file);
-    l = list_grow(c->loaded, &c->room, c->count, sizeof *l);
+    l = list_add(&c->loaded, &c->count, &c->room, sizeof *l, err);
     if (!l)
-        return error_null(err, EX_OSERR, "out of memory");
-    c->loaded = l;
-    l += c->count;
+        return NULL;
     snprintf(path, sizeof path, "%s/%s", c->dir, file);
     l->file = strdup(file);
-    if (!l->file || npy_load(&l->a, path, err)) {
-        free(l->file);
-        return NULL;
-    }
-    c->count++;
-    return &l->a;
+    if (l->file && npy_load(&l->a, path, err) == 0)
+        return &l->a;
+    free(l->file);
+    c->count--;
+    return NULL;
 }
 
 /* Every file read. */

@@ -63,15 +63,10 @@ int joblist_read(struct joblist *l, const char *path, struct error *err)
         line[strcspn(line, "\r")] = 0;
         if (!*line || *line == '#')
             continue;
-        struct job *p = list_grow(l->job, &room, l->count, sizeof *p);
-        if (!p) {
+        struct job *p = list_add(&l->job, &l->count, &room, sizeof *p, err);
+        if (!p || joblist_cut(p, line)) {
             joblist_release(l);
-            return error_set(err, EX_OSERR, "no memory for a list");
-        }
-        l->job = p;
-        if (joblist_cut(&l->job[l->count++], line)) {
-            joblist_release(l);
-            return error_set(err, EX_DATAERR, "%s: line %zu: not three "
+            return !p ? -1 : error_set(err, EX_DATAERR, "%s: line %zu: not three "
                              "fields (expected SOURCE, DRIVER and OUT with "
                              "tabs between)", path, number);
         }

@@ -7,15 +7,10 @@
 
 #include "lib/base/list.h"
 
-/* Room for one run more. */
-static int covered_room(struct covered *c)
+/* One more run; NULL without memory. */
+static struct iovec *covered_add(struct covered *c)
 {
-    struct iovec *run = list_grow(c->run, &c->room, c->runs, sizeof *run);
-
-    if (!run)
-        return -1;
-    c->run = run;
-    return 0;
+    return list_add(&c->run, &c->runs, &c->room, sizeof *c->run, NULL);
 }
 
 int covered_find(struct covered *c, const void *image, const float *alpha,
@@ -25,16 +20,17 @@ int covered_find(struct covered *c, const void *image, const float *alpha,
     unsigned char *from = (unsigned char *)(uintptr_t)image;
 
     c->runs = c->pixels = 0;
-    if (covered_room(c))        /* no runs are not no list */
+    if (!covered_add(c))        /* no runs are not no list */
         return -1;
+    c->runs = 0;
     for (size_t at = 0, end; at < n; at = end) {
         end = covered_run(alpha, at, n);
         if (alpha[at] == 0)
             continue;
-        if (covered_room(c))
+        struct iovec *run = covered_add(c);
+        if (!run)
             return -1;
-        c->run[c->runs++] = (struct iovec){from + at * bytes,
-                                           (end - at) * bytes};
+        *run = (struct iovec){from + at * bytes, (end - at) * bytes};
         c->pixels += end - at;
     }
     return 0;

@@ -4,10 +4,13 @@
 
 #include <stddef.h>
 
-/* Room for one more in a list of count items of `size` bytes, of which *room
- * fit: the list, moved where *room had to be doubled; the caller frees it.
- * NULL when there is no memory, and list and *room as they were. */
-void *list_grow(void *list, size_t *room, size_t count, size_t size);
+#include "lib/base/error.h"
+
+/* One more item of `size` bytes, zeroed, in a list of *count, of which *room
+ * fit; `list` is where the pointer to its items is, which the caller frees.
+ * NULL and *err when there is no memory, and all as it was. */
+void *list_add(void *list, size_t *count, size_t *room, size_t size,
+               struct error *err);
 
 /* One of several lists of one length. */
 struct list_column {

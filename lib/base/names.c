@@ -15,14 +15,15 @@
 
 int names_add(struct names *n, const char *name, struct error *err)
 {
-    char **grown = list_grow(n->name, &n->room, n->count, sizeof *grown);
+    char *own = strdup(name);
+    char **to = list_add(&n->name, &n->count, &n->room, sizeof *to, err);
 
-    if (grown)
-        n->name = grown;
-    if (!grown || !(n->name[n->count] = strdup(name)))
-        return error_set(err, EX_OSERR, "no memory for %zu names",
-                         n->count + 1);
-    n->count++;
+    if (!own || !to) {
+        n->count -= to != NULL;
+        free(own);
+        return error_set(err, EX_OSERR, "no memory for names");
+    }
+    *to = own;
     return 0;
 }
 

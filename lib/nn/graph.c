@@ -36,18 +36,13 @@ void graph_fail(struct graph *g, int code, const char *text)
 static struct onnx_value *graph_add(struct graph *g, int *index)
 {
     struct onnx_graph *f = &g->file;
-    void *grown = list_grow(f->value, &f->value_room, f->values,
-                            sizeof *f->value);
+    struct onnx_value *v = list_add(&f->value, &f->values, &f->value_room,
+                                    sizeof *v, NULL);
 
-    *index = 0;
-    if (!grown) {
+    *index = v ? (int)f->values - 1 : 0;
+    if (!v)
         graph_fail(g, EX_OSERR, "out of memory for a network's graph");
-        return NULL;
-    }
-    f->value = grown;
-    *index = (int)f->values++;
-    memset(&f->value[*index], 0, sizeof *f->value);
-    return &f->value[*index];
+    return v;
 }
 
 static void graph_shape(struct onnx_value *v, int ndim, const size_t *dim)
@@ -74,15 +69,14 @@ void graph_output(struct graph *g, int v, const char *name, int ndim,
                   const size_t *dim)
 {
     struct onnx_graph *f = &g->file;
-    int *grown = list_grow(f->output, &f->output_room, f->outputs,
-                           sizeof *f->output);
+    int *output = list_add(&f->output, &f->outputs, &f->output_room,
+                           sizeof *output, NULL);
 
-    if (!grown || !f->values) {
+    if (!output || !f->values) {
         graph_fail(g, EX_OSERR, "out of memory for a network's graph");
         return;
     }
-    f->output = grown;
-    f->output[f->outputs++] = v;
+    *output = v;
     snprintf(f->value[v].name, sizeof f->value[v].name, "%s", name);
     graph_shape(&f->value[v], ndim, dim);
 }
@@ -150,15 +144,14 @@ int graph_node(struct graph *g, const char *op, const int *in, size_t n)
 {
     struct onnx_graph *f = &g->file;
     int out;
-    struct onnx_node *grown = list_grow(f->node, &f->node_room, f->nodes,
-                                        sizeof *f->node);
+    struct onnx_node *node = graph_add(g, &out)
+                                 ? list_add(&f->node, &f->nodes, &f->node_room,
+                                            sizeof *node, NULL) : NULL;
 
-    f->node = grown ? grown : f->node;
-    if (!grown || !graph_add(g, &out)) {
+    if (!node) {
         graph_fail(g, EX_OSERR, "out of memory for a network's graph");
         return 0;
     }
-    struct onnx_node *node = &f->node[f->nodes++];
     *node = (struct onnx_node){.op = op, .inputs = n, .outputs = 1};
     memcpy(node->input, in, n * sizeof *in);
     node->output[0] = out;

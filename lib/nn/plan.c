@@ -75,16 +75,11 @@ void nn_pool_use(struct nn_pool *pool)
 /* One more chunk, number `at`; -1 without memory for its line. */
 static int plan_pool_insert(struct nn_pool *pool, size_t at, struct nn_chunk c)
 {
-    struct nn_chunk *grown = list_grow(pool->chunk, &pool->room, pool->chunks,
-                                       sizeof *grown);
-
-    if (!grown)
+    if (!list_add(&pool->chunk, &pool->chunks, &pool->room, sizeof c, NULL))
         return -1;
-    pool->chunk = grown;
     memmove(pool->chunk + at + 1, pool->chunk + at,
-            (pool->chunks - at) * sizeof *pool->chunk);
+            (pool->chunks - 1 - at) * sizeof c);
     pool->chunk[at] = c;
-    pool->chunks++;
     return 0;
 }
 
@@ -160,19 +155,16 @@ void nn_plans_use(struct nn_plans *plans)
 /* A plan may begin anew. */
 static void nn_plans_add(struct nn_plans *all, struct nn_plan *p)
 {
-    struct nn_plan **grown = list_grow(all->plan, &all->room, all->count,
-                                       sizeof *grown);
-    size_t i = 0;
+    struct nn_plan **to;
 
-    if (!grown) {
+    for (size_t i = 0; i < all->count; i++)
+        if (all->plan[i] == p)
+            return;
+    to = list_add(&all->plan, &all->count, &all->room, sizeof *to, NULL);
+    if (to)
+        *to = p;
+    else
         nn_plan_fail(p, EX_OSERR, "out of memory");
-        return;
-    }
-    all->plan = grown;
-    while (i < all->count && grown[i] != p)
-        i++;
-    grown[i] = p;
-    all->count += i == all->count;
 }
 
 /* Every layer takes its weights. */

@@ -113,13 +113,12 @@ int driver_read_source(void *source, struct frame *f, struct error *err)
 static int driver_remember(struct driver *d, const struct frame *f,
                            struct error *err)
 {
-    double *p = list_grow(d->early, &d->early_room, d->early_count,
-                          sizeof *p);
+    double *time = list_add(&d->early, &d->early_count, &d->early_room,
+                            sizeof *time, err);
 
-    if (!p)
-        return error_set(err, EX_OSERR, "out of memory");
-    d->early = p;
-    d->early[d->early_count++] = f->time;
+    if (!time)
+        return -1;
+    *time = f->time;
     return 0;
 }
 

@@ -65,14 +65,11 @@ struct bench_row *bench_add(struct bench *b, const char *stage,
                             const struct bench_times *t, double max_abs,
                             double psnr_db)
 {
-    struct bench_row *row = list_grow(b->row, &b->row_room, b->rows,
-                                      sizeof *row);
+    struct bench_row *row = list_add(&b->row, &b->rows, &b->row_room,
+                                     sizeof *row, NULL);
 
     if (!row)
         return NULL;
-    b->row = row;
-    row += b->rows++;
-    memset(row, 0, sizeof *row);
     snprintf(row->stage, sizeof row->stage, "%s", stage);
     snprintf(row->config, sizeof row->config, "%s", config);
     snprintf(row->knob, sizeof row->knob, "%s", knob);
@@ -137,12 +134,9 @@ void bench_number(struct bench *b, const char *object, const char *key,
             p->value = value;
             return;
         }
-    p = list_grow(b->pair, &b->pair_room, b->pairs, sizeof *p);
+    p = list_add(&b->pair, &b->pairs, &b->pair_room, sizeof *p, NULL);
     if (!p)
         return;
-    b->pair = p;
-    p += b->pairs++;
-    memset(p, 0, sizeof *p);
     snprintf(p->object, sizeof p->object, "%s", object);
     snprintf(p->key, sizeof p->key, "%s", key);
     p->value = value;

@@ -25,21 +25,21 @@ static convert_kind *const kind_run[] = {
 void convert_note(struct convert *c, enum convert_problem what,
                   const char *format, ...)
 {
-    void *more = realloc(c->problem, (c->problems + 1) * sizeof *c->problem);
+    struct convert_note *note = list_add(&c->problem, &c->problems,
+                                         &c->problem_room, sizeof *note, NULL);
     char text[2 * TENSORFILE_NAME + 400];
     va_list args;
 
     if (what == CONVERT_MISSING || what == CONVERT_SHAPE)
         c->wrong++;
-    if (!more)
+    if (!note)
         return;
-    c->problem = more;
     va_start(args, format);
     vsnprintf(text, sizeof text, format, args);
     va_end(args);
-    c->problem[c->problems].what = what;
-    c->problem[c->problems].text = arena_text(&c->memory, text);
-    c->problems += c->problem[c->problems].text != NULL;
+    note->what = what;
+    note->text = arena_text(&c->memory, text);
+    c->problems -= !note->text;
 }
 
 /* "[3, any, 4]": a dimension of 0 is "any". */
@@ -147,13 +147,11 @@ static struct convert_tensor *convert_add_tensor(struct convert *c,
                                                  const size_t *dims,
                                                  struct error *err)
 {
-    struct convert_tensor *t = list_grow(c->tensor, &c->room, c->count,
-                                         sizeof *t);
+    struct convert_tensor *t = list_add(&c->tensor, &c->count, &c->room,
+                                        sizeof *t, err);
 
     if (!t)
-        return error_null(err, EX_OSERR, "out of memory");
-    c->tensor = t;
-    t += c->count++;
+        return NULL;
     *t = (struct convert_tensor){.name = arena_text(&c->memory, name),
                                  .dtype = dtype, .ndim = ndim, .count = 1};
     for (int i = 0; i < ndim; i++)

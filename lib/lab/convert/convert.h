@@ -49,11 +49,11 @@ struct convert {
     bool *used[CONVERT_FILES];
     struct convert_tensor *tensor;
     size_t count, room;
-    struct {
+    struct convert_note {
         enum convert_problem what;
         char *text;             /* "a.weight [3] (expected [4])" */
     } *problem;
-    size_t problems;
+    size_t problems, problem_room;
     size_t wrong;               /* of them: missing, or of another shape */
     char *meta[2 * CONVERT_META + 1];   /* key, value, .., NULL */
     size_t nmeta;

@@ -227,13 +227,12 @@ static int data_take_picture(struct data_reader *r, const struct record *rec,
 static int data_keep_frame(struct data_person *p, struct data_frame *f,
                            struct error *err)
 {
-    struct data_frame *grown = list_grow(p->frame, &p->room, p->count,
-                                         sizeof *grown);
+    struct data_frame *to = list_add(&p->frame, &p->count, &p->room, sizeof *to,
+                                     err);
 
-    if (!grown)
-        return error_set(err, EX_OSERR, "out of memory");
-    p->frame = grown;
-    p->frame[p->count++] = *f;
+    if (!to)
+        return -1;
+    *to = *f;
     f->rgba = f->alone = f->hidden = NULL;
     return 0;
 }

@@ -38,19 +38,6 @@ struct side {
     double size;            /* of the pictures lmk is given in */
 };
 
-/* Append a pose. */
-static int motions_keep(struct clip *c, const struct pose *p, struct error *err)
-{
-    struct pose *grown = list_grow(c->pose, &c->room, c->count,
-                                   sizeof *grown);
-
-    if (!grown)
-        return error_set(err, EX_OSERR, "out of memory");
-    c->pose = grown;
-    c->pose[c->count++] = *p;
-    return 0;
-}
-
 /* The stream's shape into the head. */
 static int motions_side_fold(struct side *s, const struct record *rec,
                              struct error *err)
@@ -95,20 +82,19 @@ static int motions_side_take(struct side *s, const struct record *rec,
 {
     size_t nexp = s->head ? s->head->nexp : 100;
     struct motion m;
-    struct pose p = {.has_lmk = 0};
+    struct pose *p = list_add(&s->clip.pose, &s->clip.count, &s->clip.room,
+                              sizeof *p, err);
 
-    if (motion_read(&m, rec, nexp, err) ||
-        (p.has_lmk = motion_read_landmarks(p.lmk, rec, err)) < 0)
+    if (!p || motion_read(&m, rec, nexp, err) ||
+        (p->has_lmk = motion_read_landmarks(p->lmk, rec, err)) < 0)
         return -1;
-    memcpy(p.R, m.R, sizeof p.R);
-    memcpy(p.jaw, m.pose.jaw, sizeof p.jaw);
-    memcpy(p.lid, m.pose.lid, sizeof p.lid);
-    for (int i = 0; p.has_lmk && i < 68; i++)
+    memcpy(p->R, m.R, sizeof p->R);
+    memcpy(p->jaw, m.pose.jaw, sizeof p->jaw);
+    memcpy(p->lid, m.pose.lid, sizeof p->lid);
+    for (int i = 0; p->has_lmk && i < 68; i++)
         for (int k = 0; k < 2; k++)
-            p.lmk[i][k] *= (float)(512 / s->size);
-    if (!p.has_lmk && motions_side_project(s, &p, &m, err))
-        return -1;
-    return motions_keep(&s->clip, &p, err);
+            p->lmk[i][k] *= (float)(512 / s->size);
+    return p->has_lmk ? 0 : motions_side_project(s, p, &m, err);
 }
 
 /* A record of a stream, whose pictures tell the size of landmarks. */

@@ -58,7 +58,6 @@ static void lpips_declare_alexnet(struct lpips *l)
         tape_layer(t, x)->act = ACT_RELU;
         snprintf(name, sizeof name, "lin%d.model.1.weight", i);
         l->lin[i] = params_add(&l->ps, name, 4, lin, PARAM_ZERO, 1);
-        l->ps.tensor[l->lin[i]].frozen = true;
     }
 }
 

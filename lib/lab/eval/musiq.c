@@ -61,8 +61,6 @@ void musiq_declare(struct musiq *m)
                          nn_name(name, "%stransformer.encoderblock_%d.", at, i),
                          &kind, WIDTH, HEADS);
     linear_init(&m->head, ps, "head", WIDTH, 1);
-    for (size_t i = 0; i < ps->count; i++)
-        ps->tensor[i].frozen = true;
 }
 
 int musiq_init(struct musiq *m, const char *path, struct error *err)

@@ -50,7 +50,7 @@ struct musiq {
 
 /* Load the weights; EX_DATAERR names a tensor that is missing. */
 int musiq_init(struct musiq *m, const char *path, struct error *err);
-/* Declare the file's tensors, frozen. */
+/* Declare the file's tensors. */
 void musiq_declare(struct musiq *m);
 /* Free what it holds; zeroed then. */
 void musiq_release(struct musiq *m);

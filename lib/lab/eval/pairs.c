@@ -40,18 +40,6 @@ static int pairs_parse(struct pair *p, char *line, const char *path,
     return 0;
 }
 
-/* Append what a line says. */
-static int pairs_add(struct pairs *p, size_t *room, char *line,
-                     const char *path, size_t number, struct error *err)
-{
-    struct pair *grown = list_grow(p->pair, room, p->count, sizeof *grown);
-
-    if (!grown)
-        return error_set(err, EX_OSERR, "no memory for a list");
-    p->pair = grown;
-    return pairs_parse(&p->pair[p->count++], line, path, number, err);
-}
-
 int pairs_read(struct pairs *p, const char *path, struct error *err)
 {
     size_t number = 0, room = 0;
@@ -65,8 +53,10 @@ int pairs_read(struct pairs *p, const char *path, struct error *err)
     for (rest = p->text; rc == 0 && (line = strsep(&rest, "\n"));) {
         number++;
         line[strcspn(line, "\r")] = 0;
-        if (*line && *line != '#')
-            rc = pairs_add(p, &room, line, path, number, err);
+        if (!*line || *line == '#')
+            continue;
+        struct pair *to = list_add(&p->pair, &p->count, &room, sizeof *to, err);
+        rc = to ? pairs_parse(to, line, path, number, err) : -1;
     }
     if (rc == 0 && !p->count)
         rc = error_set(err, EX_DATAERR, "%s: no pairs", path);

@@ -39,14 +39,12 @@ size_t table_row(struct table *t, const char *name)
     for (size_t i = 0; i < t->rows; i++)
         if (!strcmp(t->row[i].name, cut))
             return i;
-    struct table_row *grown = list_grow(t->row, &t->room, t->rows,
-                                        sizeof *grown);
-    if (!grown)
+    struct table_row *row = list_add(&t->row, &t->rows, &t->room, sizeof *row,
+                                     NULL);
+    if (!row)
         return (size_t)-1;
-    t->row = grown;
-    memset(&t->row[t->rows], 0, sizeof *t->row);
-    memcpy(t->row[t->rows].name, cut, sizeof cut);
-    return t->rows++;
+    memcpy(row->name, cut, sizeof cut);
+    return t->rows - 1;
 }
 
 void table_add(struct table *t, size_t row, size_t column, double value)

@@ -89,8 +89,6 @@ void topiq_declare(struct topiq *t)
     }
     t->row = params_add(ps, "h_emb", 4, row, PARAM_ZERO, 0);
     t->column = params_add(ps, "w_emb", 4, column, PARAM_ZERO, 0);
-    for (size_t i = 0; i < ps->count; i++)
-        ps->tensor[i].frozen = true;
 }
 
 int topiq_init(struct topiq *t, const char *path, struct error *err)

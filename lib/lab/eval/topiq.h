@@ -62,7 +62,7 @@ struct topiq {
 
 /* Load the weights; EX_DATAERR names a tensor that is missing. */
 int topiq_init(struct topiq *t, const char *path, struct error *err);
-/* Declare the file's tensors, frozen. */
+/* Declare the file's tensors. */
 void topiq_declare(struct topiq *t);
 /* Free what it holds; zeroed then. */
 void topiq_release(struct topiq *t);

@@ -35,19 +35,12 @@ static int reenact_add(const struct record *rec, void *reenact,
                        struct error *err)
 {
     struct reenact *r = reenact;
-    struct motion *grown;
+    struct motion *m;
 
     if (!record_is(rec, RECORD_MOTN))
         return 0;
-    grown = list_grow(r->act, &r->room, r->acts, sizeof *grown);
-    if (!grown)
-        return error_set(err, EX_OSERR, "no memory for more than %zu motions",
-                         r->acts);
-    r->act = grown;
-    if (motion_read(&r->act[r->acts], rec, r->models.head.nexp, err))
-        return -1;
-    r->acts++;
-    return 0;
+    m = list_add(&r->act, &r->acts, &r->room, sizeof *m, err);
+    return m ? motion_read(m, rec, r->models.head.nexp, err) : -1;
 }
 
 /* All motions of a stream. */

@@ -217,11 +217,10 @@ static int pickle_stack_push(struct pickle_machine *m, struct pickle_value *v)
     if (m->top >= PICKLE_MAX_ITEMS)
         return pickle_fail(m, "more than %zu values on the stack",
                            PICKLE_MAX_ITEMS);
-    s = list_grow(m->stack, &m->room, m->top, sizeof *s);
+    s = list_add(&m->stack, &m->top, &m->room, sizeof *s, m->err);
     if (!s)
-        return error_set(m->err, EX_OSERR, "out of memory");
-    m->stack = s;
-    m->stack[m->top++] = v;
+        return -1;
+    *s = v;
     return 0;
 }
 

@@ -16,24 +16,13 @@
 
 /* ---- the table of tensors ----------------------------------------------- */
 
-/* Room for one more tensor. */
-static int tensorfile_table_grow(struct tensorfile *f, struct error *err)
-{
-    void *tensors = list_grow(f->tensor, &f->room, f->count, sizeof *f->tensor);
-    void *places = list_grow(f->place, &f->place_room, f->count,
-                             sizeof *f->place);
-
-    f->tensor = tensors ? tensors : f->tensor;
-    f->place = places ? places : f->place;
-    return tensors && places ? 0 : error_set(err, EX_OSERR, "out of memory");
-}
-
 int tensorfile_add(struct tensorfile *f, const char *name,
                    const struct tensor_place *p, struct error *err)
 {
     struct tensorfile_tensor t = {.dtype = p->view.dtype,
                                   .ndim = p->view.ndim,
                                   .count = p->view.count};
+    struct tensor_row *row;
     size_t bytes = t.count * st_dtype_size(t.dtype);
     size_t max = f->source > SIZE_MAX / 2 / TENSORFILE_GROWTH
                       ? SIZE_MAX / 2 : f->source * TENSORFILE_GROWTH;
@@ -47,15 +36,15 @@ int tensorfile_add(struct tensorfile *f, const char *name,
         return error_set(err, EX_DATAERR, "tensor '%s': all tensors together "
                          "take more than %d times the file", name,
                          TENSORFILE_GROWTH);
-    if (tensorfile_table_grow(f, err))
-        return -1;
     memcpy(t.dim, p->view.dim, sizeof t.dim);
     t.name = arena_text(&f->memory, name);
     if (!t.name)
         return arena_check(&f->memory, "a name", err);
+    row = list_add(&f->row, &f->count, &f->room, sizeof *row, err);
+    if (!row)
+        return -1;
     f->total += bytes;
-    f->tensor[f->count] = t;
-    f->place[f->count++] = *p;
+    *row = (struct tensor_row){t, *p};
     return 0;
 }
 
@@ -72,9 +61,10 @@ void tensorfile_add_other(struct tensorfile *f, enum tensorfile_sort sort,
 
 static int tensorfile_by_name(const void *a, const void *b, void *context)
 {
-    const struct tensorfile_tensor *t = context;
+    const struct tensor_row *row = context;
 
-    return strcmp(t[*(const size_t *)a].name, t[*(const size_t *)b].name);
+    return strcmp(row[*(const size_t *)a].t.name,
+                  row[*(const size_t *)b].t.name);
 }
 
 /* Order by name for tensorfile_find; no two may have the same. */
@@ -86,11 +76,11 @@ static int tensorfile_sort_names(struct tensorfile *f, struct error *err)
     for (size_t i = 0; i < f->count; i++)
         f->by_name[i] = i;
     qsort_r(f->by_name, f->count, sizeof *f->by_name, tensorfile_by_name,
-            f->tensor);
+            f->row);
     for (size_t i = 1; i < f->count; i++)
-        if (!tensorfile_by_name(&f->by_name[i - 1], &f->by_name[i], f->tensor))
+        if (!tensorfile_by_name(&f->by_name[i - 1], &f->by_name[i], f->row))
             return error_set(err, EX_DATAERR, "two tensors are named '%s'",
-                             f->tensor[f->by_name[i]].name);
+                             f->row[f->by_name[i]].t.name);
     return 0;
 }
 
@@ -100,18 +90,16 @@ struct pickle *tensorfile_unpickle(struct tensorfile *f, const char *where,
                                    const void *data, size_t bytes,
                                    size_t *used, struct error *err)
 {
-    struct pickle **list = list_grow(f->pickle, &f->pickle_room, f->npickle,
-                                     sizeof *list);
-    struct pickle *p;
+    struct pickle *p = pickle_read(data, bytes, used, err), **to;
     size_t memory = 0;
 
-    if (!list)
-        return error_null(err, EX_OSERR, "out of memory");
-    f->pickle = list;
-    p = pickle_read(data, bytes, used, err);
-    if (!p)
+    to = p ? list_add(&f->pickle, &f->npickle, &f->pickle_room, sizeof *to, err)
+           : NULL;
+    if (!to) {
+        pickle_free(p);
         return NULL;
-    f->pickle[f->npickle++] = p;
+    }
+    *to = p;
     if (pickle_refused(p) && !f->refused.text[0])
         error_set(&f->refused, EX_DATAERR, "%s%s%s", where,
                   *where ? ": " : "", pickle_refused(p));
@@ -364,8 +352,7 @@ void tensorfile_close(struct tensorfile *f)
     for (size_t i = 0; i < f->npickle; i++)
         pickle_free(f->pickle[i]);
     free(f->pickle);
-    free(f->tensor);
-    free(f->place);
+    free(f->row);
     free(f->cache);
     free(f->packed);
     arena_release(&f->memory);
@@ -397,7 +384,7 @@ size_t tensorfile_count(const struct tensorfile *f)
 const struct tensorfile_tensor *tensorfile_at(const struct tensorfile *f,
                                               size_t i)
 {
-    return i < f->count ? &f->tensor[i] : NULL;
+    return i < f->count ? &f->row[i].t : NULL;
 }
 
 size_t tensorfile_find(const struct tensorfile *f, const char *name)
@@ -406,7 +393,7 @@ size_t tensorfile_find(const struct tensorfile *f, const char *name)
 
     while (low < high) {
         size_t middle = low + (high - low) / 2;
-        int c = strcmp(f->tensor[f->by_name[middle]].name, name);
+        int c = strcmp(f->row[f->by_name[middle]].t.name, name);
 
         if (c == 0)
             return f->by_name[middle];
@@ -474,7 +461,7 @@ static bool tensorfile_is_packed(const struct array_view *v)
 
 const void *tensorfile_data(struct tensorfile *f, size_t i, struct error *err)
 {
-    const struct tensor_place *p = &f->place[i];
+    const struct tensor_place *p = &f->row[i].place;
     const char *from = p->data;
 
     if (!p->view.count)
@@ -482,7 +469,7 @@ const void *tensorfile_data(struct tensorfile *f, size_t i, struct error *err)
     if (!from) {
         from = tensorfile_entry_unpacked(f, p->entry, err);
         if (!from) {
-            error_prefix(err, "%s: tensor '%s'", f->path, f->tensor[i].name);
+            error_prefix(err, "%s: tensor '%s'", f->path, f->row[i].t.name);
             return NULL;
         }
         from += p->skip;
@@ -493,7 +480,7 @@ const void *tensorfile_data(struct tensorfile *f, size_t i, struct error *err)
     f->packed = malloc(p->view.count * st_dtype_size(p->view.dtype));
     if (!f->packed)
         return error_null(err, EX_OSERR, "%s: tensor '%s': out of memory",
-                          f->path, f->tensor[i].name);
+                          f->path, f->row[i].t.name);
     array_view_copy(f->packed, &p->view, from);
     return f->packed;
 }

@@ -15,6 +15,11 @@ struct tensor_place {
     size_t entry, skip;
 };
 
+struct tensor_row {
+    struct tensorfile_tensor t;
+    struct tensor_place place;
+};
+
 /* A storage of the older PyTorch form. */
 struct legacy_storage {
     struct pickle_text key;
@@ -41,10 +46,9 @@ struct tensorfile {
     struct legacy_storage *legacy;  /* by key */
     size_t nlegacy;
 
-    struct tensorfile_tensor *tensor;
-    struct tensor_place *place;
+    struct tensor_row *row;
     size_t *by_name;                /* once all are known */
-    size_t count, room, place_room;
+    size_t count, room;
     struct {
         const char *name[TENSORFILE_NOTED], *kind[TENSORFILE_NOTED];
         size_t n;

@@ -65,12 +65,11 @@ static int sparse_row(struct row *out, struct sparse *s,
 static int sparse_add(struct sparse *s, double row, double column,
                       double value)
 {
-    struct entry *e = list_grow(s->entry, &s->room, s->n, sizeof *e);
+    struct entry *e = list_add(&s->entry, &s->n, &s->room, sizeof *e, s->err);
 
     if (!e)
-        return error_set(s->err, EX_OSERR, "out of memory");
-    s->entry = e;
-    s->entry[s->n++] = (struct entry){row, column, value};
+        return -1;
+    *e = (struct entry){row, column, value};
     return 0;
 }
 

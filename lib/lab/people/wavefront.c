@@ -24,13 +24,8 @@ struct list {
 /* Room for one more item, NULL when memory or VERTICES_MAX is used up. */
 static void *wavefront_list_add(struct list *l)
 {
-    char *data = l->count < VERTICES_MAX
-                     ? list_grow(l->data, &l->room, l->count, l->size) : NULL;
-
-    if (!data)
-        return NULL;
-    l->data = data;
-    return data + l->size * l->count++;
+    return l->count < VERTICES_MAX
+               ? list_add(&l->data, &l->count, &l->room, l->size, NULL) : NULL;
 }
 
 struct lines {

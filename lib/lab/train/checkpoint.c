@@ -251,14 +251,8 @@ static int checkpoint_add_tensor(struct joined *j, const struct safetensors *st,
     if (i < j->count) {
         free((void *)(uintptr_t)j->t[i].data);
         j->t[i].data = NULL;
-    } else {
-        struct st_tensor *grown = list_grow(j->t, &j->room, i, sizeof *grown);
-
-        if (!grown)
-            return error_set(err, EX_OSERR, "out of memory");
-        j->t = grown;
-        memset(&j->t[i], 0, sizeof j->t[i]);
-        j->count++;
+    } else if (!list_add(&j->t, &j->count, &j->room, sizeof *j->t, err)) {
+        return -1;
     }
     return checkpoint_convert(&j->t[i], st, t, err);
 }

@@ -103,6 +103,17 @@ static void motion_error_numbers(float *e, const float *b, const float *a,
         e[i] = b[i] - a[i];
 }
 
+/* What of E_m's numbers is compared as it stands. */
+static const struct {
+    enum motion_term term;
+    size_t at, n;
+} motion_loss_part[] = {
+    {TERM_TRANSLATION, MOTION_TRANS, 3}, {TERM_EYE, MOTION_EYE, 6},
+    {TERM_EXP, MOTION_EXP, DATA_EXP}, {TERM_JAW, MOTION_JAW, 3},
+    {TERM_LID, MOTION_LID, 2}
+};
+enum { PARTS = sizeof motion_loss_part / sizeof *motion_loss_part };
+
 /* A term of n numbers: their distance from the truth, and how much of it the
  * partner's errors (n, or NULL) do not share. */
 static void motion_loss_numbers(float *db, double *parts, enum motion_term term,
@@ -233,15 +244,20 @@ static void motion_loss_pose_truth(struct motion_loss *l,
     head_pose(l->truth, l->id, &truth);
 }
 
-/* t (3) = the true translation as E_m should say it, seen through crop q. */
-static void motion_loss_true_translation(float *t, const struct data_frame *f,
-                                         struct square q)
+/* code = what E_m should say of f, seen through crop q: those parts. */
+static void motion_loss_true_code(float code[MOTION_OUT],
+                                  const struct data_frame *f, struct square q)
 {
+    const struct motion *m = &f->motion;
     double precise[3];
 
     data_net_translation(precise, f, q);
     for (int k = 0; k < 3; k++)
-        t[k] = (float)precise[k];
+        code[MOTION_TRANS + k] = (float)precise[k];
+    memcpy(code + MOTION_EYE, m->pose.eye, sizeof m->pose.eye);
+    memcpy(code + MOTION_EXP, m->exp, DATA_EXP * sizeof *code);
+    memcpy(code + MOTION_JAW, m->pose.jaw, sizeof m->pose.jaw);
+    memcpy(code + MOTION_LID, m->pose.lid, sizeof m->pose.lid);
 }
 
 void motion_error(struct motion_error *e, const float *out,
@@ -250,16 +266,12 @@ void motion_error(struct motion_error *e, const float *out,
 {
     const struct motion *m = &f->motion;
     struct motion_state s = {.verts = l->verts};
-    float translation[3];
+    float code[MOTION_OUT] = {0};
 
     motion_decode(&s, out, f, q, l->id);
-    motion_loss_true_translation(translation, f, q);
+    motion_loss_true_code(code, f, q);
     motion_error_numbers(e->rotation, s.R, m->R, 9);
-    motion_error_numbers(e->translation, out + MOTION_TRANS, translation, 3);
-    motion_error_numbers(e->eye, out + MOTION_EYE, m->pose.eye, 6);
-    motion_error_numbers(e->exp, out + MOTION_EXP, m->exp, DATA_EXP);
-    motion_error_numbers(e->jaw, out + MOTION_JAW, m->pose.jaw, 3);
-    motion_error_numbers(e->lid, out + MOTION_LID, m->pose.lid, 2);
+    motion_error_numbers(e->code, out, code, MOTION_OUT);
     if (l->id->head->has_landmarks) {
         float x[68 * 3], found[EXPRESSION_FEATURES], truth[EXPRESSION_FEATURES];
 
@@ -276,21 +288,16 @@ static void motion_loss_code(float *dout, double *parts, const float *out,
                              const struct motion_weights *w, double scale,
                              const struct motion_error *p)
 {
-    const struct motion *m = &f->motion;
-    float translation[3];
+    float code[MOTION_OUT];
 
-    motion_loss_true_translation(translation, f, q);
-    motion_loss_numbers(dout + MOTION_TRANS, parts, TERM_TRANSLATION,
-                        out + MOTION_TRANS, translation, 3,
-                        p ? p->translation : NULL, w, scale);
-    motion_loss_numbers(dout + MOTION_EYE, parts, TERM_EYE, out + MOTION_EYE,
-                        m->pose.eye, 6, p ? p->eye : NULL, w, scale);
-    motion_loss_numbers(dout + MOTION_EXP, parts, TERM_EXP, out + MOTION_EXP,
-                        m->exp, DATA_EXP, p ? p->exp : NULL, w, scale);
-    motion_loss_numbers(dout + MOTION_JAW, parts, TERM_JAW, out + MOTION_JAW,
-                        m->pose.jaw, 3, p ? p->jaw : NULL, w, scale);
-    motion_loss_numbers(dout + MOTION_LID, parts, TERM_LID, out + MOTION_LID,
-                        m->pose.lid, 2, p ? p->lid : NULL, w, scale);
+    motion_loss_true_code(code, f, q);
+    for (int i = 0; i < PARTS; i++) {
+        const size_t at = motion_loss_part[i].at;
+
+        motion_loss_numbers(dout + at, parts, motion_loss_part[i].term,
+                            out + at, code + at, motion_loss_part[i].n,
+                            p ? p->code + at : NULL, w, scale);
+    }
 }
 
 double motion_loss(float *dout, double *parts, struct motion_state *s,

@@ -10,6 +10,7 @@
 #include "lib/head/lbs.h"
 #include "lib/lab/data/data.h"
 #include "lib/lab/train/expression_features.h"
+#include "lib/net/motion_encoder.h"
 
 /* Terms, in the order of the log.  |x| is Huber's function where
  * motion_weights.huber asks for it. */
@@ -64,7 +65,7 @@ void motion_decode_backward(float *dout, const float *dverts,
 
 /* Predicted minus true, of what the term change compares. */
 struct motion_error {
-    float rotation[9], translation[3], eye[6], exp[DATA_EXP], jaw[3], lid[2];
+    float rotation[9], code[MOTION_OUT];        /* E_m's numbers but rotation's */
     float feature[EXPRESSION_FEATURES];         /* millimetres */
 };
 
