@@ -200,21 +200,17 @@ static void eval_open_comparison(struct comparison *j)
     if (opt.frames_tsv && outfile_open(&j->tsv, opt.frames_tsv, &err))
         die_error(&err);
     eval_load_head(&j->head, opt.people != NULL);
-    if (opt.lpips) {
-        if (lpips_init(&j->lpips, LPIPS_ALEXNET, opt.lpips, &err))
-            die_error(&err);
-        j->nets.lpips = &j->lpips;
-    }
-    if (opt.musiq) {
-        if (musiq_init(&j->musiq, opt.musiq, &err))
-            die_error(&err);
-        j->nets.musiq = &j->musiq;
-    }
-    if (opt.topiq) {
-        if (topiq_init(&j->topiq, opt.topiq, &err))
-            die_error(&err);
-        j->nets.topiq = &j->topiq;
-    }
+    if ((opt.lpips &&
+         lpips_init(&j->lpips, LPIPS_ALEXNET, opt.lpips, &err)) ||
+        (opt.musiq && musiq_init(&j->musiq, opt.musiq, &err)) ||
+        (opt.topiq && topiq_init(&j->topiq, opt.topiq, &err)))
+        die_error(&err);
+    j->nets = (struct compare_nets){
+        .lpips = opt.lpips ? &j->lpips : NULL,
+        .likeness = opt.arcface ? &j->likeness : NULL,
+        .musiq = opt.musiq ? &j->musiq : NULL,
+        .topiq = opt.topiq ? &j->topiq : NULL
+    };
     if (opt.arcface) {
         bool found = option_model_open(&model, &err) == 0;
 
@@ -223,7 +219,6 @@ static void eval_open_comparison(struct comparison *j)
                           j->head.V ? &j->head : NULL, &err))
             die_error(&err);
         model_close(&model);
-        j->nets.likeness = &j->likeness;
     }
 }
 
@@ -233,14 +228,10 @@ static void eval_close_comparison(struct comparison *j)
 
     if (j->tsv.file && outfile_close(&j->tsv, &err))
         die_error(&err);
-    if (j->nets.lpips)
-        lpips_release(&j->lpips);
-    if (j->nets.musiq)
-        musiq_release(&j->musiq);
-    if (j->nets.topiq)
-        topiq_release(&j->topiq);
-    if (j->nets.likeness)
-        likeness_release(&j->likeness);
+    lpips_release(&j->lpips);
+    musiq_release(&j->musiq);
+    topiq_release(&j->topiq);
+    likeness_release(&j->likeness);
     head_release(&j->head);
 }
 

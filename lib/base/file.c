@@ -145,10 +145,8 @@ void *file_map(size_t *bytes, const char *path, struct error *err)
     if (map != MAP_FAILED)
         return map;
     if (*bytes)
-        error_set(err, EX_OSERR, "%s: %s", path, strerror(errno));
-    else
-        error_set(err, EX_DATAERR, "%s: empty", path);
-    return NULL;
+        return error_null(err, EX_OSERR, "%s: %s", path, strerror(errno));
+    return error_null(err, EX_DATAERR, "%s: empty", path);
 }
 
 void file_temporary(char *path, const char *name)

@@ -32,8 +32,7 @@ void *list_add(void *list, size_t *count, size_t *room, size_t size,
 
     if (items)
         return memset(items + size * (*count)++, 0, size);
-    error_set(err, EX_OSERR, "out of memory");
-    return NULL;
+    return error_null(err, EX_OSERR, "out of memory");
 }
 
 int list_grow_columns(const struct list_column *column, size_t n, size_t *room,

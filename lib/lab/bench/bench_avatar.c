@@ -24,10 +24,11 @@ static int bench_make_clip(struct bench_person *p, struct error *err)
     struct synth_frame f;
     struct synth *synth = synth_open(&p->head, &opt, err);
 
-    p->rgb = malloc(PERSON_FRAMES * 3 * pixels);
-    p->mask = malloc(pixels);
-    p->beta = calloc(p->head.nshape, sizeof *p->beta);
-    if (!synth || !p->rgb || !p->mask || !p->beta)
+    p->rgb = arena_take(&p->memory, PERSON_FRAMES, 3 * pixels);
+    p->mask = arena_take(&p->memory, pixels, 1);
+    p->beta = arena_take(&p->memory, p->head.nshape, sizeof *p->beta);
+    p->verts = arena_take(&p->memory, 3 * p->head.V, sizeof *p->verts);
+    if (!synth || arena_check(&p->memory, "a clip", err))
         goto fail;
     for (size_t i = 0; i < PERSON_FRAMES; i++) {
         struct motion *m = &p->motion[i];
@@ -49,7 +50,7 @@ static int bench_make_clip(struct bench_person *p, struct error *err)
     return 0;
 fail:
     synth_close(synth);
-    return err->code ? -1 : error_set(err, EX_OSERR, "no memory for a clip");
+    return -1;
 }
 
 int bench_person_open(struct bench_person *p, struct bench *b,
@@ -60,13 +61,10 @@ int bench_person_open(struct bench_person *p, struct bench *b,
     if (!b->model || !b->head)
         return error_set(err, EX_NOINPUT, "no model.safetensors or no "
                          "head.safetensors (expected -m MODEL)");
-    if (model_open(&p->model, b->model, err) ||
-        head_load(&p->head, b->head, err) ||
-        bench_make_clip(p, err) ||
-        densify_init(&p->dense, p->head.f, p->head.F, p->head.V, err))
-        return -1;
-    p->verts = malloc(3 * p->head.V * sizeof *p->verts);
-    return p->verts ? 0 : error_set(err, EX_OSERR, "no memory");
+    return model_open(&p->model, b->model, err) ||
+           head_load(&p->head, b->head, err) || bench_make_clip(p, err) ||
+           densify_init(&p->dense, p->head.f, p->head.F, p->head.V, err)
+               ? -1 : 0;
 }
 
 void bench_person_close(struct bench_person *p)
@@ -78,11 +76,8 @@ void bench_person_close(struct bench_person *p)
     densify_release(&p->dense);
     identity_release(&p->id);
     head_release(&p->head);
-    free(p->rgb);
-    free(p->mask);
-    free(p->beta);
-    free(p->verts);
     baked_move_release(&p->move);
+    arena_release(&p->memory);
 }
 
 /* ---- files ------------------------------------------------------------- */

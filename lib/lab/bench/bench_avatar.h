@@ -6,6 +6,7 @@
 #include <stdint.h>
 
 #include "lib/avatar/baked.h"
+#include "lib/base/arena.h"
 #include "lib/base/densify.h"
 #include "lib/avatar/baker.h"
 #include "lib/lab/bench/bench.h"
@@ -21,6 +22,7 @@ struct bench_person {
     struct bench *b;
     struct head head;
     struct identity id;
+    struct arena memory;
     double *beta;           /* (nshape) folded into it */
     struct motion motion[PERSON_FRAMES];    /* true */
     uint8_t *rgb;           /* (PERSON_FRAMES,PERSON_SIZE,PERSON_SIZE,3) */

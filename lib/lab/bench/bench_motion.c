@@ -8,6 +8,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/arena.h"
 #include "lib/base/parallel.h"
 #include "lib/base/random.h"
 #include "lib/base/crop.h"
@@ -40,18 +41,18 @@ static int bench_call_crop(void *context, struct error *err)
 static int bench_crop(struct bench *b, struct error *err)
 {
     const size_t n = 3 * SIDE * SIDE, m = 3 * CROP_NET * CROP_NET;
-    struct crop_case c = {malloc(n), malloc(m * sizeof(float)),
+    struct arena a = {0};
+    struct crop_case c = {arena_take(&a, n, 1),
+                          arena_take(&a, m, sizeof *c.out),
                           {250.3, 270.7, 287.4}};
-    double *exact = malloc(n * sizeof *exact);
-    double *truth = malloc(m * sizeof *truth), max, psnr;
+    double *exact = arena_take(&a, n, sizeof *exact);
+    double *truth = arena_take(&a, m, sizeof *truth), max, psnr;
     struct bench_times t;
     struct random r;
     int rc = -1;
 
-    if (!c.rgb || !c.out || !exact || !truth) {
-        error_set(err, EX_OSERR, "no memory for the crop's bench");
+    if (arena_check(&a, "the crop's bench", err))
         goto out;
-    }
     random_init(&r, 1, "bench crop");
     for (size_t i = 0; i < n; i++)
         exact[i] = (c.rgb[i] = (uint8_t)random_below(&r, 256)) / 255.0;
@@ -65,10 +66,7 @@ static int bench_crop(struct bench *b, struct error *err)
     bench_number(b, "ms", "crop", t.median);
     rc = 0;
 out:
-    free(c.rgb);
-    free(c.out);
-    free(exact);
-    free(truth);
+    arena_release(&a);
     return rc;
 }
 

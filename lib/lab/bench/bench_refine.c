@@ -8,6 +8,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/arena.h"
 #include "lib/base/parallel.h"
 #include "lib/base/random.h"
 #include "lib/net/model.h"
@@ -26,7 +27,9 @@ struct refine_case {
     bool trained;                /* the weights are the model's */
     struct params ps;
     struct refiner net;
-    float *feat, *rgb, *truth;   /* (PIXELS,CHANNELS), (PIXELS,3) twice */
+    struct arena memory;
+    float *feat, *rgb;           /* (PIXELS,CHANNELS), (PIXELS,3) */
+    double *truth;               /* (PIXELS,3) */
     float *photo;                /* (PIXELS,TEXTURE_PHOTO) what it is shown */
 };
 
@@ -45,12 +48,13 @@ static int refine_case_features(struct refine_case *c, struct error *err)
 {
     struct random r;
 
-    c->feat = malloc(PIXELS * CHANNELS * sizeof *c->feat);
-    c->rgb = malloc(PIXELS * 3 * sizeof *c->rgb);
-    c->truth = malloc(PIXELS * 3 * sizeof *c->truth);
-    c->photo = malloc(PIXELS * TEXTURE_PHOTO * sizeof *c->photo);
-    if (!c->feat || !c->rgb || !c->truth || !c->photo)
-        return error_set(err, EX_OSERR, "no memory for the refiner's bench");
+    c->feat = arena_take(&c->memory, PIXELS * CHANNELS, sizeof *c->feat);
+    c->rgb = arena_take(&c->memory, PIXELS * 3, sizeof *c->rgb);
+    c->truth = arena_take(&c->memory, PIXELS * 3, sizeof *c->truth);
+    c->photo = arena_take(&c->memory, PIXELS * TEXTURE_PHOTO,
+                          sizeof *c->photo);
+    if (arena_check(&c->memory, "the refiner's bench", err))
+        return -1;
     random_init(&r, 3, "bench refine");
     for (size_t i = 0; i < PIXELS; i++) {
         double x = (double)(i % SIDE) / 40, y = (double)(i / SIDE) / 30;
@@ -106,17 +110,12 @@ static int refine_case_bench(struct refine_case *c, enum nn_type type,
     const struct nn_options opt = {NN_INFER, type};
     const bool narrow = c->refiner.type == REFINER_NARROW;
     double max = NAN, psnr = NAN;
-    double *exact = malloc(PIXELS * 3 * sizeof *exact);
     struct bench_times t;
     char key[24];
     int rc = -1;
 
     parallel_set_width(threads);
     params_init(&c->ps);
-    if (!exact) {
-        error_set(err, EX_OSERR, "no memory for the refiner's bench");
-        goto out;
-    }
     if (refiner_init(&c->net, &c->ps, "refine.", &c->refiner, err) ||
         params_allocate(&c->ps, err) || refine_case_load(c, err) ||
         refiner_plan(&c->net, 1, SIDE, SIDE, opt, err))
@@ -126,12 +125,10 @@ static int refine_case_bench(struct refine_case *c, enum nn_type type,
     if (bench_time(&t, c->b->seconds / (narrow ? 20 : 8), 3, refine_case_call,
                    c, err))
         goto out;
-    if (truth)
-        memcpy(c->truth, c->rgb, PIXELS * 3 * sizeof *c->truth);
-    for (size_t i = 0; i < PIXELS * 3; i++)
-        exact[i] = c->truth[i];
+    for (size_t i = 0; truth && i < PIXELS * 3; i++)
+        c->truth[i] = c->rgb[i];
     if (!truth)
-        bench_compare(&max, &psnr, c->rgb, exact, PIXELS * 3);
+        bench_compare(&max, &psnr, c->rgb, c->truth, PIXELS * 3);
     if (bench_add(c->b, "refine", c->config, nn_type_name(type), threads, &t,
                   max, psnr))
         rc = 0;
@@ -140,7 +137,6 @@ static int refine_case_bench(struct refine_case *c, enum nn_type type,
     if (narrow && threads == c->b->threads && rc == 0)
         bench_number(c->b, "ms", key, t.median);
 out:
-    free(exact);
     refiner_release(&c->net);
     params_release(&c->ps);
     return rc;
@@ -225,9 +221,6 @@ int bench_refine(struct bench *b, struct error *err)
     }
     parallel_set_width(before);
     model_close(&c.model);
-    free(c.feat);
-    free(c.rgb);
-    free(c.truth);
-    free(c.photo);
+    arena_release(&c.memory);
     return rc;
 }

@@ -8,6 +8,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/arena.h"
 #include "lib/base/cpu.h"
 #include "lib/base/half.h"
 #include "lib/base/parallel.h"
@@ -75,10 +76,11 @@ static const struct knob knobs[] = {
 
 /* One renderer with its picture, as bench_time calls it. */
 struct bench_frame {
+    struct arena memory;
     struct splat s;
     const struct splat_camera *cam;
     float *image, *alpha;
-    uint16_t *half, *color;
+    uint16_t *half;
     float turn;                     /* moves the camera: all is drawn anew */
 };
 
@@ -95,17 +97,16 @@ static int bench_frame_draw_next(void *context, struct error *err)
     return splat_draw(&f->s, &out, &cam, NULL, NULL, err);
 }
 
-/* Have g's colours in half precision; NULL: no memory. */
-static uint16_t *bench_frame_halve_colors(struct gaussians *g)
+/* Have g's colours in half precision, which arena_check tells of. */
+static void bench_frame_halve_colors(struct gaussians *g, struct arena *memory)
 {
     size_t values = g->n * (size_t)g->channels;
-    uint16_t *h = malloc((values + 1) * sizeof *h);
+    uint16_t *h = arena_take(memory, values, sizeof *h);
 
     for (size_t i = 0; h && i < values; i++)
         h[i] = float_to_half(g->color[i]);
     g->color = NULL;
     g->color_half = h;
-    return h;
 }
 
 /* Renderer, picture and Gaussians of one knob. */
@@ -120,23 +121,20 @@ static int bench_frame_open(struct bench_frame *f,
 
     memset(f, 0, sizeof *f);
     f->cam = &st->cam;
-    f->image = calloc(values, sizeof *f->image);
-    f->alpha = calloc(pixels, sizeof *f->alpha);
-    f->half = k->half ? calloc(values, sizeof *f->half) : NULL;
-    f->color = k->half_colors ? bench_frame_halve_colors(&g) : NULL;
-    if (!f->image || !f->alpha || (k->half && !f->half) ||
-        (k->half_colors && !f->color))
-        return error_set(err, EX_OSERR, "out of memory");
-    return splat_init(&f->s, opt, err) || splat_load(&f->s, &g, err) ? -1 : 0;
+    f->image = arena_take(&f->memory, values, sizeof *f->image);
+    f->alpha = arena_take(&f->memory, pixels, sizeof *f->alpha);
+    if (k->half)
+        f->half = arena_take(&f->memory, values, sizeof *f->half);
+    if (k->half_colors)
+        bench_frame_halve_colors(&g, &f->memory);
+    return arena_check(&f->memory, "a frame", err) ||
+           splat_init(&f->s, opt, err) || splat_load(&f->s, &g, err) ? -1 : 0;
 }
 
 static void bench_frame_close(struct bench_frame *f)
 {
     splat_release(&f->s);
-    free(f->image);
-    free(f->alpha);
-    free(f->half);
-    free(f->color);
+    arena_release(&f->memory);
 }
 
 /* Error of the frame against the first channels of a 32-channel truth. */

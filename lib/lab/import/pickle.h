@@ -132,7 +132,7 @@ bool pickle_text_is(struct pickle_text s, const char *word);
 bool pickle_text_begins(struct pickle_text s, const char *word);
 /* Whether a string is this one. */
 bool pickle_is(const struct pickle_value *text, const char *word);
-/* "list", "text", ..: what a value is called in messages. */
+/* "list", "text", ..: what a value is called in messages; NULL: "nothing". */
 const char *pickle_kind_name(const struct pickle_value *v);
 /* "argparse.Namespace", printable. */
 void pickle_full_name(char out[PICKLE_FULL_NAME], const struct pickle_name *n);

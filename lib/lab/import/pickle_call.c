@@ -135,15 +135,15 @@ static struct pickle_value *pickle_call_dict(struct pickle_machine *m,
     if (!v || !pairs)
         return v;
     if (!pickle_is_kind(pairs, PICKLE_LIST))
-        return pickle_fail(m, "OrderedDict of a %s (expected a list)",
-                           pickle_kind_name(pairs)), NULL;
+        return pickle_null(m, "OrderedDict of a %s (expected a list)",
+                           pickle_kind_name(pairs));
     for (size_t i = 0; i < pairs->u.list.n; i++) {
         const struct pickle_value *pair = pairs->u.list.item[i];
 
         if ((pair->kind != PICKLE_LIST && pair->kind != PICKLE_TUPLE) ||
             pair->u.list.n != 2)
-            return pickle_fail(m, "OrderedDict of a %s (expected pairs)",
-                               pickle_kind_name(pair)), NULL;
+            return pickle_null(m, "OrderedDict of a %s (expected pairs)",
+                               pickle_kind_name(pair));
         if (pickle_append(m, &v->u.list, pair->u.list.item[0]) ||
             pickle_append(m, &v->u.list, pair->u.list.item[1]))
             return NULL;
@@ -162,9 +162,8 @@ static struct pickle_value *pickle_call_set(struct pickle_machine *m,
         return v;
     if (!pickle_is_kind(items, PICKLE_LIST)
         && !pickle_is_kind(items, PICKLE_TUPLE))
-        return pickle_fail(m, "set of a %s (expected a list)",
-                           pickle_kind_name(items)),
-               NULL;
+        return pickle_null(m, "set of a %s (expected a list)",
+                           pickle_kind_name(items));
     v->u.list = items->u.list;
     v->u.list.room = v->u.list.n;       /* appending copies */
     return v;
@@ -182,7 +181,7 @@ static struct pickle_value *pickle_call_encode(struct pickle_machine *m,
 
     if (!pickle_is_kind(text, PICKLE_TEXT) || !code ||
         !(pickle_is(code, "latin1") || pickle_is(code, "latin-1")))
-        return pickle_fail(m, "encode of other than text in latin1"), NULL;
+        return pickle_null(m, "encode of other than text in latin1");
     if (pickle_read_again(m, text))
         return NULL;
     v = pickle_make(m, PICKLE_BYTES);
@@ -197,8 +196,7 @@ static struct pickle_value *pickle_call_encode(struct pickle_machine *m,
                                 ? (unsigned char)text->u.s.p[++i] : 0;
 
             if ((c != 0xc2 && c != 0xc3) || next >> 6 != 2)
-                return pickle_fail(m, "the text at %zu is not latin1", i),
-                       NULL;
+                return pickle_null(m, "the text at %zu is not latin1", i);
             c = (c & 3) << 6 | (next & 63);
         }
         out[n++] = (char)c;
@@ -230,9 +228,8 @@ static struct pickle_value *pickle_call_reconstructor(
     const struct pickle_value *base = pickle_item(args, 1);
 
     if (!pickle_is_kind(cls, PICKLE_NAME) || !pickle_is_kind(base, PICKLE_NAME))
-        return pickle_fail(m, "_reconstructor of other than a class and its "
-                              "base"),
-               NULL;
+        return pickle_null(m, "_reconstructor of other than a class and its "
+                           "base");
     return cls->u.name->known == NAME_NONE
                ? pickle_make_object(m, cls->u.name, &args->u.list)
                : pickle_new(m, cls->u.name);
@@ -246,9 +243,8 @@ static struct pickle_value *pickle_call_list(struct pickle_machine *m,
 
     if (pickle_is_kind(list, PICKLE_LIST))
         return list;
-    pickle_fail(m, "list of a %s (expected a list)",
-                list ? pickle_kind_name(list) : "nothing");
-    return NULL;
+    return pickle_null(m, "list of a %s (expected a list)",
+                       pickle_kind_name(list));
 }
 
 /* ---- numpy -------------------------------------------------------------- */
@@ -267,8 +263,8 @@ static struct pickle_value *pickle_call_dtype(struct pickle_machine *m,
         return NULL;
     v->u.dtype = d;
     if (!text || (text->kind != PICKLE_TEXT && text->kind != PICKLE_BYTES))
-        return pickle_fail(m, "dtype of a %s (expected text)",
-                           text ? pickle_kind_name(text) : "nothing"), NULL;
+        return pickle_null(m, "dtype of a %s (expected text)",
+                           pickle_kind_name(text));
     s = text->u.s;
     if (s.n && memchr("<>|=", s.p[0], 4)) {
         d->swap = s.p[0] == '>';
@@ -318,7 +314,7 @@ static int pickle_set_shape(struct pickle_machine *m, struct pickle_array *a,
 {
     if (!pickle_is_kind(dtype, PICKLE_DTYPE))
         return pickle_fail(m, "array of a %s (expected a dtype)",
-                           dtype ? pickle_kind_name(dtype) : "nothing");
+                           pickle_kind_name(dtype));
     a->view.ndim = pickle_take_sizes(m, a->view.dim, shape,
                                      "shape of an array");
     if (a->view.ndim < 0)
@@ -342,7 +338,7 @@ static int pickle_set_data(struct pickle_machine *m, struct pickle_array *a,
         return 0;
     if (!pickle_is_kind(data, PICKLE_BYTES))
         return pickle_fail(m, "data of an array are a %s (expected bytes)",
-                           data ? pickle_kind_name(data) : "nothing");
+                           pickle_kind_name(data));
     if (data->u.s.n != a->view.count * st_dtype_size(a->view.dtype))
         return pickle_fail(m, "array of %zu elements of %s has %zu bytes",
                            a->view.count, st_dtype_name(a->view.dtype),
@@ -468,9 +464,8 @@ struct pickle_value *pickle_new(struct pickle_machine *m,
         return pickle_make(m, PICKLE_DICT);
     if (name->known == NAME_SCRIPT)
         return pickle_make_object(m, name, NULL);
-    pickle_fail(m, "%s is not a class to make things of",
-                pickle_name_text(name->known));
-    return NULL;
+    return pickle_null(m, "%s is not a class to make things of",
+                       pickle_name_text(name->known));
 }
 
 struct pickle_value *pickle_call(struct pickle_machine *m,
@@ -494,9 +489,8 @@ struct pickle_value *pickle_call(struct pickle_machine *m,
     case NAME_SUBCLASS: return pickle_torch_subclass(m, args);
     case NAME_SIZE: return pickle_torch_size(m, args);
     default:
-        pickle_fail(m, "%s is not a function to call",
-                    pickle_name_text(name->known));
-        return NULL;
+        return pickle_null(m, "%s is not a function to call",
+                           pickle_name_text(name->known));
     }
 }
 

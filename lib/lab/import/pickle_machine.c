@@ -13,11 +13,6 @@
 
 /* ---- memory ------------------------------------------------------------- */
 
-struct pickle_block {
-    struct pickle_block *next;
-    max_align_t data[];
-};
-
 int pickle_fail(struct pickle_machine *m, const char *format, ...)
 {
     char text[400];
@@ -44,17 +39,6 @@ void pickle_refuse(struct pickle_machine *m, const char *format, ...)
               text);
 }
 
-/* Room for small values of a pickle, zeroed. */
-static struct pickle_block *pickle_block_make(struct pickle_machine *m,
-                                              size_t size)
-{
-    struct pickle_block *b = calloc(1, sizeof *b + size);
-
-    if (!b)
-        error_set(m->err, EX_OSERR, "out of memory");
-    return b;
-}
-
 void *pickle_alloc(struct pickle_machine *m, size_t bytes)
 {
     struct pickle_arena *a = &m->p->arena;
@@ -62,54 +46,38 @@ void *pickle_alloc(struct pickle_machine *m, size_t bytes)
     bytes = (bytes + 15) / 16 * 16;
     if (bytes > a->left) {
         size_t size = bytes > BLOCK / 4 ? bytes : BLOCK;
-        struct pickle_block *b;
 
-        if (size > PICKLE_MAX_MEMORY - a->used) {
-            pickle_fail(m, "more than %zu MB of objects",
-                        PICKLE_MAX_MEMORY >> 20);
-            return NULL;
-        }
-        b = pickle_block_make(m, size);
-        if (!b)
+        if (size > PICKLE_MAX_MEMORY - a->used)
+            return pickle_null(m, "more than %zu MB of objects",
+                               PICKLE_MAX_MEMORY >> 20);
+        a->block = arena_take(&a->memory, size, 1);
+        if (arena_check(&a->memory, "a pickle", m->err))
             return NULL;
         a->used += size;
-        b->next = a->block;
-        a->block = b;
         a->left = size;
     }
     a->left -= bytes;
-    return (char *)a->block->data + a->left;
+    return a->block + a->left;
 }
 
 char *pickle_alloc_string(struct pickle_machine *m, size_t bytes)
 {
-    struct pickle_block *b, *top = m->p->arena.block;
+    struct arena *memory = &m->p->arena.memory;
+    char *string;
 
     m->strings += bytes;
-    if (m->strings > 4 * m->size) {
-        pickle_fail(m, "more text than the file has");
-        return NULL;
-    }
-    if (bytes <= BLOCK / 4 || !top)
+    if (m->strings > 4 * m->size)
+        return pickle_null(m, "more text than the file has");
+    if (bytes <= BLOCK / 4)
         return pickle_alloc(m, bytes + 1);
-    b = pickle_block_make(m, bytes + 1);
-    if (!b)
-        return NULL;
-    b->next = top->next;        /* behind the block that is being filled */
-    top->next = b;
-    return (char *)b->data;
+    string = arena_take(memory, bytes + 1, 1);
+    return arena_check(memory, "a string", m->err) ? NULL : string;
 }
 
 void pickle_free(struct pickle *p)
 {
-    struct pickle_block *b = p ? p->arena.block : NULL;
-
-    while (b) {
-        struct pickle_block *next = b->next;
-
-        free(b);
-        b = next;
-    }
+    if (p)
+        arena_release(&p->arena.memory);
     free(p);
 }
 
@@ -157,11 +125,9 @@ const unsigned char *pickle_bytes(struct pickle_machine *m, uint64_t n)
 {
     const unsigned char *p = m->data + m->at;
 
-    if (n > m->size - m->at) {
-        pickle_fail(m, "%llu bytes where %zu are left",
-                    (unsigned long long)n, m->size - m->at);
-        return NULL;
-    }
+    if (n > m->size - m->at)
+        return pickle_null(m, "%llu bytes where %zu are left",
+                           (unsigned long long)n, m->size - m->at);
     m->at += (size_t)n;
     return p;
 }
@@ -238,8 +204,7 @@ struct pickle_value *pickle_top(struct pickle_machine *m)
 {
     if (m->top && m->stack[m->top - 1])
         return m->stack[m->top - 1];
-    pickle_fail(m, "the stack is empty");
-    return NULL;
+    return pickle_null(m, "the stack is empty");
 }
 
 struct pickle_value *pickle_pop(struct pickle_machine *m)
@@ -363,7 +328,7 @@ const char *pickle_kind_name(const struct pickle_value *v)
         [PICKLE_OBJECT] = "object",
     };
 
-    return names[v->kind];
+    return v ? names[v->kind] : "nothing";
 }
 
 /* At most 60 bytes of a name, printable, at out. */

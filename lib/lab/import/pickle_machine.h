@@ -3,6 +3,7 @@
 #ifndef SPID_LAB_IMPORT_PICKLE_MACHINE_H
 #define SPID_LAB_IMPORT_PICKLE_MACHINE_H
 
+#include "lib/base/arena.h"
 #include "lib/lab/import/pickle.h"
 
 #define PICKLE_LINE 4096        /* longest line that holds a number */
@@ -17,10 +18,11 @@ enum pickle_known {
     NAME_STORAGE            /* + enum st_dtype */
 };
 
-/* Blocks of memory that go together; used counts all of it. */
+/* Memory of many small values; used counts all but long strings. */
 struct pickle_arena {
-    struct pickle_block *block;
-    size_t left;            /* in the first block */
+    struct arena memory;
+    char *block;            /* that is being filled */
+    size_t left;            /* in it */
     size_t used;
 };
 
@@ -58,6 +60,8 @@ struct pickle_machine {
 /* "byte N: OPCODE: text" in *m->err; returns -1. */
 int pickle_fail(struct pickle_machine *m, const char *format, ...)
     __attribute__((format(printf, 2, 3)));
+/* The same from a function of pointers: NULL. */
+#define pickle_null(...) (pickle_fail(__VA_ARGS__), NULL)
 /* Zeroed memory that lives as long as the pickle. */
 void *pickle_alloc(struct pickle_machine *m, size_t bytes);
 /* The same for a string, which counts by the size of the pickle. */

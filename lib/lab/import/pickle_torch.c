@@ -17,9 +17,8 @@ struct pickle_value *pickle_persistent(struct pickle_machine *m,
         return pickle_item(id, 1);
     if (!pickle_is_kind(id, PICKLE_TUPLE) || id->u.list.n < 5
         || id->u.list.n > 6 || !pickle_is(pickle_item(id, 0), "storage"))
-        return pickle_fail(m, "persistent id is a %s (expected a storage)",
-                           pickle_kind_name(id)),
-               NULL;
+        return pickle_null(m, "persistent id is a %s (expected a storage)",
+                           pickle_kind_name(id));
     type = pickle_item(id, 1);
     key = pickle_item(id, 2);
     if (pickle_is_kind(type, PICKLE_NAME) && type->u.name->known == NAME_NONE)
@@ -27,9 +26,8 @@ struct pickle_value *pickle_persistent(struct pickle_machine *m,
     if (!pickle_is_kind(type, PICKLE_NAME)
         || type->u.name->known < NAME_STORAGE
         || (key->kind != PICKLE_TEXT && key->kind != PICKLE_BYTES))
-        return pickle_fail(m, "storage of type %s with a %s as key",
-                           pickle_kind_name(type), pickle_kind_name(key)),
-               NULL;
+        return pickle_null(m, "storage of type %s with a %s as key",
+                           pickle_kind_name(type), pickle_kind_name(key));
     v = pickle_make(m, PICKLE_STORAGE);
     s = v ? pickle_alloc(m, sizeof *s) : NULL;
     if (!s
@@ -44,8 +42,8 @@ struct pickle_value *pickle_persistent(struct pickle_machine *m,
     if (!view || view->kind == PICKLE_NONE)
         return v;
     if (view->kind != PICKLE_TUPLE || view->u.list.n != 3)
-        return pickle_fail(m, "view of a storage is a %s (expected 3 values)",
-                           pickle_kind_name(view)), NULL;
+        return pickle_null(m, "view of a storage is a %s (expected 3 values)",
+                           pickle_kind_name(view));
     if (pickle_take_size(m, &s->first, pickle_item(view, 1), "view's offset") ||
         pickle_take_size(m, &s->count, pickle_item(view, 2), "view's size"))
         return NULL;
@@ -67,9 +65,8 @@ struct pickle_value *pickle_torch_tensor(struct pickle_machine *m,
     if (pickle_is_kind(storage, PICKLE_OBJECT))     /* of no type of ours */
         return pickle_make_object(m, &storage->u.object->of, NULL);
     if (!pickle_is_kind(storage, PICKLE_STORAGE))
-        return pickle_fail(m, "tensor of a %s (expected a storage)",
-                           storage ? pickle_kind_name(storage) : "nothing"),
-               NULL;
+        return pickle_null(m, "tensor of a %s (expected a storage)",
+                           pickle_kind_name(storage));
     a->view.ndim = pickle_take_sizes(m, a->view.dim, pickle_item(args, 2),
                                      "size of a tensor");
     n = pickle_take_sizes(m, stride, pickle_item(args, 3),
@@ -79,15 +76,15 @@ struct pickle_value *pickle_torch_tensor(struct pickle_machine *m,
                             "offset of a tensor"))
         return NULL;
     if (n != a->view.ndim || !array_view_pack(&a->view, false))
-        return pickle_fail(m, "tensor of %d dimensions has %d strides, or is "
-                           "too large", a->view.ndim, n), NULL;
+        return pickle_null(m, "tensor of %d dimensions has %d strides, or is "
+                           "too large", a->view.ndim, n);
     memcpy(a->view.stride, stride, (size_t)n * sizeof *stride);
     reach = array_view_extent(&a->view);
     if (reach > storage->u.storage->count ||
         (reach && a->first > storage->u.storage->count - reach))
-        return pickle_fail(m, "tensor of %zu elements from %zu on, reaching "
+        return pickle_null(m, "tensor of %zu elements from %zu on, reaching "
                            "%zu further, in a storage of %zu", a->view.count,
-                           a->first, reach, storage->u.storage->count), NULL;
+                           a->first, reach, storage->u.storage->count);
     a->first = reach ? a->first + storage->u.storage->first : 0;
     a->storage = storage->u.storage;
     a->view.dtype = a->storage->dtype;
@@ -110,8 +107,7 @@ struct pickle_value *pickle_torch_load(struct pickle_machine *m,
         return NULL;
     v->u.storage = out;
     if (!pickle_is_kind(s, PICKLE_BYTES) || m->inner)
-        return pickle_fail(m, "of other than bytes, or inside of another"),
-               NULL;
+        return pickle_null(m, "of other than bytes, or inside of another");
     if (pickle_read_again(m, s))
         return NULL;
     for (int i = 0; i < 5; i++) {
@@ -120,7 +116,7 @@ struct pickle_value *pickle_torch_load(struct pickle_machine *m,
                                              &used, &why);
 
         if (!p)
-            return pickle_fail(m, "pickle %d, %s", i, why.text), NULL;
+            return pickle_null(m, "pickle %d, %s", i, why.text);
         if (i == 3 && p->root->kind == PICKLE_STORAGE)
             *out = *p->root->u.storage;
         pickle_free(p);
@@ -131,8 +127,7 @@ struct pickle_value *pickle_torch_load(struct pickle_machine *m,
         memcpy(&count, s->u.s.p + at, sizeof count);
     if (!out->key.n || s->u.s.n - at < sizeof count || out->first ||
         count != out->count || count > (s->u.s.n - at - 8) / size)
-        return pickle_fail(m, "holds no storage of %zu elements", out->count),
-               NULL;
+        return pickle_null(m, "holds no storage of %zu elements", out->count);
     out->key = (struct pickle_text){"", 0};     /* was in that pickle */
     out->data = s->u.s.p + at + 8;
     return v;
@@ -160,9 +155,8 @@ struct pickle_value *pickle_torch_parameter(struct pickle_machine *m,
     if (pickle_is_kind(tensor, PICKLE_OBJECT))
         return tensor;
     if (!pickle_is_kind(tensor, PICKLE_ARRAY) || !tensor->u.array->storage)
-        return pickle_fail(m, "parameter of a %s (expected a tensor)",
-                           tensor ? pickle_kind_name(tensor) : "nothing"),
-               NULL;
+        return pickle_null(m, "parameter of a %s (expected a tensor)",
+                           pickle_kind_name(tensor));
     return tensor;
 }
 
@@ -173,6 +167,6 @@ struct pickle_value *pickle_torch_size(struct pickle_machine *m,
 
     if (!pickle_is_kind(sizes, PICKLE_TUPLE)
         && !pickle_is_kind(sizes, PICKLE_LIST))
-        return pickle_fail(m, "Size of other than a tuple"), NULL;
+        return pickle_null(m, "Size of other than a tuple");
     return sizes;
 }
