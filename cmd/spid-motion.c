@@ -1,6 +1,5 @@
 /* spid-motion: frames in, motion parameters out.  Phase B of the paper up to
  * Theta_d: crop, E_m and its six heads (Eqs. rot to eye). */
-#include <stdio.h>
 #include <string.h>
 
 #include "cmd/motion_output.h"

@@ -1,6 +1,5 @@
 /* spid-refine: splatted features in, finished pictures out.  Eq. SR. */
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 

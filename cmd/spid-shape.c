@@ -1,6 +1,5 @@
 /* spid-shape: a picture in, an identity out.  Phase A of the paper up to beta:
  * crop, E_beta (Eq. beta), the source's own motion by E_m, and the matte. */
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 

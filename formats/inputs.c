@@ -1,7 +1,6 @@
 /* Names of inputs, spelled out (inputs.h). */
 #include "formats/inputs.h"
 
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>

@@ -3,7 +3,6 @@
 #define SPID_FORMATS_INPUTS_H
 
 #include <stdbool.h>
-#include <stddef.h>
 
 #include "lib/base/error.h"
 #include "lib/base/names.h"

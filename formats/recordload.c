@@ -2,7 +2,6 @@
 #include "formats/recordfile.h"
 
 #include <cjson/cJSON.h>
-#include <errno.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

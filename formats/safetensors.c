@@ -2,7 +2,6 @@
 #include "formats/safetensors.h"
 
 #include <cjson/cJSON.h>
-#include <errno.h>
 #include <float.h>
 #include <inttypes.h>
 #include <math.h>

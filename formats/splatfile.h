@@ -3,7 +3,6 @@
 #ifndef SPID_FORMATS_SPLATFILE_H
 #define SPID_FORMATS_SPLATFILE_H
 
-#include <stddef.h>
 
 #include "lib/base/error.h"
 #include "lib/base/gaussians.h"

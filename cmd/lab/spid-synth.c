@@ -1,6 +1,5 @@
 /* spid-synth: synthetic people with their true parameters. */
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 

@@ -6,7 +6,6 @@
 #ifndef SPID_BASE_HARMONICS_H
 #define SPID_BASE_HARMONICS_H
 
-#include <stddef.h>
 
 /* A function on the sphere to second order: f(d) = a + b.d + d^T C d with C
  * symmetric and without trace (xx, yy, zz, xy, xz, yz). */

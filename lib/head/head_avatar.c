@@ -3,7 +3,6 @@
 #include "lib/head/head_avatar.h"
 
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>

@@ -1,7 +1,6 @@
 /* Graphs of ONNX operators: values, nodes, and our layers in them. */
 #include "lib/nn/graph.h"
 
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

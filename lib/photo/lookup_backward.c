@@ -3,7 +3,6 @@
 #include "lib/photo/texture.h"
 
 #include <math.h>
-#include <stdbool.h>
 #include <string.h>
 
 #include "lib/photo/lookup.h"

@@ -5,7 +5,6 @@
 #ifndef SPID_PHOTO_ZOOM_H
 #define SPID_PHOTO_ZOOM_H
 
-#include <stdbool.h>
 #include <stddef.h>
 
 #include "lib/base/error.h"

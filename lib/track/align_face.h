@@ -8,7 +8,6 @@
 #ifndef SPID_TRACK_ALIGN_FACE_H
 #define SPID_TRACK_ALIGN_FACE_H
 
-#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 

@@ -3,7 +3,6 @@
 #include "lib/track/encoders.h"
 
 #include <string.h>
-#include <sysexits.h>
 
 /* E_m, with its confidence head and what it says of calm faces where the model has
  * them. */

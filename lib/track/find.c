@@ -1,7 +1,6 @@
 /* Looking for a face (find.h). */
 #include "lib/track/find.h"
 
-#include <math.h>
 
 #include "formats/facedetect.h"
 #include "lib/base/cpu.h"

@@ -3,7 +3,6 @@
 #ifndef SPID_TRACK_SOURCE_H
 #define SPID_TRACK_SOURCE_H
 
-#include <stdint.h>
 
 #include "formats/image.h"
 #include "lib/base/error.h"

@@ -3,7 +3,6 @@
 #include <string.h>
 #include <sys/resource.h>
 #include <sysexits.h>
-#include <unistd.h>
 
 #include "lib/base/file.h"
 #include "tests/check.h"

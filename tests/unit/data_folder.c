@@ -2,7 +2,6 @@
  * more than a thousand bytes; in order of names, looked up anew. */
 #include <string.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
 #include "lib/lab/data/data.h"
 #include "tests/check.h"

@@ -2,7 +2,6 @@
  * (../shared/assets, examples/model/splits.tsv) nearly all are certainly upright,
  * and none turned by a quarter or a half is. */
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "formats/facedetect.h"

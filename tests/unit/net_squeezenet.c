@@ -4,7 +4,6 @@
  * in ../shared/assets), against features computed in double elsewhere.  Sums
  * in float: 2e-5 of a layer's largest value; the gradient along a
  * direction: 1e-6 of its length. */
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

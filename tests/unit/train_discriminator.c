@@ -3,7 +3,6 @@
  * by weights by central differences; windows at the border; the same bits for
  * any number of threads; nothing of an empty face. */
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 

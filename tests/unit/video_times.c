@@ -1,7 +1,6 @@
 /* Videos that are written keep their frames' times: a driver of a variable rate
  * is followed in its own time, one of a constant rate in equal steps. */
 #include <math.h>
-#include <stdio.h>
 
 #include "formats/video.h"
 #include "tests/check.h"

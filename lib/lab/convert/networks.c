@@ -2,7 +2,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sysexits.h>
 
 #include "lib/lab/convert/headed.h"
 #include "lib/lab/convert/table.h"

@@ -3,7 +3,6 @@
 #include "lib/lab/data/data.h"
 
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>

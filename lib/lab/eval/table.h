@@ -7,7 +7,6 @@
 #include <stddef.h>
 #include <stdio.h>
 
-#include "lib/base/error.h"
 
 #define TABLE_COLUMNS 32
 #define TABLE_NAME 64

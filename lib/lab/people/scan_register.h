@@ -3,7 +3,6 @@
 #ifndef SPID_LAB_PEOPLE_SCAN_REGISTER_H
 #define SPID_LAB_PEOPLE_SCAN_REGISTER_H
 
-#include <stdbool.h>
 
 #include "lib/head/arkit.h"
 #include "lib/lab/people/landmark_map.h"

@@ -2,7 +2,6 @@
 #include "lib/lab/report/pair.h"
 
 #include <errno.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>

@@ -3,7 +3,6 @@
 #ifndef SPID_LAB_TRAIN_CHECKPOINT_H
 #define SPID_LAB_TRAIN_CHECKPOINT_H
 
-#include <stdbool.h>
 #include <stdint.h>
 
 #include "lib/base/error.h"

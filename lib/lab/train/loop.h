@@ -4,7 +4,6 @@
 
 #include <signal.h>
 #include <stdint.h>
-#include <stdio.h>
 
 #include "lib/base/error.h"
 #include "lib/lab/train/checkpoint.h"

@@ -7,7 +7,6 @@
 #include <emscripten.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sysexits.h>
 
 #include "lib/base/parallel.h"
 
