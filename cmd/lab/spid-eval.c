@@ -19,11 +19,6 @@ static struct {
     long count, frames;
 } opt = {.format = "text", .count = 40, .frames = 25};
 
-static int eval_parse_known(const char *value, void *dest, struct error *err)
-{
-    return reenactor_parse_truth(dest, value, err);
-}
-
 static const struct cli_option options[] = {
     OPTION_STRING("format", 'f', &opt.format, "KIND",
                   "text, tsv, json or latex (default text)"),
@@ -55,7 +50,7 @@ static const struct cli_option options[] = {
                 "--people: leave the ablations out"),
     OPTION_FLAG("no-cross", 0, &opt.no_cross,
                 "--people: leave cross-reenactment out"),
-    OPTION_CALL("known", 0, &opt.truth, "WHAT", eval_parse_known,
+    OPTION_CALL("known", 0, &opt.truth, "WHAT", reenactor_parse_truth,
                 "--people: the true shape or motion, not the encoder's"),
     OPTION_OUTPUT("sheet", 0, &opt.sheet, "FILE",
                   "--people: contact sheet (PNG)"),

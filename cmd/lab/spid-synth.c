@@ -117,28 +117,6 @@ static const struct cli_usage usage = {
     "make people: pictures with their true parameters", options
 };
 
-/* CONF: camera, units, seed, and which head. */
-static int synth_write_conf(struct stream_writer *w, const struct head *head,
-                            struct error *err)
-{
-    const struct conf conf = {.producer = "spid-synth", .head = head,
-                              .size = (size_t)size, .rate = fps,
-                              .seed = &seed};
-
-    return conf_write(w, &conf, err);
-}
-
-/* SHAP: a person's shape coefficients and number. */
-static int synth_write_person(struct stream_writer *w,
-                              const struct synth_frame *f, uint64_t number,
-                              struct error *err)
-{
-    int32_t who = (int32_t)f->person;
-    struct shape s = {.beta = f->beta, .n = f->nbeta, .person = &who};
-
-    return shape_write(w, number, (double)number / fps, &s, err);
-}
-
 /* MOTN, MESH and IMAG of one frame. */
 static int synth_write_frame(struct stream_writer *w, const struct head *head,
                              const struct synth_frame *f, uint64_t number,
@@ -171,16 +149,21 @@ static int synth_write_output(struct framesink *sink, const struct head *head,
                               struct error *err)
 {
     struct stream_writer *w = framesink_stream(sink);
-    struct framesink_frame picture = {
+    const double time = (double)number / fps;
+    const struct framesink_frame picture = {
         .width = (size_t)size, .height = (size_t)size, .channels = 3,
-        .rgb = f->rgb, .frame = number, .time = (double)number / fps
+        .rgb = f->rgb, .frame = number, .time = time
     };
+    const struct conf conf = {.producer = "spid-synth", .head = head,
+                              .size = (size_t)size, .rate = fps,
+                              .seed = &seed};
+    int32_t who = (int32_t)f->person;
+    struct shape shape = {.beta = f->beta, .n = f->nbeta, .person = &who};
 
     if (!w)
         return framesink_write(sink, &picture, err);
-    if (number == 0 && synth_write_conf(w, head, err))
-        return -1;
-    if (f->frame == 0 && synth_write_person(w, f, number, err))
+    if ((number == 0 && conf_write(w, &conf, err)) ||
+        (f->frame == 0 && shape_write(w, number, time, &shape, err)))
         return -1;
     return synth_write_frame(w, head, f, number, err);
 }

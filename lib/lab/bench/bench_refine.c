@@ -93,15 +93,6 @@ static void refine_case_randomise(struct refine_case *c)
     }
 }
 
-/* The model's weights, or random ones. */
-static int refine_case_load(struct refine_case *c, struct error *err)
-{
-    if (c->trained)
-        return model_load(&c->ps, &c->model, "refine.", err);
-    refine_case_randomise(c);
-    return 0;
-}
-
 /* One row; the first one's output is what the others are held against. */
 static int refine_case_bench(struct refine_case *c, enum nn_type type,
                              int threads, bool truth, struct error *err)
@@ -116,8 +107,12 @@ static int refine_case_bench(struct refine_case *c, enum nn_type type,
     parallel_set_width(threads);
     params_init(&c->ps);
     if (refiner_init(&c->net, &c->ps, "refine.", &c->refiner, err) ||
-        params_allocate(&c->ps, err) || refine_case_load(c, err) ||
-        refiner_plan(&c->net, 1, SIDE, SIDE, opt, err))
+        params_allocate(&c->ps, err) ||
+        (c->trained && model_load(&c->ps, &c->model, "refine.", err)))
+        goto out;
+    if (!c->trained)
+        refine_case_randomise(c);
+    if (refiner_plan(&c->net, 1, SIDE, SIDE, opt, err))
         goto out;
     if (c->refiner.photo)
         refiner_photo(&c->net, c->photo);

@@ -11,12 +11,12 @@
 
 #define N MOTION_ENCODER_SIZE
 
-int reenactor_parse_truth(unsigned *bits, const char *word, struct error *err)
+int reenactor_parse_truth(const char *word, void *bits, struct error *err)
 {
     if (strcmp(word, "shape") == 0)
-        *bits |= REENACTOR_TRUE_SHAPE;
+        *(unsigned *)bits |= REENACTOR_TRUE_SHAPE;
     else if (strcmp(word, "motion") == 0)
-        *bits |= REENACTOR_TRUE_MOTION;
+        *(unsigned *)bits |= REENACTOR_TRUE_MOTION;
     else
         return error_set(err, EX_USAGE, "unknown truth \"%s\" (expected "
                          "shape or motion)", word);

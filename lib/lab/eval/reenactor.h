@@ -21,8 +21,7 @@
  * of an error from the branches'. */
 enum { REENACTOR_TRUE_SHAPE = 1, REENACTOR_TRUE_MOTION = 2 };
 /* Add "shape" or "motion" to *bits; -1 and EX_USAGE for another word. */
-int reenactor_parse_truth(unsigned *bits, const char *word,
-                          struct error *err);
+int reenactor_parse_truth(const char *word, void *bits, struct error *err);
 
 /* The head as a frame drives it. */
 struct driven {

@@ -205,9 +205,11 @@ void face_fit_release(struct face_fit *f)
 /* ---- rounds -------------------------------------------------------------- */
 
 /* Camera, gaze, lids and expression of a person's frames. */
-static int fit_person_frames(const struct face_fit *f,
-                             const struct fit_person *p, struct error *err)
+static int fit_frames(void *fit, size_t person, struct error *err)
 {
+    struct face_fit *f = fit;
+    struct fit_person *p = &f->person[person];
+
     for (size_t i = 0; i < p->count; i++) {
         struct fit_frame *frame = &f->frame[p->first + i];
 
@@ -221,32 +223,12 @@ static int fit_person_frames(const struct face_fit *f,
     return 0;
 }
 
-struct fit_each {
-    struct face_fit *f;
-    int (*fn)(struct face_fit *, struct fit_person *, struct error *);
-};
-
-/* One person. */
-static int fit_each_part(void *ctx, size_t i, struct error *err)
-{
-    const struct fit_each *c = ctx;
-
-    return c->fn(c->f, &c->f->person[i], err);
-}
-
-/* fn of every person, in any order. */
-static int fit_each_person(struct face_fit *f,
-                           int (*fn)(struct face_fit *, struct fit_person *,
-                                     struct error *), struct error *err)
-{
-    return parallel_try(f->people, fit_each_part, &(struct fit_each){ f, fn },
-                        err);
-}
-
 /* The shape with the poses held, then the poses with the shape held. */
-static int fit_identity_and_pose(struct face_fit *f, struct fit_person *p,
-                                 struct error *err)
+static int fit_identity_and_pose(void *fit, size_t person, struct error *err)
 {
+    struct face_fit *f = fit;
+    struct fit_person *p = &f->person[person];
+
     if (fit_identity(f, p, err))
         return -1;
     for (size_t i = 0; i < p->count; i++)
@@ -254,18 +236,14 @@ static int fit_identity_and_pose(struct face_fit *f, struct fit_person *p,
     return 0;
 }
 
-static int fit_frames(struct face_fit *f, struct fit_person *p,
-                      struct error *err)
-{
-    return fit_person_frames(f, p, err);
-}
-
+/* Every person, in any order. */
 int face_fit_round(struct face_fit *f, struct error *err)
 {
-    if (fit_each_person(f, fit_identity_and_pose, err) || fit_offsets(f, err))
+    if (parallel_try(f->people, fit_identity_and_pose, f, err) ||
+        fit_offsets(f, err))
         return -1;
     fit_iris(f);
-    return fit_each_person(f, fit_frames, err);
+    return parallel_try(f->people, fit_frames, f, err);
 }
 
 double face_fit_error(const struct face_fit *f)

@@ -449,10 +449,8 @@ static int pickle_run(struct pickle_machine *m)
     return 0;
 }
 
-/* A pickle from its first opcode; `inner`: one in a string of another. */
-static struct pickle *pickle_read_any(const void *data, size_t size,
-                                      size_t *used, bool inner,
-                                      struct error *err)
+struct pickle *pickle_read_any(const void *data, size_t size, size_t *used,
+                               bool inner, struct error *err)
 {
     struct pickle_machine m = {.data = data, .size = size, .inner = inner,
                                .err = err};
@@ -477,12 +475,6 @@ struct pickle *pickle_read(const void *data, size_t size, size_t *used,
                            struct error *err)
 {
     return pickle_read_any(data, size, used, false, err);
-}
-
-struct pickle *pickle_read_inner(const void *data, size_t size, size_t *used,
-                                 struct error *err)
-{
-    return pickle_read_any(data, size, used, true, err);
 }
 
 const struct pickle_value *pickle_root(const struct pickle *p)

@@ -121,29 +121,16 @@ int pickle_op_string(struct pickle_machine *m)
     return pickle_push_text(m, m->kind, pickle_bytes(m, bytes), (size_t)bytes);
 }
 
-/* Its value, or -1. */
-static int pickle_hex_digit(int c)
+/* The number that n <= 8 hexadecimal digits at p are; -1 when they are not. */
+static long pickle_hex_number(const char *p, const char *end, size_t n)
 {
-    return c >= '0' && c <= '9' ? c - '0'
-           : c >= 'a' && c <= 'f' ? c - 'a' + 10
-           : c >= 'A' && c <= 'F' ? c - 'A' + 10 : -1;
-}
+    char digits[9] = "";
 
-/* The number that n hexadecimal digits at p are; -1 when they are not. */
-static long pickle_hex_number(const char *p, const char *end, int n)
-{
-    long v = 0;
-
-    if (end - p < n)
+    if ((size_t)(end - p) < n)
         return -1;
-    for (int i = 0; i < n; i++) {
-        int d = pickle_hex_digit(p[i]);
-
-        if (d < 0)
-            return -1;
-        v = 16 * v + d;
-    }
-    return v;
+    memcpy(digits, p, n);
+    return strspn(digits, "0123456789abcdefABCDEF") == n
+               ? strtol(digits, NULL, 16) : -1;
 }
 
 /* Code point c as UTF-8; returns its bytes. */
@@ -172,7 +159,7 @@ int pickle_op_text_line(struct pickle_machine *m)
     if (pickle_line(m, &line) || !(out = pickle_alloc_string(m, 2 * line.n)))
         return -1;
     for (p = line.p, end = p + line.n; p < end;) {
-        int digits = *p != '\\' || end - p < 2 ? 0 : p[1] == 'u' ? 4
+        size_t digits = *p != '\\' || end - p < 2 ? 0 : p[1] == 'u' ? 4
                      : p[1] == 'U' ? 8 : 0;
         long c = digits ? pickle_hex_number(p + 2, end, digits)
                         : (long)(unsigned char)*p;

@@ -102,9 +102,10 @@ int pickle_memo_put(struct pickle_machine *m, uint64_t i);
 /* Push entry i of the memo. */
 int pickle_memo_get(struct pickle_machine *m, uint64_t i);
 
-/* pickle_read of a pickle inside of another, which may not hold a third. */
-struct pickle *pickle_read_inner(const void *data, size_t size, size_t *used,
-                                 struct error *err);
+/* pickle_read; `inner`: of one in a string of another, which may not hold a
+ * third. */
+struct pickle *pickle_read_any(const void *data, size_t size, size_t *used,
+                               bool inner, struct error *err);
 
 /* What module and name stand for, NAME_NONE when that is not known. */
 int pickle_lookup(struct pickle_text module, struct pickle_text name);

@@ -112,8 +112,8 @@ struct pickle_value *pickle_torch_load(struct pickle_machine *m,
         return NULL;
     for (int i = 0; i < 5; i++) {
         struct error why;
-        struct pickle *p = pickle_read_inner(s->u.s.p + at, s->u.s.n - at,
-                                             &used, &why);
+        struct pickle *p = pickle_read_any(s->u.s.p + at, s->u.s.n - at, &used,
+                                           true, &why);
 
         if (!p)
             return pickle_null(m, "pickle %d, %s", i, why.text);

@@ -253,14 +253,6 @@ static int tensorfile_open_safetensors(struct tensorfile *f, struct error *err)
 
 /* ---- opening ------------------------------------------------------------ */
 
-static void tensorfile_hash_file(struct tensorfile *f)
-{
-    XXH128_hash_t h = XXH3_128bits(f->map, f->bytes);
-
-    snprintf(f->hash, sizeof f->hash, "%016llx%016llx",
-             (unsigned long long)h.high64, (unsigned long long)h.low64);
-}
-
 static int tensorfile_open_pickle(struct tensorfile *f, struct error *err)
 {
     /* The number that the older form of PyTorch begins with. */
@@ -337,7 +329,10 @@ struct tensorfile *tensorfile_open(const char *path, struct error *err)
         tensorfile_close(f);
         return NULL;
     }
-    tensorfile_hash_file(f);
+    XXH128_hash_t h = XXH3_128bits(f->map, f->bytes);
+
+    snprintf(f->hash, sizeof f->hash, "%016llx%016llx",
+             (unsigned long long)h.high64, (unsigned long long)h.low64);
     return f;
 }
 

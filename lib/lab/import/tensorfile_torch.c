@@ -91,18 +91,14 @@ static int torch_zip_storage(struct tensor_place *p, struct tensorfile *f,
 /* ---- the older form ----------------------------------------------------- */
 
 /* As memcmp, the shorter one first. */
-static int torch_compare_keys(struct pickle_text a, struct pickle_text b)
+static int torch_by_key(const void *one, const void *other)
 {
-    size_t n = a.n < b.n ? a.n : b.n;
-    int c = n ? memcmp(a.p, b.p, n) : 0;
+    const struct pickle_text *a = &((const struct legacy_storage *)one)->key;
+    const struct pickle_text *b = &((const struct legacy_storage *)other)->key;
+    size_t n = a->n < b->n ? a->n : b->n;
+    int c = n ? memcmp(a->p, b->p, n) : 0;
 
-    return c ? c : (a.n > b.n) - (a.n < b.n);
-}
-
-static int torch_by_key(const void *a, const void *b)
-{
-    return torch_compare_keys(((const struct legacy_storage *)a)->key,
-                              ((const struct legacy_storage *)b)->key);
+    return c ? c : (a->n > b->n) - (a->n < b->n);
 }
 
 /* By bisection, for files may have thousands; NULL: not there. */

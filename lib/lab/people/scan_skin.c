@@ -326,18 +326,6 @@ static int skin_take(void *ctx, size_t i, struct error *err)
                         l->all.landmark[l->row[i]][0], err);
 }
 
-/* Every photograph of the list by itself, in parallel. */
-static int skin_take_all(struct skin_fit *t, const struct skin_model *s,
-                         const struct scan_face *f,
-                         const struct register_map *m,
-                         const struct skin_list *l, const char *dir,
-                         struct error *err)
-{
-    struct skin_take c = {t, s, f, m, l, dir};
-
-    return parallel_try(l->n, skin_take, &c, err);
-}
-
 int skin_model_fit(struct skin_model *s, const struct scan_face *f,
                    const char *dir, struct arena *memory, struct error *err)
 {
@@ -354,7 +342,8 @@ int skin_model_fit(struct skin_model *s, const struct scan_face *f,
     t.grain = arena_take(memory, l.n, N * N);
     rc = rc || arena_check(memory, "skin", err) ||
          skin_fit_init(&t, l.n, &room, err) ||
-         skin_take_all(&t, s, f, &m, &l, dir, err) ||
+         parallel_try(l.n, skin_take,
+                      &(struct skin_take){&t, s, f, &m, &l, dir}, err) ||
          skin_fit_finish(s, &t, memory, err);
     label_rows_release(&l.all);
     arena_release(&room);

@@ -109,10 +109,11 @@ void synth_close(struct synth *s)
     free(s);
 }
 
-/* Person `index` onto their slot. */
-static int synth_scene_prepare(struct synth *s, uint64_t index,
-                               struct error *err)
+/* One of the batch's people onto their slot. */
+static int synth_make_scene(void *synth, size_t i, struct error *err)
 {
+    struct synth *s = synth;
+    const uint64_t index = s->next / s->opt.frames + i;
     struct synth_scene *c = &s->scene[index % s->slots];
 
     if (c->index == index)
@@ -143,13 +144,16 @@ static const struct synth_turn *synth_turn(const struct synth *s,
     return s->opt.turns ? &s->opt.turn[frame % s->opt.turns] : NULL;
 }
 
-/* One frame, by a thread's worker. */
-static int synth_picture_render(struct synth *s, struct synth_picture *t,
-                                struct scan_worker *worker, struct error *err)
+/* One of the batch's frames, by a thread's worker. */
+static int synth_make_picture(void *synth, size_t i, struct error *err)
 {
-    uint64_t frame = t->number % s->opt.frames;
+    struct synth *s = synth;
+    struct synth_picture *t = &s->picture[i];
+    struct scan_worker *worker = &s->worker[parallel_slot()];
+    const uint64_t frame = (s->next + i) % s->opt.frames;
     struct scan_print out = { t->rgb, t->alone, t->mask, t->label };
 
+    t->number = s->next + i;
     t->scene = &s->scene[t->number / s->opt.frames % s->slots];
     if (scan_scene_render(&out, &t->motion, t->lmk, t->points, worker,
                           &t->scene->scan, frame,
@@ -162,24 +166,6 @@ static int synth_picture_render(struct synth *s, struct synth_picture *t,
     if (t->verts)
         memcpy(t->verts, worker->verts, 3 * s->head->V * sizeof(float));
     return 0;
-}
-
-/* One of the batch's people. */
-static int synth_make_scene(void *ctx, size_t i, struct error *err)
-{
-    struct synth *s = ctx;
-
-    return synth_scene_prepare(s, s->next / s->opt.frames + i, err);
-}
-
-/* One of its frames. */
-static int synth_make_picture(void *ctx, size_t i, struct error *err)
-{
-    struct synth *s = ctx;
-
-    s->picture[i].number = s->next + i;
-    return synth_picture_render(s, &s->picture[i],
-                                &s->worker[parallel_slot()], err);
 }
 
 /* Make the next batch: first its people, then its frames. */
