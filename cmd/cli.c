@@ -209,13 +209,24 @@ const char *cli_stream_operand(int first, int argc, char **argv)
     return first < argc ? argv[first] : "-";
 }
 
-struct stream_writer *cli_create_stream(const char *path, struct error *err)
+struct stream_writer *cli_create_stream(const char *path)
 {
+    struct error err = { 0 };
+    struct stream_writer *out;
+
     if (file_is_media_name(path))
-        return error_null(err, EX_USAGE, "%s: records would be written under "
-                          "the name of a picture or a clip (expected a name "
-                          "such as x.spid)", path);
-    return stream_create(path, err);
+        die(EX_USAGE, "%s: records would be written under the name of a "
+            "picture or a clip (expected a name such as x.spid)", path);
+    out = stream_create(path, &err);
+    if (!out)
+        die_error(&err);
+    return out;
+}
+
+void cli_abandon_stream(struct stream_writer *out, const struct error *err)
+{
+    stream_abandon(out);
+    die_error(err);
 }
 
 /* What the shared options ask for. */

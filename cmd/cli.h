@@ -78,8 +78,12 @@ int cli_parse_stage(const struct cli_usage *usage, int argc, char **argv,
  * than one is misuse. */
 const char *cli_stream_operand(int first, int argc, char **argv);
 
-/* stream_create of -o, but not under the name of a picture or a clip. */
-struct stream_writer *cli_create_stream(const char *path, struct error *err);
+/* stream_create of -o, but not under the name of a picture or a clip; dies when
+ * it cannot be. */
+struct stream_writer *cli_create_stream(const char *path);
+/* die_error, with no END in the stream: the next program knows. */
+void cli_abandon_stream(struct stream_writer *out, const struct error *err)
+    __attribute__((noreturn));
 
 /* Where the networks of Phase A are run: freed memory is kept for them. */
 void cli_run_networks(void);

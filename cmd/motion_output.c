@@ -32,8 +32,8 @@ int motion_output_open(struct motion_output *o, const char *stream,
                          "(expected a file for one of them)");
     if (!stream && !take)
         stream = "-";
-    if (stream && !(o->stream = cli_create_stream(stream, err)))
-        return -1;
+    if (stream)
+        o->stream = cli_create_stream(stream);
     return overlay ? motion_output_overlay(o, overlay, id, err) : 0;
 }
 

@@ -99,10 +99,8 @@ static void branches_copy_identity(struct bake *k)
     if (rc == 0 && !k->person.shape)
         rc = error_set(&err, EX_DATAERR, "%s: no SHAP record (expected an "
                        "identity, as spid-shape writes it)", bake_path);
-    if (rc) {
-        stream_abandon(k->out);
-        die_error(&err);
-    }
+    if (rc)
+        cli_abandon_stream(k->out, &err);
 }
 
 /* Leave out what is never drawn, and by --prune what hardly is. */
@@ -145,9 +143,8 @@ static void branches_bake(struct stream_writer *out)
     if (baker_bake(&k.baker, k.verts, &k.person, &err) ||
         baker_copy(&k.baked, &k.baker, false, &err) ||
         target_light_apply(&k.baked, &light, NULL, &err)) {
-        stream_abandon(out);
         error_prefix(&err, "%s", bake_path);
-        die_error(&err);
+        cli_abandon_stream(out, &err);
     }
     stats_end("bake", begun);
     const struct mouth_branch *mouth = &k.baker.avatar.mouth;
@@ -164,10 +161,8 @@ static void branches_bake(struct stream_writer *out)
         .beta = k.person.shape, .n = k.person.nshape,
         .offset = k.person.offset, .vertices = k.person.noffset};
     if ((moved.offset && shape_write(out, 0, 0, &moved, &err)) ||
-        baked_write(out, 0, 0, &k.baked, NULL, NULL, &err)) {
-        stream_abandon(out);
-        die_error(&err);
-    }
+        baked_write(out, 0, 0, &k.baked, NULL, NULL, &err))
+        cli_abandon_stream(out, &err);
     baked_release(&k.baked);
     baker_release(&k.baker);
     person_release(&k.person);
@@ -207,10 +202,8 @@ static void branches_move_avatar(struct stream_writer *out, const char *input)
     m.out = out;
     if (mover_open(&m.mover, avatar_path, &opt, &err))
         die_error(&err);
-    if (stream_load(input, branches_move_record, &m, &err)) {
-        stream_abandon(out);
-        die_error(&err);
-    }
+    if (stream_load(input, branches_move_record, &m, &err))
+        cli_abandon_stream(out, &err);
     mover_release(&m.mover);
 }
 
@@ -239,9 +232,8 @@ int main(int argc, char **argv)
 
     int first = cli_parse_stage(&usage, argc, argv, false);
     branches_check_options(argc - first);
-    struct stream_writer *out = cli_create_stream(cli.output, &err);
-    if (!out)
-        die_error(&err);
+    struct stream_writer *out = cli_create_stream(cli.output);
+
     if (bake_path)
         branches_bake(out);
     else

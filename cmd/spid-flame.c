@@ -127,13 +127,9 @@ int main(int argc, char **argv)
     struct stream_reader *in = stream_open(input, NULL, &err);
     if (!in)
         die_error(&err);
-    f.out = cli_create_stream(cli.output, &err);
-    if (!f.out)
-        die_error(&err);
-    if (stream_each(in, flame_pass_record, &f, &err)) {
-        stream_abandon(f.out);      /* no END: the next program knows */
-        die_error(&err);
-    }
+    f.out = cli_create_stream(cli.output);
+    if (stream_each(in, flame_pass_record, &f, &err))
+        cli_abandon_stream(f.out, &err);
     if (stream_finish(f.out, &err))
         die_error(&err);
     stats_write();

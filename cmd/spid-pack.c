@@ -245,9 +245,7 @@ int main(int argc, char **argv)
     if (first == argc && !ply_path && !take_path)
         die(EX_USAGE, "nothing to pack (expected SOURCE ..., see --help)");
     cpu_keep_denormals();
-    p.out = cli_create_stream(cli.output, &err);
-    if (!p.out)
-        die_error(&err);
+    p.out = cli_create_stream(cli.output);
     if (ply_path)
         rc = gaus_ply_read(ply_path, &ply, pack_put_record, &p, &err);
     if (take_path && rc == 0) {
@@ -261,10 +259,8 @@ int main(int argc, char **argv)
     progress_end();
     for (int i = 0; i < p.plains; i++)
         free(p.plain[i].data);
-    if (rc) {
-        stream_abandon(p.out);
-        die_error(&err);
-    }
+    if (rc)
+        cli_abandon_stream(p.out, &err);
     if (stream_finish(p.out, &err))
         die_error(&err);
     stats_write();

@@ -136,20 +136,16 @@ static void shape_write_identity(const struct program *p)
 {
     struct error err = {0};
     double begun = stats_begin();
-    struct stream_writer *out = cli_create_stream(cli.output, &err);
+    struct stream_writer *out = cli_create_stream(cli.output);
     struct conf conf = {
         .producer = "spid-shape", .head = &p->head,
         .model = &p->model, .window = &p->source.window,
         .width = p->picture.width, .height = p->picture.height
     };
 
-    if (!out)
-        die_error(&err);
     if (conf_write(out, &conf, &err)
-        || person_write(out, &p->source.person, p->head.nexp, &err)) {
-        stream_abandon(out);
-        die_error(&err);
-    }
+        || person_write(out, &p->source.person, p->head.nexp, &err))
+        cli_abandon_stream(out, &err);
     if (stream_finish(out, &err))
         die_error(&err);
     stats_end("encode", begun);
