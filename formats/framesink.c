@@ -20,22 +20,29 @@
 
 /* ---- choosing --------------------------------------------------------- */
 
+/* What --format calls it, and names end in. */
+static const struct {
+    const char *name;
+    enum framesink_format format;
+    bool option, ending;
+} names[] = {
+    {"stream", FRAMESINK_STREAM, true, false},
+    {"spid", FRAMESINK_STREAM, false, true},
+    {"mp4", FRAMESINK_VIDEO, true, true}, {"mkv", FRAMESINK_VIDEO, false, true},
+    {"avi", FRAMESINK_VIDEO, false, true}, {"mov", FRAMESINK_VIDEO, false, true},
+    {"webm", FRAMESINK_VIDEO, false, true},
+    {"m4v", FRAMESINK_VIDEO, false, true}, {"gif", FRAMESINK_GIF, true, true},
+    {"webp", FRAMESINK_WEBP, true, true}, {"apng", FRAMESINK_APNG, true, true},
+    {"y4m", FRAMESINK_Y4M, true, true}, {"png", FRAMESINK_PNG, true, true},
+    {"pam", FRAMESINK_PAM, true, true}, {"ppm", FRAMESINK_PAM, false, true},
+    {"exr", FRAMESINK_EXR, true, true}
+};
+
 int framesink_parse_format(const char *value, void *format,
                            struct error *err)
 {
-    static const struct {
-        const char *name;
-        enum framesink_format format;
-    } names[] = {
-        {"stream", FRAMESINK_STREAM}, {"y4m", FRAMESINK_Y4M},
-        {"png", FRAMESINK_PNG}, {"pam", FRAMESINK_PAM},
-        {"exr", FRAMESINK_EXR}, {"mp4", FRAMESINK_VIDEO},
-        {"gif", FRAMESINK_GIF}, {"webp", FRAMESINK_WEBP},
-        {"apng", FRAMESINK_APNG},
-    };
-
     for (size_t i = 0; i < sizeof names / sizeof *names; i++)
-        if (strcmp(value, names[i].name) == 0) {
+        if (names[i].option && strcmp(value, names[i].name) == 0) {
             *(enum framesink_format *)format = names[i].format;
             return 0;
         }
@@ -47,19 +54,6 @@ int framesink_parse_format(const char *value, void *format,
 static int framesink_format_of(enum framesink_format *format, const char *path,
                                struct error *err)
 {
-    static const struct {
-        const char *end;
-        enum framesink_format format;
-    } names[] = {
-        {".mp4", FRAMESINK_VIDEO}, {".mkv", FRAMESINK_VIDEO},
-        {".avi", FRAMESINK_VIDEO}, {".mov", FRAMESINK_VIDEO},
-        {".webm", FRAMESINK_VIDEO}, {".m4v", FRAMESINK_VIDEO},
-        {".gif", FRAMESINK_GIF}, {".webp", FRAMESINK_WEBP},
-        {".apng", FRAMESINK_APNG},
-        {".y4m", FRAMESINK_Y4M}, {".png", FRAMESINK_PNG},
-        {".pam", FRAMESINK_PAM}, {".ppm", FRAMESINK_PAM},
-        {".exr", FRAMESINK_EXR}, {".spid", FRAMESINK_STREAM},
-    };
     const char *slash = strrchr(path, '/');
     const char *base = slash ? slash + 1 : path, *dot = strrchr(base, '.');
 
@@ -70,7 +64,7 @@ static int framesink_format_of(enum framesink_format *format, const char *path,
         file_is_special(path))
         return 0;
     for (size_t i = 0; i < sizeof names / sizeof *names; i++)
-        if (strcasecmp(dot, names[i].end) == 0) {
+        if (names[i].ending && strcasecmp(dot + 1, names[i].name) == 0) {
             *format = names[i].format;
             return 0;
         }

@@ -28,7 +28,7 @@ struct writer_codec {
 /* What a file of an ending is, the best first. */
 struct writer_kind {
     const char *ending;
-    bool alpha;
+    enum { OPAQUE, ALPHA, EITHER } alpha;
     const char *format;         /* muxer, or NULL: by the ending */
     const char *muxer;          /* its options */
     struct writer_codec codec[3];
@@ -39,35 +39,28 @@ struct writer_kind {
                 "[b][p]paletteuse=new=1:dither=sierra2_4a"
 
 static const struct writer_kind kinds[] = {
-    {".webm", true, NULL, NULL,
+    {".webm", ALPHA, NULL, NULL,
      {{AV_CODEC_ID_VP9, AV_PIX_FMT_YUVA420P, "libvpx-vp9", "auto-alt-ref=0",
        0}}},
-    {".mkv", true, NULL, NULL,
+    {".mkv", ALPHA, NULL, NULL,
      {{AV_CODEC_ID_VP9, AV_PIX_FMT_YUVA420P, "libvpx-vp9", "auto-alt-ref=0",
        0}}},
-    {".mov", true, NULL, NULL,
+    {".mov", ALPHA, NULL, NULL,
      {{AV_CODEC_ID_PRORES, AV_PIX_FMT_YUVA444P10, "prores_ks",
        "profile=4444", 0}}},
-    {".webm", false, NULL, NULL,
+    {".webm", OPAQUE, NULL, NULL,
      {{AV_CODEC_ID_VP9, AV_PIX_FMT_YUV420P, NULL, NULL, 0},
       {AV_CODEC_ID_VP8, AV_PIX_FMT_YUV420P, NULL, NULL, 0}}},
-    {".gif", true, "gif", "loop=0",
+    {".gif", EITHER, "gif", "loop=0",
      {{AV_CODEC_ID_GIF, AV_PIX_FMT_PAL8, NULL, NULL, 100}}},
-    {".gif", false, "gif", "loop=0",
-     {{AV_CODEC_ID_GIF, AV_PIX_FMT_PAL8, NULL, NULL, 100}}},
-    {".webp", true, "webp", "loop=0",
+    {".webp", EITHER, "webp", "loop=0",
      {{AV_CODEC_ID_WEBP, AV_PIX_FMT_BGRA, "libwebp_anim", "quality=85", 1000}}},
-    {".webp", false, "webp", "loop=0",
-     {{AV_CODEC_ID_WEBP, AV_PIX_FMT_BGRA, "libwebp_anim", "quality=85", 1000}}},
-    {".apng", true, "apng", "plays=0",
+    /* .apng, and .png */
+    {"png", ALPHA, "apng", "plays=0",
      {{AV_CODEC_ID_APNG, AV_PIX_FMT_RGBA, NULL, "pred=mixed", 1000}}},
-    {".apng", false, "apng", "plays=0",
+    {"png", OPAQUE, "apng", "plays=0",
      {{AV_CODEC_ID_APNG, AV_PIX_FMT_RGB24, NULL, "pred=mixed", 1000}}},
-    {".png", true, "apng", "plays=0",
-     {{AV_CODEC_ID_APNG, AV_PIX_FMT_RGBA, NULL, "pred=mixed", 1000}}},
-    {".png", false, "apng", "plays=0",
-     {{AV_CODEC_ID_APNG, AV_PIX_FMT_RGB24, NULL, "pred=mixed", 1000}}},
-    {"", false, NULL, NULL,
+    {"", EITHER, NULL, NULL,
      {{AV_CODEC_ID_H264, AV_PIX_FMT_YUV420P, NULL, CRF, 0},
       {AV_CODEC_ID_MPEG4, AV_PIX_FMT_YUV420P, NULL, NULL, 0}}}
 };
@@ -196,7 +189,7 @@ static int writer_begin(struct video_writer *v)
     rc = avcodec_parameters_from_context(v->stream->codecpar, c);
     if (rc < 0)
         return rc;
-    if (v->kind->alpha && file_ends(v->path, ".webm"))
+    if (v->kind->alpha == ALPHA && file_ends(v->path, ".webm"))
         av_dict_set(&v->stream->metadata, "alpha_mode", "1", 0);
     if (v->opt.sound && video_has_sound(v->path))
         v->sound = sound_open(v->opt.sound, v->opt.start, v->file);
@@ -275,7 +268,8 @@ static const struct writer_kind *writer_kind_of(const char *path, bool alpha)
 {
     const struct writer_kind *k = kinds;
 
-    while (*k->ending && !(file_ends(path, k->ending) && k->alpha == alpha))
+    while (*k->ending && !(file_ends(path, k->ending) &&
+                           k->alpha != (alpha ? OPAQUE : ALPHA)))
         k++;
     return k;
 }
