@@ -164,22 +164,13 @@ static void driver_no_face(const struct driver *d, struct error *err)
                   plural(d->early_count), f->width, f->height);
 }
 
-/* The cut of square q by the tracker ctx: a tta_crop_fn. */
-static int driver_crop(void *ctx, float *rgb, struct square q,
-                       struct error *err)
-{
-    (void)err;
-    track_cut(rgb, ctx, q);
-    return 0;
-}
-
 /* Of the face that was found, where it is asked for. */
 static int driver_find_light(struct driver *d, struct error *err)
 {
     struct motion *m = &d->found.motion;
     const struct square q = {m->crop[0], m->crop[1], m->crop[2]};
 
-    return d->light ? light_of_crop(m, d->light, q, driver_crop, d->track, err)
+    return d->light ? light_of_crop(m, d->light, q, track_crop, d->track, err)
                     : 0;
 }
 

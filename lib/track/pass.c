@@ -27,6 +27,13 @@ void track_cut(float *out, struct track *t, struct square crop)
                   square_out_of(crop, t->window, t->opt.size));
 }
 
+int track_crop(void *track, float *rgb, struct square crop, struct error *err)
+{
+    (void)err;
+    track_cut(rgb, track, crop);
+    return 0;
+}
+
 /* ---- what the network says -------------------------------------------- */
 
 void track_decode(struct motion *m, const float out[MOTION_OUT],

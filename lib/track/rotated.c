@@ -5,25 +5,24 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "formats/orient.h"
+
 /* Pixels of `step` bytes; NULL when memory is short, which *err says. */
 static uint8_t *rotated_plane(const uint8_t *from, size_t W, size_t H,
                               size_t step, int quarters, struct error *err)
 {
-    uint8_t *to = malloc(W * H * step + 1), *p = to;
-    const size_t w = quarters % 2 ? H : W, h = quarters % 2 ? W : H;
+    static const enum orientation way[4] = {
+        ORIENT_UPRIGHT, ORIENT_TURN_RIGHT, ORIENT_HALF_TURN, ORIENT_TURN_LEFT
+    };
+    uint8_t *to = malloc(W * H * step + 1);
 
     if (!to)
         error_set(err, EX_OSERR, "no memory to turn a picture of %zu x %zu "
                   "pixels", W, H);
-    for (size_t y = 0; to && y < h; y++)
-        for (size_t x = 0; x < w; x++, p += step) {
-            size_t u = quarters == 0 ? x : quarters == 1 ? y
-                     : quarters == 2 ? W - 1 - x : W - 1 - y;
-            size_t v = quarters == 0 ? y : quarters == 1 ? H - 1 - x
-                     : quarters == 2 ? H - 1 - y : x;
-
-            memcpy(p, from + (v * W + u) * step, step);
-        }
+    for (size_t y = 0; to && y < H; y++)
+        for (size_t x = 0; x < W; x++, from += step)
+            memcpy(to + step * orient_pixel(x, y, W, H, way[quarters]), from,
+                   step);
     return to;
 }
 

@@ -125,15 +125,6 @@ static int source_find_face(struct source *s, struct track *t,
     return 0;
 }
 
-/* The cut of square q by the tracker ctx: a tta_crop_fn. */
-static int source_crop(void *ctx, float *rgb, struct square q,
-                       struct error *err)
-{
-    (void)err;
-    track_cut(rgb, ctx, q);
-    return 0;
-}
-
 /* beta and light of the crop the motion encoder last saw. */
 static int source_find_shape(struct source *s, struct track *t,
                              const struct head *head, struct encoders *nets,
@@ -147,9 +138,9 @@ static int source_find_shape(struct source *s, struct track *t,
 
     if (shape_tta_init(&l, &nets->shape, head, err) ||
         shape_tta_forward(beta, &l, (struct square){c[0], c[1], c[2]},
-                          source_crop, t, err) ||
+                          track_crop, t, err) ||
         light_of_crop(&s->person.source, &nets->light,
-                      (struct square){c[0], c[1], c[2]}, source_crop, t, err))
+                      (struct square){c[0], c[1], c[2]}, track_crop, t, err))
         goto out;
     s->person.nshape = head->nshape < SHAPE_ENCODER_OUT ? head->nshape
                                                         : SHAPE_ENCODER_OUT;

@@ -142,6 +142,8 @@ int track_step(struct track *t, struct track_result *r, const struct frame *f,
 /* out (224,224,3) = a crop (window pixels) of the frame that was started or
  * stepped to last and is still there, as the networks see it. */
 void track_cut(float *out, struct track *t, struct square crop);
+/* The same as a tta_crop_fn, whose ctx is the tracker; never fails. */
+int track_crop(void *track, float *rgb, struct square crop, struct error *err);
 
 /* Motion from one row of the encoder's output and the crop it saw: 6D to R
  * (always a rotation: motion_code.h says how), t' to t.  m->pose.exp is left

@@ -271,46 +271,37 @@ int views_add(struct views *v, struct views_report *r, const char *path,
 
 /* ---- one identity ------------------------------------------------------------- */
 
-/* n numbers of the first picture become the mean over all, by how sure E_m is of
- * each: part says where a person has them. */
-static void views_mean(struct person *first, const struct views *v, size_t n,
-                       float *(*part)(struct person *))
+/* What more pictures say of the same. */
+enum views_part { VIEWS_SHAPE, VIEWS_EXPRESSION, VIEWS_JAW, VIEWS_LID };
+
+static float *views_numbers(struct person *p, enum views_part part)
 {
-    float *out = part(first);
+    float *const of[] = {p->shape, p->calm.exp, p->calm.pose.jaw,
+                         p->calm.pose.lid};
+
+    return of[part];
+}
+
+/* n numbers of the first picture become the mean over all, by how sure E_m is of
+ * each. */
+static void views_mean(struct person *first, struct views *v, size_t n,
+                       enum views_part part)
+{
+    float *out = views_numbers(first, part);
 
     for (size_t i = 0; i < n; i++) {
         double total = (double)v->first->confidence;
         double sum = total * (double)out[i];
 
         for (size_t k = 0; k < v->n; k++) {
-            struct person more = v->source[k].person;
-            const double confidence = (double)v->source[k].confidence;
+            struct source *s = v->source + k;
+            const double confidence = (double)s->confidence;
 
-            sum += confidence * (double)part(&more)[i];
+            sum += confidence * (double)views_numbers(&s->person, part)[i];
             total += confidence;
         }
         out[i] = (float)(sum / fmax(total, 1e-12));
     }
-}
-
-static float *views_shape(struct person *p)
-{
-    return p->shape;
-}
-
-static float *views_expression(struct person *p)
-{
-    return p->calm.exp;
-}
-
-static float *views_jaw(struct person *p)
-{
-    return p->calm.pose.jaw;
-}
-
-static float *views_lid(struct person *p)
-{
-    return p->calm.pose.lid;
 }
 
 int views_join(struct views *v, struct source *first, const struct image *im,
@@ -326,10 +317,10 @@ int views_join(struct views *v, struct source *first, const struct image *im,
         source_release(first);
         return error_set(err, EX_OSERR, "no memory for %zu pictures", v->n);
     }
-    views_mean(p, v, p->nshape, views_shape);
-    views_mean(p, v, v->head->nexp, views_expression);
-    views_mean(p, v, 3, views_jaw);
-    views_mean(p, v, 2, views_lid);
+    views_mean(p, v, p->nshape, VIEWS_SHAPE);
+    views_mean(p, v, v->head->nexp, VIEWS_EXPRESSION);
+    views_mean(p, v, 3, VIEWS_JAW);
+    views_mean(p, v, 2, VIEWS_LID);
     for (size_t k = 0; k < v->n; k++) {
         struct source *s = v->source + k;
 
@@ -341,7 +332,7 @@ int views_join(struct views *v, struct source *first, const struct image *im,
     }
     if (source_cut_out(first, im, mask, v->head, v->nets, err))
         return -1;
-    views_mean(p, v, p->nshape, views_shape);
+    views_mean(p, v, p->nshape, VIEWS_SHAPE);
     for (size_t k = 0; k < v->n; k++)
         p->more[p->nmore++] = source_move_person(v->source + k);
     return 0;
