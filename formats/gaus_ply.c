@@ -23,7 +23,7 @@ int gaus_ply_parse_eye(const char *value, void *dest, struct error *err)
 }
 
 /* One record of three channels to the sink. */
-static int gaus_ply_send(const struct ply_scene *s, record_sink sink,
+static int gaus_ply_send(const struct splats *s, record_sink sink,
                          void *context, struct error *err)
 {
     uint8_t *branch = calloc(s->n + 1, 1);
@@ -46,7 +46,7 @@ static int gaus_ply_send(const struct ply_scene *s, record_sink sink,
 int gaus_ply_read(const char *path, const struct gaus_ply_options *opt,
                   record_sink sink, void *context, struct error *err)
 {
-    struct ply_scene s;
+    struct splats s;
     int rc = -1;
 
     if (ply_read(&s, path, !opt->model_space, err))
@@ -62,6 +62,6 @@ int gaus_ply_read(const char *path, const struct gaus_ply_options *opt,
         ply_shade(&s, opt->eye);
     rc = gaus_ply_send(&s, sink, context, err);
 out:
-    ply_release(&s);
+    splats_release(&s);
     return rc;
 }

@@ -58,10 +58,10 @@ int glb_lint(const char *path, void (*say)(void *context, const char *text),
              void *context, struct error *err);
 
 /* Read the Gaussians of the first primitive with KHR_gaussian_splatting, metres
- * multiplied by `unit`: three channels of display sRGB.  The arrays are one
- * block that the caller frees through *block. */
-int glb_read_splats(struct gaussians *g, void **block, float unit,
-                    const char *path, struct error *err);
+ * multiplied by `unit`. */
+struct splats;                /* formats/splats.h */
+int glb_read_splats(struct splats *s, float unit, const char *path,
+                    struct error *err);
 
 /* Read the first skinned mesh as a viewer shows it in the first frame of the
  * first animation (at rest without one): verts (V,3) metres in the scene's

@@ -5,11 +5,13 @@
 #include <sysexits.h>
 
 #include <exception>
+#include <string>
 
 #include <tiny_gltf.h>
 
 extern "C" {
 #include "lib/base/error.h"
+#include "lib/base/file.h"
 }
 
 const char EXTENSION[] = "KHR_gaussian_splatting";
@@ -18,6 +20,21 @@ const char EXTENSION[] = "KHR_gaussian_splatting";
 inline int components(int type)
 {
     return tinygltf::GetNumComponentsInType(static_cast<uint32_t>(type));
+}
+
+/* .glb or .gltf, with what is wrong; pictures are not decoded: their bytes are
+ * none of our business here. */
+inline bool load(tinygltf::Model *m, std::string *problem, const char *path)
+{
+    tinygltf::TinyGLTF reader;
+    std::string warning;
+
+    reader.SetImageLoader([](tinygltf::Image *, const int, std::string *,
+                             std::string *, int, int, const unsigned char *,
+                             int, void *) { return true; }, nullptr);
+    return file_ends(path, ".gltf")
+        ? reader.LoadASCIIFromFile(m, problem, &warning, path)
+        : reader.LoadBinaryFromFile(m, problem, &warning, path);
 }
 
 /* Exceptions (out of memory, JSON) stop at the C border. */

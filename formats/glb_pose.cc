@@ -272,14 +272,10 @@ void skinned(float *out, const Model &m, const Node &n, int node)
 int read_posed(float *verts, int32_t *faces, size_t V, size_t F,
                const char *path, struct error *err)
 {
-    TinyGLTF reader;
     Model m;
-    std::string problem, warning;
+    std::string problem;
 
-    reader.SetImageLoader([](Image *, const int, std::string *, std::string *,
-                             int, int, const unsigned char *, int,
-                             void *) { return true; }, nullptr);
-    if (!reader.LoadBinaryFromFile(&m, &problem, &warning, path))
+    if (!load(&m, &problem, path))
         return error_set(err, EX_DATAERR, "%s: not a GLB file", path);
     for (size_t i = 0; i < m.nodes.size(); i++) {
         const Node &n = m.nodes[i];

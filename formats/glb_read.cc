@@ -14,8 +14,7 @@ extern "C" {
 
 #include "formats/glb_guard.hh"
 extern "C" {
-#include "lib/base/file.h"
-#include "lib/base/gaussians.h"
+#include "formats/splats.h"
 }
 
 using namespace tinygltf;
@@ -24,24 +23,11 @@ namespace {
 
 /* ---- reading ------------------------------------------------------------ */
 
-/* Pictures are not decoded: their bytes are none of our business here. */
-bool keep_image(Image *, const int, std::string *, std::string *, int, int,
-                const unsigned char *, int, void *)
+int read(Model &m, const char *path, struct error *err)
 {
-    return true;
-}
+    std::string problem;
 
-/* .glb or .gltf, pictures kept as bytes. */
-int load(Model &m, const char *path, struct error *err)
-{
-    TinyGLTF reader;
-    std::string problem, warning;
-    bool text = file_ends(path, ".gltf");
-
-    reader.SetImageLoader(keep_image, nullptr);
-    bool ok = text ? reader.LoadASCIIFromFile(&m, &problem, &warning, path)
-                   : reader.LoadBinaryFromFile(&m, &problem, &warning, path);
-    if (ok)
+    if (load(&m, &problem, path))
         return 0;
     for (char &c : problem)
         if (c == '\n')
@@ -111,44 +97,31 @@ bool view_splats(splat_view *v, const Model &m, const Primitive &p)
 }
 
 /* glb_read_splats, with tinygltf's exceptions. */
-int read_splats(gaussians *g, void **block, float unit, const char *path,
-                struct error *err)
+int read_splats(splats *s, float unit, const char *path, struct error *err)
 {
     Model m;
     splat_view v;
 
-    if (load(m, path, err))
+    if (read(m, path, err))
         return -1;
     const Primitive *p = find_splats(m);
     if (!p || !view_splats(&v, m, *p))
         return error_set(err, EX_DATAERR,
                          "%s: no complete %s primitive in float accessors",
                          path, EXTENSION);
-    float *x = static_cast<float *>(std::malloc((14 * v.n + 1) * sizeof *x));
-    if (!x)
-        return error_set(err, EX_OSERR, "%s: out of memory", path);
-    float *mean = x, *scale = x + 3 * v.n, *quat = x + 6 * v.n,
-          *opacity = x + 10 * v.n, *color = x + 11 * v.n;
-    std::copy(v.opacity, v.opacity + v.n, opacity);
+    if (splats_allocate(s, v.n, 0, path, err))
+        return -1;
+    std::copy(v.opacity, v.opacity + v.n, s->opacity);
     for (size_t i = 0; i < v.n; i++) {
-        quat[4 * i] = v.rotation[4 * i + 3];
+        s->quat[4 * i] = v.rotation[4 * i + 3];
         std::copy(v.rotation + 4 * i, v.rotation + 4 * i + 3,
-                  quat + 4 * i + 1);
+                  s->quat + 4 * i + 1);
         for (size_t k = 3 * i; k < 3 * i + 3; k++) {
-            mean[k] = v.mean[k] * unit;
-            scale[k] = v.scale[k] * unit;
-            color[k] = float(v.sh[k] * GAUSSIAN_SH0 + 0.5);
+            s->mean[k] = v.mean[k] * unit;
+            s->scale[k] = v.scale[k] * unit;
+            s->color[k] = float(v.sh[k] * GAUSSIAN_SH0 + 0.5);
         }
     }
-    *g = {};
-    g->n = v.n;
-    g->channels = 3;
-    g->mean = mean;
-    g->scale = scale;
-    g->quat = quat;
-    g->opacity = opacity;
-    g->color = color;
-    *block = x;
     return 0;
 }
 
@@ -278,7 +251,7 @@ int lint_file(const char *path, lint &l, struct error *err)
 {
     Model m;
 
-    if (load(m, path, err))
+    if (read(m, path, err))
         return -1;
     if (std::count(m.extensionsRequired.begin(), m.extensionsRequired.end(),
                    EXTENSION))
@@ -302,9 +275,9 @@ int glb_lint(const char *path, void (*say)(void *context, const char *text),
     return guarded(path, err, [&] { return lint_file(path, l, err); });
 }
 
-int glb_read_splats(struct gaussians *g, void **block, float unit,
-                    const char *path, struct error *err)
+int glb_read_splats(struct splats *s, float unit, const char *path,
+                    struct error *err)
 {
-    return guarded(path, err,
-                   [&] { return read_splats(g, block, unit, path, err); });
+    *s = {};
+    return guarded(path, err, [&] { return read_splats(s, unit, path, err); });
 }

@@ -149,26 +149,7 @@ static int ply_find_layout(struct layout *l, const struct ply_table *t,
     return l->nrest < 0 ? -1 : 0;
 }
 
-int ply_scene_allocate(struct ply_scene *s, size_t n, int nrest,
-                       const char *path, struct error *err)
-{
-    float *p = malloc((n * (14 + (size_t)nrest) + 1) * sizeof *p);
-
-    if (!p)
-        return error_set(err, EX_OSERR, "%s: out of memory for %zu Gaussians",
-                         path, n);
-    s->n = n;
-    s->degree = nrest == 45 ? 3 : nrest == 24 ? 2 : nrest == 9;
-    s->mean = p;
-    s->scale = p + 3 * n;
-    s->quat = p + 6 * n;
-    s->opacity = p + 10 * n;
-    s->color = p + 11 * n;
-    s->rest = nrest ? p + 14 * n : NULL;
-    return 0;
-}
-
-void ply_scene_set(struct ply_scene *s, size_t i, const double v[FIELDS])
+void ply_scene_set(struct splats *s, size_t i, const double v[FIELDS])
 {
     float *q = s->quat + 4 * i;
     float flip = s->rotated ? -1 : 1;
@@ -191,7 +172,7 @@ void ply_scene_set(struct ply_scene *s, size_t i, const double v[FIELDS])
     ply_quat_canonical(q);
 }
 
-int ply_scene_check(const struct ply_scene *s, size_t i, int nrest,
+int ply_scene_check(const struct splats *s, size_t i, int nrest,
                     const char *path, struct error *err)
 {
     bool ok = isfinite(s->opacity[i]);
@@ -208,14 +189,14 @@ int ply_scene_check(const struct ply_scene *s, size_t i, int nrest,
 }
 
 /* Rows of numbers as they are, each checked. */
-static int ply_read_rows(struct ply_scene *s, struct ply_table *t,
+static int ply_read_rows(struct splats *s, struct ply_table *t,
                          const struct ply_element *e, struct error *err)
 {
     double row[PLY_PROPERTIES], v[FIELDS];
     struct layout l;
 
     if (ply_find_layout(&l, t, e, err) || ply_table_skip_to(t, e, err)
-        || ply_scene_allocate(s, e->n, l.nrest, t->path, err))
+        || splats_allocate(s, e->n, l.nrest, t->path, err))
         return -1;
     for (size_t i = 0; i < e->n; i++) {
         if (ply_table_row(row, t, e, i, err))
@@ -246,7 +227,7 @@ static struct ply_table *ply_open(const struct ply_element **vertex,
     return t;
 }
 
-int ply_read(struct ply_scene *s, const char *path, bool turn,
+int ply_read(struct splats *s, const char *path, bool turn,
              struct error *err)
 {
     const struct ply_element *vertex;
@@ -261,14 +242,8 @@ int ply_read(struct ply_scene *s, const char *path, bool turn,
                           : ply_read_rows(s, t, vertex, err);
     ply_table_close(t);
     if (rc)
-        ply_release(s);
+        splats_release(s);
     return rc;
-}
-
-void ply_release(struct ply_scene *s)
-{
-    free(s->mean);
-    memset(s, 0, sizeof *s);
 }
 
 /* ---- lint --------------------------------------------------------------- */
@@ -392,7 +367,7 @@ int ply_lint(const char *path, void (*say)(void *context, const char *text),
     struct lint l = {say, context, 0};
     const struct ply_element *vertex;
     struct ply_table *t = ply_open(&vertex, path, err);
-    struct ply_scene s;
+    struct splats s;
     int rc = t ? 0 : -1;
 
     if (t && !ply_is_packed(t)) {
@@ -401,7 +376,7 @@ int ply_lint(const char *path, void (*say)(void *context, const char *text),
         rc = ply_read(&s, path, true, err);
         if (rc == 0)
             ply_lint_report(&l, s.n == 0, "no Gaussians");
-        ply_release(&s);
+        splats_release(&s);
     }
     ply_table_close(t);
     return rc ? -1 : l.found;

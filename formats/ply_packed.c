@@ -124,7 +124,7 @@ static void packed_unpack(double v[FIELDS], const uint32_t word[WORDS],
 }
 
 /* The vertices. */
-static int packed_read_vertices(struct ply_scene *s, struct ply_table *t,
+static int packed_read_vertices(struct splats *s, struct ply_table *t,
                                 const struct ply_element *vertex,
                                 const double *ranges, struct error *err)
 {
@@ -156,7 +156,7 @@ static int packed_read_vertices(struct ply_scene *s, struct ply_table *t,
 }
 
 /* Higher harmonics as bytes, from -4 to 4. */
-static int packed_read_rest(struct ply_scene *s, struct ply_table *t,
+static int packed_read_rest(struct splats *s, struct ply_table *t,
                             const struct ply_element *sh, const int *at,
                             int nrest, struct error *err)
 {
@@ -175,7 +175,7 @@ static int packed_read_rest(struct ply_scene *s, struct ply_table *t,
     return 0;
 }
 
-int ply_read_packed(struct ply_scene *s, struct ply_table *t,
+int ply_read_packed(struct splats *s, struct ply_table *t,
                     struct error *err)
 {
     const struct ply_element *chunk = ply_table_find(t, "chunk");
@@ -194,7 +194,7 @@ int ply_read_packed(struct ply_scene *s, struct ply_table *t,
                               "vertices (expected one for 256, then these, "
                               "then their sh)", chunk->n, vertex->n);
     ranges = packed_read_ranges(t, chunk, err);
-    rc = ranges && !ply_scene_allocate(s, vertex->n, nrest, t->path, err)
+    rc = ranges && !splats_allocate(s, vertex->n, nrest, t->path, err)
                  && !packed_read_vertices(s, t, vertex, ranges, err)
                  && (!nrest || !packed_read_rest(s, t, sh, at, nrest, err))
              ? 0 : -1;

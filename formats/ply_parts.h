@@ -15,13 +15,10 @@ void ply_row_pack(float out[FIELDS], const struct gaussians *g, size_t i,
 int ply_check_field(const float row[FIELDS], const char *path, size_t i,
                     struct error *err);
 
-/* One block for n Gaussians with nrest higher harmonics. */
-int ply_scene_allocate(struct ply_scene *s, size_t n, int nrest,
-                       const char *path, struct error *err);
 /* Gaussian i from its fields, turned to y up if need be. */
-void ply_scene_set(struct ply_scene *s, size_t i, const double v[FIELDS]);
+void ply_scene_set(struct splats *s, size_t i, const double v[FIELDS]);
 /* Everything of it finite, and its nrest higher harmonics. */
-int ply_scene_check(const struct ply_scene *s, size_t i, int nrest,
+int ply_scene_check(const struct splats *s, size_t i, int nrest,
                     const char *path, struct error *err);
 /* Where f_rest_0.. stand in rows of e; returns how many, -1: an odd number. */
 int ply_find_rest(int rest[PLY_REST], const struct ply_table *t,
@@ -31,7 +28,7 @@ int ply_find_rest(int rest[PLY_REST], const struct ply_table *t,
 
 bool ply_is_packed(const struct ply_table *t);
 /* All of it into *s, whose `turned` is set. */
-int ply_read_packed(struct ply_scene *s, struct ply_table *t,
+int ply_read_packed(struct splats *s, struct ply_table *t,
                     struct error *err);
 
 #endif

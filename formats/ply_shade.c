@@ -32,7 +32,7 @@ static void ply_sh_basis(double y[15], const double d[3])
     y[14] = -c33 * X * (xx - 3 * yy);
 }
 
-void ply_shade(struct ply_scene *s, const float eye[3])
+void ply_shade(struct splats *s, const float eye[3])
 {
     int per = (s->degree + 1) * (s->degree + 1) - 1;
     double flip = s->rotated ? -1 : 1;

@@ -72,24 +72,22 @@ int splatfile_write(const char *path, const struct gaussians *g,
 
 enum { RECORD = 32 };
 
-/* One record into its place in the arrays of a block of 14 n floats. */
-static int splatfile_record_unpack(float *block, size_t n, size_t i,
+/* One record into its place. */
+static int splatfile_record_unpack(struct splats *s, size_t i,
                                    const uint8_t *record)
 {
-    float f[6], *mean = block + 3 * i, *scale = block + 3 * (n + i);
-    float *quat = block + 6 * n + 4 * i, *color = block + 11 * n + 3 * i;
-    float q[4];
+    float f[6], q[4], *quat = s->quat + 4 * i;
 
     memcpy(f, record, sizeof f);
     for (int j = 0; j < 6; j++)
         if (!isfinite(f[j]))
             return -1;
-    for (int j = 0; j < 3; j++) {
-        mean[j] = j == 2 ? f[j] : -f[j];
-        scale[j] = f[3 + j];
-        color[j] = (float)record[24 + j] / 255;
+    for (size_t j = 0; j < 3; j++) {
+        s->mean[3 * i + j] = j == 2 ? f[j] : -f[j];
+        s->scale[3 * i + j] = f[3 + j];
+        s->color[3 * i + j] = (float)record[24 + j] / 255;
     }
-    block[10 * n + i] = (float)record[27] / 255;
+    s->opacity[i] = (float)record[27] / 255;
     for (int j = 0; j < 4; j++)
         q[j] = ((float)record[28 + j] - 128) / 128;
     /* the turn about z undone: (w,x,y,z) = (z',y',-x',-w') */
@@ -100,45 +98,29 @@ static int splatfile_record_unpack(float *block, size_t n, size_t i,
     return 0;
 }
 
-int splatfile_read(struct gaussians *g, void **block, const char *path,
-                   struct error *err)
+int splatfile_read(struct splats *s, const char *path, struct error *err)
 {
     uint8_t record[RECORD];
     FILE *f = fopen(path, "rb");
     long size;
     int rc = -1;
 
-    *block = NULL;
+    memset(s, 0, sizeof *s);
     if (!f)
         return error_set(err, EX_NOINPUT, "%s: %s", path, strerror(errno));
-    if (fseek(f, 0, SEEK_END) || (size = ftell(f)) < 0 || size % RECORD) {
+    if (fseek(f, 0, SEEK_END) || (size = ftell(f)) < 0 || size % RECORD)
         error_set(err, EX_DATAERR, "%s: not a .splat file (expected a "
                   "multiple of %d bytes)", path, RECORD);
-        goto out;
-    }
-    size_t n = (size_t)size / RECORD;
-    float *x = *block = malloc((14 * n + 1) * sizeof *x);
-    if (!x) {
-        error_set(err, EX_OSERR, "%s: out of memory", path);
-        goto out;
-    }
+    else
+        rc = splats_allocate(s, (size_t)size / RECORD, 0, path, err);
     rewind(f);
-    for (size_t i = 0; i < n; i++)
+    for (size_t i = 0; rc == 0 && i < s->n; i++)
         if (fread(record, RECORD, 1, f) != 1 ||
-            splatfile_record_unpack(x, n, i, record)) {
-            error_set(err, EX_DATAERR, "%s: Gaussian %zu is cut short or not "
-                      "finite", path, i);
-            goto out;
-        }
-    *g = (struct gaussians){.n = n, .channels = 3, .mean = x,
-                            .scale = x + 3 * n, .quat = x + 6 * n,
-                            .opacity = x + 10 * n, .color = x + 11 * n};
-    rc = 0;
-out:
+            splatfile_record_unpack(s, i, record))
+            rc = error_set(err, EX_DATAERR, "%s: Gaussian %zu is cut short or "
+                           "not finite", path, i);
     fclose(f);
-    if (rc) {
-        free(*block);
-        *block = NULL;
-    }
+    if (rc)
+        splats_release(s);
     return rc;
 }

@@ -4,8 +4,7 @@
 #define SPID_FORMATS_SPLATFILE_H
 
 
-#include "lib/base/error.h"
-#include "lib/base/gaussians.h"
+#include "formats/splats.h"
 
 /* Write Gaussians, y downwards as the viewers expect (a turn by 180 degrees
  * about z); the first three channels are sRGB.  Largest and most opaque first,
@@ -13,10 +12,8 @@
 int splatfile_write(const char *path, const struct gaussians *g,
                     struct error *err);
 
-/* Read a file, turned back to y upwards: three channels of display sRGB.  The
- * arrays are one block that the caller frees through *block.  EX_DATAERR when
- * the size is no multiple of 32 or a number is not finite. */
-int splatfile_read(struct gaussians *g, void **block, const char *path,
-                   struct error *err);
+/* Read a file, turned back to y upwards.  EX_DATAERR when the size is no
+ * multiple of 32 or a number is not finite. */
+int splatfile_read(struct splats *s, const char *path, struct error *err);
 
 #endif

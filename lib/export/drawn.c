@@ -13,18 +13,6 @@
 #include "lib/base/arena.h"
 #include "lib/splat/splat.h"
 
-/* As a viewer would read it: degree 0, three channels. */
-static int drawn_read_ply(struct gaussians *g, struct ply_scene *s,
-                          const char *path, bool turned, struct error *err)
-{
-    if (ply_read(s, path, turned, err))
-        return -1;
-    *g = (struct gaussians){.n = s->n, .channels = 3, .mean = s->mean,
-                              .scale = s->scale, .quat = s->quat,
-                              .opacity = s->opacity, .color = s->color};
-    return 0;
-}
-
 /* A camera before the face. */
 static const float drawn_front[12] = {1, 0, 0, 0, 0, -1, 0, 0, 0, 0, -1, 12};
 
@@ -111,26 +99,25 @@ int drawn_compare(struct drawn *d, enum drawn_format format, const char *path,
                   const struct scene *s, bool turned, float unit,
                   struct error *err)
 {
-    struct gaussians g = {0};   /* what the file gave back, in head units */
-    struct ply_scene ply = {0};
-    void *block = NULL;
+    struct splats back = {0};   /* what the file gave back, in head units */
+    struct gaussians g;
     int rc;
 
     switch (format) {
     case DRAWN_PLY:
     case DRAWN_PLY_PACKED:
-        rc = drawn_read_ply(&g, &ply, path, turned, err);
+        rc = ply_read(&back, path, turned, err);
         break;
-    case DRAWN_SPLAT: rc = splatfile_read(&g, &block, path, err); break;
-    default: rc = glb_read_splats(&g, &block, unit, path, err); break;
+    case DRAWN_SPLAT: rc = splatfile_read(&back, path, err); break;
+    default: rc = glb_read_splats(&back, unit, path, err); break;
     }
+    g = splats_set(&back);
     if (rc == 0 && g.n != s->g.n)
         rc = error_set(err, EX_SOFTWARE, "%s: %zu Gaussians read back "
                        "(expected %zu)", path, g.n, s->g.n);
     if (rc == 0)
         rc = drawn_measure(d, format, path, &g, s, err);
-    ply_release(&ply);
-    free(block);
+    splats_release(&back);
     return rc;
 }
 

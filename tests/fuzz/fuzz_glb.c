@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "formats/glb.h"
-#include "lib/base/gaussians.h"
+#include "formats/splats.h"
 #include "tests/fuzz/memory_file.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
@@ -49,9 +49,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     float verts[3 * HEAD_VERTICES];
     int32_t faces[3 * HEAD_FACES];
-    struct gaussians s;
+    struct splats s;
     struct error err;
-    void *block = NULL;
     volatile float sum = 0;
     char path[40];
     static uint8_t whole[28 + MAX_JSON + BINARY_BYTES];
@@ -62,10 +61,10 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     fd = memory_file(path, whole, glb_wrap(whole, data, size));
     if (fd < 0)
         return 0;
-    if (glb_read_splats(&s, &block, 1, path, &err) == 0)
+    if (glb_read_splats(&s, 1, path, &err) == 0)
         for (size_t i = 0; i < s.n; i++)
             sum += s.mean[3 * i] + s.color[3 * i + 2] + s.quat[4 * i + 3];
-    free(block);
+    splats_release(&s);
     glb_lint(path, glb_ignore, NULL, &err);
     glb_read_posed(verts, faces, HEAD_VERTICES, HEAD_FACES, path, &err);
     (void)sum;              /* every number has been read */

@@ -12,12 +12,12 @@ static void ply_ignore(void *context, const char *text)
 static int ply_read_all(const char *path)
 {
     const float eye[3] = { 0, 0, 2 };
-    struct ply_scene s;
+    struct splats s;
     struct error err;
 
     if (ply_read(&s, path, true, &err) == 0)
         ply_shade(&s, eye);
-    ply_release(&s);
+    splats_release(&s);
     ply_lint(path, ply_ignore, NULL, &err);
     return 0;
 }

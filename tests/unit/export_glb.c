@@ -7,7 +7,7 @@
 #include <unistd.h>
 
 #include "formats/glb.h"
-#include "lib/base/gaussians.h"
+#include "formats/splats.h"
 #include "lib/base/random.h"
 #include "lib/export/export_head.h"
 #include "lib/base/rotation.h"
@@ -45,14 +45,13 @@ static void splats_round_trip(struct random *r)
                           .quat = glb_fill(r, 4 * N, -1, 1),
                           .opacity = glb_fill(r, N, 0, 1),
                           .color = glb_fill(r, 5 * N, 0, 1)};
-    struct gaussians back = {0};
-    void *block = NULL;
+    struct splats back;
     double mean = 0, color = 0, turn = 0;
     char path[64];
 
     snprintf(path, sizeof path, "/tmp/spid-export-%d.glb", (int)getpid());
     if (glb_write_splats(path, &s, 0.5f, &err) ||
-        glb_read_splats(&back, &block, 2, path, &err) || back.n != N) {
+        glb_read_splats(&back, 2, path, &err) || back.n != N) {
         check_error("Gaussians as glTF, read back", false, &err);
         return;
     }
@@ -70,7 +69,7 @@ static void splats_round_trip(struct random *r)
     check("Gaussians: centres", mean, 0);
     check("Gaussians: colours through f_dc", color, 1e-6);
     check("Gaussians: rotations (radians)", turn, 1e-3);
-    free(block);
+    splats_release(&back);
     s.n = 0;
     check("no Gaussians are refused",
           glb_write_splats(path, &s, 1, &err) != -1, 0);
