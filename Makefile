@@ -421,8 +421,8 @@ FUZZ_PART := -fsanitize=fuzzer-no-link,address,undefined
 FUZZ_READERS := $(wildcard lib/base/*.c lib/stream/*.c formats/record*.c \
 	  formats/safetensors*.c formats/compose*.c formats/ply*.c \
 	  formats/livelink*.c lib/lab/import/*.c lib/lab/people/wavefront.c \
-	  formats/video_name.c $(patsubst %,formats/%.c,arrayview npy y4m pnm png jpeg mark \
-	  image door colour exif module video outfile) formats/door_resize.cc \
+	  formats/video_name.c $(patsubst %,formats/%.c,arrayview splats npy y4m pnm png \
+	  jpeg mark image door colour exif module video outfile) formats/door_resize.cc \
 	  formats/glb_read.cc formats/glb_pose.cc)
 fuzz_objects = $(patsubst %,$(BUILD)/fuzz/obj/%.o,$(basename $(wildcard $(1))))
 
