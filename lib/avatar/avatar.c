@@ -373,17 +373,18 @@ void avatar_drive(float *means, struct avatar *a, const float *verts,
                   const float cam[12])
 {
     const struct drive *d = &a->drive;
+    const struct head *h = a->head;
     struct drive_frame f;
 
     memcpy(a->frame_cam, cam, sizeof a->frame_cam);
     drive_bodies(&f, d, cam);
     memset(f.to, 0, sizeof f.to);
     memset(f.from, 0, sizeof f.from);
-    head_chin_centroid(f.chin, a->head, verts);
+    head_centroid(f.chin, h->chin, h->nchin, verts);
     for (int c = 0; c < 3; c++)
         f.chin[c] -= a->mouth.lips.chin[c];
     if (!d->jaw) {
-        head_lip_centroid(f.to, a->head, verts);
+        head_centroid(f.to, h->lip_inner, h->nlip_inner, verts);
         memcpy(f.from, a->mouth.lips.centre, sizeof f.from);
     }
     drive_dynamic(means, a->densified, d, &f, &a->dense, verts);
@@ -396,6 +397,7 @@ void avatar_drive(float *means, struct avatar *a, const float *verts,
 void avatar_drive_backward(float *dverts, float dcam[12], struct avatar *a)
 {
     const struct drive *d = &a->drive;
+    const struct head *h = a->head;
     size_t at = 3 * d->dynamic, mouth = 3 * d->mouth;
     float dlip[3] = {0}, dchin[3] = {0}, *dout = a->frame_dmean;
 
@@ -405,9 +407,9 @@ void avatar_drive_backward(float *dverts, float dcam[12], struct avatar *a)
                           d->mouth - d->dynamic, a->frame_cam);
     drive_mouth_backward(a->dall.mean + mouth, dlip, dchin, dout + mouth, d);
     if (d->jaw)
-        head_chin_centroid_backward(dverts, dchin, a->head);
+        head_centroid_backward(dverts, dchin, h->chin, h->nchin);
     else
-        head_lip_centroid_backward(dverts, dlip, a->head);
+        head_centroid_backward(dverts, dlip, h->lip_inner, h->nlip_inner);
     memset(dout, 0, 3 * a->all.n * sizeof *dout);
 }
 

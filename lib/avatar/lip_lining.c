@@ -140,7 +140,7 @@ float lip_lining_rise(const struct source_picture *picture,
     float middle[3], at[3 * N], place[2 * N], rgba[4 * N], light[N] = {0};
     int line = N / 2;
 
-    head_lip_centroid(middle, h, mesh->posed);
+    head_centroid(middle, h->lip_inner, h->nlip_inner, mesh->posed);
     for (size_t i = 0; i < h->nlip_inner; i++) {
         const float *v = mesh->posed + 3 * h->lip_inner[i];
 
@@ -169,11 +169,12 @@ float lip_lining_rise(const struct source_picture *picture,
 void lip_lining_shade(struct branch_set *out, const float *verts,
                       const struct source_mesh *mesh, const float white[3])
 {
+    const struct head *h = mesh->head;
     const float open = 1 - lip_lining_closed(mesh);
-    const float size = VEIL_MM * 1e-3f * mesh->head->scale;
+    const float size = VEIL_MM * 1e-3f * h->scale;
     float middle[3];
 
-    head_lip_centroid(middle, mesh->head, mesh->posed);
+    head_centroid(middle, h->lip_inner, h->nlip_inner, mesh->posed);
     for (size_t k = 0; k < out->n; k++) {
         float *color = out->color + k * out->channels;
 

@@ -111,7 +111,8 @@ void source_mesh_set(struct source_mesh *m, const float *posed,
     else
         memcpy(m->verts, posed, 3 * h->V * sizeof *m->verts);
     head_normals(m->normals, h, m->verts);
-    head_lip_centroid(m->verts + 3 * h->V, h, m->verts);
+    head_centroid(m->verts + 3 * h->V, h->lip_inner, h->nlip_inner,
+                  m->verts);
     const size_t F = h->F + h->nlip_inner;
     coverage_map(m->coverage, m->verts, m->faces, F, cam, m->n, m->raster);
     coverage_depth(m->depth, m->moving, 1, m->verts, m->moving_verts, m->faces,

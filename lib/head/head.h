@@ -162,11 +162,13 @@ void head_landmarks(float *lmk, const struct head *h, const float *verts);
 void head_landmarks_backward(float *dverts, const float *dlmk,
                              const struct head *h);
 
-/* Centroid of the inner lip ring of verts (V,3): l_s or l_d. */
-void head_lip_centroid(float c[3], const struct head *h, const float *verts);
+/* Centroid of n listed vertices of verts (V,3), 0 of none: of the inner lip
+ * ring l_s or l_d. */
+void head_centroid(float c[3], const int32_t *list, size_t n,
+                   const float *verts);
 /* dverts (V,3) += gradient of dc (3). */
-void head_lip_centroid_backward(float *dverts, const float dc[3],
-                                const struct head *h);
+void head_centroid_backward(float *dverts, const float dc[3],
+                            const int32_t *list, size_t n);
 
 /* What the mouth branch needs of the source mesh, head units. */
 struct head_mouth {
@@ -184,11 +186,6 @@ void head_mouth(struct head_mouth *m, const struct head *h,
 /* Fill h->chin, once the rest of h is there: what lies below the lips in the
  * middle and makes nearly all of the jaw's turn. */
 void head_find_chin(struct head *h);
-/* Centroid of the chin of verts (V,3), 0 without one. */
-void head_chin_centroid(float c[3], const struct head *h, const float *verts);
-/* dverts (V,3) += gradient of dc (3). */
-void head_chin_centroid_backward(float *dverts, const float dc[3],
-                                 const struct head *h);
 
 /* Unit vertex normals (V,3) of verts (V,3), area weighted; 0 where a vertex
  * has no face. */

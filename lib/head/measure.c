@@ -86,9 +86,8 @@ void head_landmarks_backward(float *dverts, const float *dlmk,
     }
 }
 
-/* The mean of n listed vertices. */
-static void measure_centroid(float c[3], const int32_t *list, size_t n,
-                             const float *verts)
+void head_centroid(float c[3], const int32_t *list, size_t n,
+                   const float *verts)
 {
     double sum[3] = {0};
 
@@ -99,36 +98,12 @@ static void measure_centroid(float c[3], const int32_t *list, size_t n,
         c[k] = n ? (float)(sum[k] / (double)n) : 0;
 }
 
-/* Reverse of it: each vertex gets its share. */
-static void measure_centroid_backward(float *dverts, const float dc[3],
-                                      const int32_t *list, size_t n)
+void head_centroid_backward(float *dverts, const float dc[3],
+                            const int32_t *list, size_t n)
 {
     for (size_t i = 0; i < n; i++)
         for (int k = 0; k < 3; k++)
             dverts[3 * (size_t)list[i] + k] += dc[k] / (float)n;
-}
-
-/* The mean position of the inner lip ring: the paper's l-bar. */
-void head_lip_centroid(float c[3], const struct head *h, const float *verts)
-{
-    measure_centroid(c, h->lip_inner, h->nlip_inner, verts);
-}
-
-void head_lip_centroid_backward(float *dverts, const float dc[3],
-                                const struct head *h)
-{
-    measure_centroid_backward(dverts, dc, h->lip_inner, h->nlip_inner);
-}
-
-void head_chin_centroid(float c[3], const struct head *h, const float *verts)
-{
-    measure_centroid(c, h->chin, h->nchin, verts);
-}
-
-void head_chin_centroid_backward(float *dverts, const float dc[3],
-                                 const struct head *h)
-{
-    measure_centroid_backward(dverts, dc, h->chin, h->nchin);
 }
 
 /* Whether vertex v lies where a chin does: below the lips, in front, within
@@ -147,7 +122,7 @@ void head_find_chin(struct head *h)
     float lip[3], max = 0;
 
     h->nchin = 0;
-    head_lip_centroid(lip, h, h->v_template);
+    head_centroid(lip, h->lip_inner, h->nlip_inner, h->v_template);
     for (size_t v = 0; v < h->V; v++)
         if (measure_is_chin(h, v, lip))
             max = fmaxf(max, head_jaw_share(h, v));
@@ -178,7 +153,7 @@ void head_mouth(struct head_mouth *m, const struct head *h,
     memset(m, 0, sizeof *m);
     if (h->nlip_inner == 0)
         return;
-    head_lip_centroid(m->centre, h, verts);
+    head_centroid(m->centre, h->lip_inner, h->nlip_inner, verts);
     float half = 0.25f * measure_range(h->lip_inner, h->nlip_inner, verts, 0);
     for (size_t i = 0; i < h->nlip_inner; i++) {
         const float *v = verts + 3 * (size_t)h->lip_inner[i];
@@ -199,7 +174,7 @@ void head_mouth(struct head_mouth *m, const struct head *h,
     m->gap = (float)((nup ? up / (double)nup : 0) -
                      (ndown ? down / (double)ndown : 0));
     m->bowl = measure_range(h->lip_inner, h->nlip_inner, verts, 2);
-    head_chin_centroid(m->chin, h, verts);
+    head_centroid(m->chin, h->chin, h->nchin, verts);
     m->lip = measure_range(h->lip_upper_outer, h->nlip_upper_outer, verts, 2);
 }
 

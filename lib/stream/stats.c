@@ -17,62 +17,26 @@ double array_value(const struct array *a, size_t i)
     return NAN;
 }
 
-struct sums {
-    double min, max, sum;
-    size_t finite;
-};
-
-/* Four partial sums, so that the additions overlap; rows of 4 elements. */
-#define DEFINE_SUM(name, type, value)                                       \
-    static void name(struct sums *out, const void *data, size_t n)          \
-    {                                                                       \
-        const type *x = data;                                               \
-        double lo[4], hi[4], sum[4] = { 0 };                                \
-        size_t count[4] = { 0 };                                            \
-                                                                            \
-        for (int k = 0; k < 4; k++) {                                       \
-            lo[k] = INFINITY;                                               \
-            hi[k] = -INFINITY;                                              \
-        }                                                                   \
-        for (size_t i = 0; i < n; i++) {                                    \
-            double v = value(x[i]);                                         \
-            int k = i & 3;                                                  \
-                                                                            \
-            if (!(fabs(v) <= 1.7976931348623157e308))                       \
-                continue;                                                   \
-            lo[k] = v < lo[k] ? v : lo[k];                                  \
-            hi[k] = v > hi[k] ? v : hi[k];                                  \
-            sum[k] += v;                                                    \
-            count[k]++;                                                     \
-        }                                                                   \
-        for (int k = 0; k < 4; k++) {                                       \
-            out->min = lo[k] < out->min ? lo[k] : out->min;                 \
-            out->max = hi[k] > out->max ? hi[k] : out->max;                 \
-            out->sum += sum[k];                                             \
-            out->finite += count[k];                                        \
-        }                                                                   \
-    }
-
-DEFINE_SUM(sum_u8, uint8_t, (double))
-DEFINE_SUM(sum_i32, int32_t, (double))
-DEFINE_SUM(sum_f16, uint16_t, (double)half_to_float)
-DEFINE_SUM(sum_f32, float, (double))
-DEFINE_SUM(sum_f64, double, (double))
-
 void array_stats(struct array_stats *s, const struct array *a)
 {
-    struct sums t = { INFINITY, -INFINITY, 0, 0 };
-    size_t n = array_count(a);
+    const size_t n = array_count(a);
+    double min = INFINITY, max = -INFINITY;
+    double sum[4] = {0};        /* so that the additions overlap */
+    size_t finite = 0;
 
-    switch (a->dtype) {
-    case DTYPE_U8:  sum_u8(&t, a->data, n); break;
-    case DTYPE_I32: sum_i32(&t, a->data, n); break;
-    case DTYPE_F16: sum_f16(&t, a->data, n); break;
-    case DTYPE_F32: sum_f32(&t, a->data, n); break;
-    case DTYPE_F64: sum_f64(&t, a->data, n); break;
+    for (size_t i = 0; i < n; i++) {
+        const double v = array_value(a, i);
+
+        if (!isfinite(v))
+            continue;
+        min = v < min ? v : min;
+        max = v > max ? v : max;
+        sum[i % 4] += v;
+        finite++;
     }
-    s->min = t.finite ? t.min : NAN;
-    s->max = t.finite ? t.max : NAN;
-    s->mean = t.finite ? t.sum / (double)t.finite : NAN;
-    s->nonfinite = n - t.finite;
+    s->min = finite ? min : NAN;
+    s->max = finite ? max : NAN;
+    s->mean = finite ? (sum[0] + sum[1] + sum[2] + sum[3]) / (double)finite
+                     : NAN;
+    s->nonfinite = n - finite;
 }

@@ -311,16 +311,17 @@ static void gradient_blend(double x[3], const struct world *w, double weight,
 static void reference_teeth(struct world *w)
 {
     const struct avatar *a = &w->a;
-    const float *hinge = w->head.joint_template + 3 * JOINT_JAW;
+    const struct head *h = &w->head;
+    const float *hinge = h->joint_template + 3 * JOINT_JAW;
     double complex from, to, rest;
     const double share = (double)w->head.avatar.mouth_jaw[0];
     double worst = 0, moved = 0;
     float cs[3], cd[3], cr[3];
 
     check("chin: vertices", w->head.nchin > 0 ? 0 : 1, 0);
-    head_chin_centroid(cs, &w->head, w->verts);
-    head_chin_centroid(cd, &w->head, w->driven);
-    head_chin_centroid(cr, &w->head, a->source.rest);
+    head_centroid(cs, h->chin, h->nchin, w->verts);
+    head_centroid(cd, h->chin, h->nchin, w->driven);
+    head_centroid(cr, h->chin, h->nchin, a->source.rest);
     rest = cr[2] - hinge[2] + I * (cr[1] - hinge[1]);
     from = cs[2] - hinge[2] + I * (cs[1] - hinge[1]);
     to = cd[2] - hinge[2] + I * (cd[1] - hinge[1]);

@@ -126,7 +126,7 @@ static double lips_apart(const struct head *h, const float *v)
     double up = 0, down = 0, nup = 0, ndown = 0, half = 0;
     float centre[3];
 
-    head_lip_centroid(centre, h, h->v_template);
+    head_centroid(centre, h->lip_inner, h->nlip_inner, h->v_template);
     for (size_t i = 0; i < h->nlip_inner; i++)
         half = fmax(half, fabsf(h->v_template[3 * h->lip_inner[i]]) / 2);
     for (size_t i = 0; i < h->nlip_inner; i++) {
