@@ -52,17 +52,11 @@ static bool cli_search_given(struct search *s, const char *given)
 /* Directory of the running binary plus suffix, for an uninstalled tree. */
 static bool cli_search_beside(struct search *s, const char *suffix)
 {
-    char exe[400], dir[512];
-    ssize_t n = readlink("/proc/self/exe", exe, sizeof exe - 1);
-    char *slash;
+    char own[400], dir[512];
 
-    if (n <= 0)
+    if (!file_own_folder(own, sizeof own))
         return false;
-    exe[n] = '\0';
-    slash = strrchr(exe, '/');
-    if (slash)
-        *slash = '\0';
-    snprintf(dir, sizeof dir, "%s/%s", exe, suffix);
+    snprintf(dir, sizeof dir, "%s%s", own, suffix);
     return cli_search_try(s, dir, false);
 }
 

@@ -10,6 +10,7 @@
 #include "cmd/cli.h"
 #include "formats/safetensors.h"
 #include "lib/base/cpu.h"
+#include "lib/base/file.h"
 #include "lib/base/parallel.h"
 #include "lib/base/processors.h"
 #include "lib/nn/nn.h"
@@ -19,19 +20,6 @@ static const struct cli_usage usage = {
     "spid", "VERB [ARGUMENT...] | doctor [-m MODEL]",
     "run a program of the SpiD toolkit", options
 };
-
-/* The directory this program lies in, with a slash; "" when unknown. */
-static void spid_own_directory(char *dir, size_t size)
-{
-    ssize_t n = readlink("/proc/self/exe", dir, size - 1);
-
-    dir[n > 0 ? n : 0] = 0;
-    char *slash = strrchr(dir, '/');
-    if (slash)
-        slash[1] = 0;
-    else
-        dir[0] = 0;
-}
 
 /* ---- verbs ------------------------------------------------------------- */
 
@@ -170,7 +158,7 @@ int main(int argc, char **argv)
 {
     char dir[4096];
 
-    spid_own_directory(dir, sizeof dir);
+    file_own_folder(dir, sizeof dir);
     if (argc > 1 && argv[1][0] != '-' && strcmp(argv[1], "doctor")) {
         spid_run_verb(dir, argv + 1);
         spid_list_verbs(stderr, dir);

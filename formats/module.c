@@ -10,6 +10,8 @@
 #include <sysexits.h>
 #include <unistd.h>
 
+#include "lib/base/file.h"
+
 struct module {
     const char *file, *symbol, *what;
     pthread_mutex_t lock;
@@ -54,15 +56,13 @@ static const void *module_beside(const struct module *m)
     static const char *const place[] = {
         "../lib/spid", "../../lib/spid", "."
     };
-    char exe[2048], folder[2100];
-    ssize_t n = readlink("/proc/self/exe", exe, sizeof exe - 1);
-    char *slash = n > 0 ? (exe[n] = 0, strrchr(exe, '/')) : NULL;
+    char own[2048], folder[2100];
+    const bool known = file_own_folder(own, sizeof own);
     const void *table = NULL;
 
-    for (size_t i = 0; slash && !table && i < sizeof place / sizeof *place;
+    for (size_t i = 0; known && !table && i < sizeof place / sizeof *place;
          i++) {
-        slash[1] = 0;
-        snprintf(folder, sizeof folder, "%s%s", exe, place[i]);
+        snprintf(folder, sizeof folder, "%s%s", own, place[i]);
         table = module_try(m, folder);
     }
     return table;

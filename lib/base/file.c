@@ -157,3 +157,14 @@ void file_temporary(char *path, const char *name)
 
     snprintf(path, FILE_TEMPORARY, "%s/%s", fits ? dir : "/tmp", name);
 }
+
+bool file_own_folder(char *folder, size_t size)
+{
+    const ssize_t n = readlink("/proc/self/exe", folder, size - 1);
+
+    folder[n > 0 ? n : 0] = 0;
+    char *slash = strrchr(folder, '/');
+
+    folder[slash ? slash + 1 - folder : 0] = 0;
+    return slash != NULL;
+}

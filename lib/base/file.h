@@ -31,6 +31,10 @@ int file_rename(const char *part, const char *path);
  * name, a template for mkdtemp(3) and its kin. */
 void file_temporary(char *path, const char *name);
 
+/* The folder that the running program lies in, with a slash.  False and "" when
+ * that is not known. */
+bool file_own_folder(char *folder, size_t size);
+
 /* A regular file's bytes, *bytes of them, read-only, for munmap; it is not
  * empty.  NULL and *err, which names the path: EX_NOPERM, EX_NOINPUT, EX_OSERR,
  * EX_DATAERR. */

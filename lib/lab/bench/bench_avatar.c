@@ -7,7 +7,6 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
-#include <unistd.h>
 
 #include "formats/framesink.h"
 #include "lib/base/file.h"
@@ -90,16 +89,6 @@ int bench_folder(char *dir, struct error *err)
     error_set(err, EX_CANTCREAT, "%s: cannot be made", dir);
     dir[0] = 0;
     return -1;
-}
-
-void bench_programs(char *folder, size_t size)
-{
-    const ssize_t n = readlink("/proc/self/exe", folder, size - 1);
-
-    folder[n > 0 ? n : 0] = 0;
-    char *name = strrchr(folder, '/');
-    if (name)
-        name[1] = 0;
 }
 
 int bench_person_write(const struct bench_person *p, const char *path,

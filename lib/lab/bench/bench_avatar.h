@@ -46,8 +46,6 @@ void bench_person_close(struct bench_person *p);
 /* dir [FILE_TEMPORARY] = a new folder for temporary files, "" when there is
  * none; whoever asks removes it.  EX_CANTCREAT. */
 int bench_folder(char *dir, struct error *err);
-/* The folder of this program, with a slash, where the others are. */
-void bench_programs(char *folder, size_t size);
 /* The clip, again and again until there are so many frames, as a picture or
  * video of that name. */
 int bench_person_write(const struct bench_person *p, const char *path,

@@ -179,7 +179,7 @@ static int shared_open(struct shared *s, struct error *err)
 {
     struct bench_person p;
 
-    bench_programs(s->programs, sizeof s->programs);
+    file_own_folder(s->programs, sizeof s->programs);
     int rc = bench_person_open(&p, s->b, err) || bench_folder(s->dir, err)
                  ? -1 : 0;
     snprintf(s->clip, sizeof s->clip, "%s/clip.mp4", s->dir);

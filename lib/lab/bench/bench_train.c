@@ -92,7 +92,7 @@ static int bench_make_people(const struct bench *b, const char *path,
     char program[FILE_TEMPORARY + 16];
     int status = -1;
 
-    bench_programs(program, FILE_TEMPORARY);
+    file_own_folder(program, FILE_TEMPORARY);
     strcat(program, "spid-synth");
     const pid_t child = fork();
 

@@ -292,15 +292,6 @@ static int pickle_op_call(struct pickle_machine *m)
     return pickle_push(m, pickle_new(m, name->u.name));
 }
 
-/* BUILD: give the object below its state. */
-static int pickle_op_build(struct pickle_machine *m)
-{
-    struct pickle_value *state = pickle_pop(m);
-    struct pickle_value *object = state ? pickle_top(m) : NULL;
-
-    return object ? pickle_build(m, object, state) : -1;
-}
-
 /* BINPERSID: what the identifier stands for, a storage of PyTorch's. */
 static int pickle_op_binpersid(struct pickle_machine *m)
 {

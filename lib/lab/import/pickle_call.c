@@ -494,9 +494,13 @@ struct pickle_value *pickle_call(struct pickle_machine *m,
     }
 }
 
-int pickle_build(struct pickle_machine *m, struct pickle_value *object,
-                 struct pickle_value *state)
+int pickle_op_build(struct pickle_machine *m)
 {
+    struct pickle_value *state = pickle_pop(m);
+    struct pickle_value *object = state ? pickle_top(m) : NULL;
+
+    if (!object)
+        return -1;
     switch (object->kind) {
     case PICKLE_ARRAY: return pickle_build_array(m, object, state);
     case PICKLE_DTYPE: return pickle_build_dtype(m, object, state);

@@ -128,9 +128,8 @@ void pickle_refuse(struct pickle_machine *m, const char *format, ...)
 struct pickle_value *pickle_object_items(struct pickle_machine *m,
                                          struct pickle_value *object,
                                          enum pickle_kind kind);
-/* Fill in an object from its state. */
-int pickle_build(struct pickle_machine *m, struct pickle_value *object,
-                 struct pickle_value *state);
+/* BUILD: give the object below its state. */
+int pickle_op_build(struct pickle_machine *m);
 /* A storage from its persistent id, the tuple
  * ('storage', type, key, place, elements[, view of another]). */
 struct pickle_value *pickle_persistent(struct pickle_machine *m,

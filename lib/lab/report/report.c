@@ -140,14 +140,6 @@ struct motions {
     struct curves driver, result, truth, still;
 };
 
-static void report_motions_release(struct motions *m)
-{
-    curves_release(&m->driver);
-    curves_release(&m->result);
-    curves_release(&m->truth);
-    curves_release(&m->still);
-}
-
 /* motion.spid, result.spid, truth.spid; the source's own motion is in the
  * identity or the avatar. */
 static int report_motions_read(struct motions *m, const char *dir,
@@ -363,6 +355,9 @@ int report_write(FILE *f, const char *dir, const char *card,
     html_end(f);
     rc = 0;
 out:
-    report_motions_release(&m);
+    curves_release(&m.driver);
+    curves_release(&m.result);
+    curves_release(&m.truth);
+    curves_release(&m.still);
     return rc;
 }
