@@ -93,8 +93,7 @@ static void live_camera_away(void *program, const struct error *why)
              why ? " (" : "", why ? why->text : "", why ? ")" : "");
 }
 
-/* Phase A, then the camera until there is a face; standard input ends for
- * good. */
+/* Phase A, then the camera until there is a face. */
 static int live_open_driver(struct program *p, const char *source,
                             struct error *err)
 {
@@ -109,8 +108,7 @@ static int live_open_driver(struct program *p, const char *source,
     option_faces_tell(source, &p->animation.source.faces, "face");
     sigaction(SIGINT, &action, NULL);
     sigaction(SIGTERM, &action, NULL);
-    return animation_open_camera(&p->animation, p->camera, &follow,
-                                 strcmp(p->camera, "-") == 0, err);
+    return animation_open_camera(&p->animation, p->camera, &follow, err);
 }
 
 /* A frame has left: warnings and times; enough of them end the program. */

@@ -488,6 +488,17 @@ bool framesource_reads(const struct framesource *s, const char *name)
     return inputs_have(&s->in, name);
 }
 
+bool framesource_recorded(const struct framesource *s)
+{
+    struct stat st;
+    bool all = true;
+
+    for (size_t i = 0; i < s->in.count; i++)
+        all = all && strcmp(s->in.name[i], "-") != 0 &&
+              stat(s->in.name[i], &st) == 0 && S_ISREG(st.st_mode);
+    return all;
+}
+
 size_t framesource_total(const struct framesource *s)
 {
     if (s->kind == KIND_VIDEO && s->in.count == 1)

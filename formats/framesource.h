@@ -63,6 +63,10 @@ const char *framesource_sound(const struct framesource *s, double *start);
  * that pattern: what must not be written. */
 bool framesource_reads(const struct framesource *s, const char *name);
 
+/* Whether all inputs are files: there from the first frame to the last, and not
+ * coming as a camera's, an address's or a pipe's do. */
+bool framesource_recorded(const struct framesource *s);
+
 /* Number of frames if it can be known, else 0 (for progress bars). */
 size_t framesource_total(const struct framesource *s);
 

@@ -245,14 +245,15 @@ int animation_open_driver(struct animation *a, const char *path,
 }
 
 int animation_open_camera(struct animation *a, const char *name,
-                          const struct live_follow *follow, bool once,
+                          const struct live_follow *follow,
                           struct error *err)
 {
     struct live_follow f = *follow;
     struct framesource *frames = follow->open(follow->ctx, err);
 
     a->driver_name = name;
-    if (once) {
+    f.paced = frames && framesource_recorded(frames);
+    if (f.paced || strcmp(name, "-") == 0) {
         f.open = NULL;
         a->frames = frames;
     }

@@ -85,10 +85,10 @@ int animation_open_source(struct animation *a, const char *path,
  * The clip's rate becomes the output's. */
 int animation_open_driver(struct animation *a, const char *path,
                           struct error *err);
-/* In place of it: a camera, which follow->open opens now and, unless `once`,
- * again whenever it is gone. */
+/* In place of it: a camera, which follow->open opens now and again whenever it is
+ * gone.  Standard input has only one end, and so have files, which play. */
 int animation_open_camera(struct animation *a, const char *name,
-                          const struct live_follow *follow, bool once,
+                          const struct live_follow *follow,
                           struct error *err);
 /* Phase B of all frames, and the output completed; done as in animate_run. */
 int animation_run(struct animation *a,

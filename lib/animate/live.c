@@ -2,6 +2,7 @@
  * works on. */
 #include "lib/animate/live.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
@@ -82,6 +83,20 @@ static int live_next(struct live *l, struct frame *f, struct error *err)
     }
 }
 
+/* Until a frame that was read is due. */
+static void live_await_time(struct live *l, const struct frame *f)
+{
+    double left;
+
+    if (!l->follow.paced)
+        return;
+    if (l->seen == 0)
+        l->begun = cpu_seconds() - f->time;
+    while ((left = l->begun + f->time - cpu_seconds()) > 0 &&
+           !live_stop_requested(l))
+        usleep((useconds_t)(1e6 * fmin(left, 0.1)) + 1);
+}
+
 /* Take over what the reader read; l->lock is held. */
 static int live_deliver(struct live *l, struct frame *f, struct error *err)
 {
@@ -109,6 +124,8 @@ static void *live_reader(void *arg)
         struct error err = {0};
 
         rc = live_next(l, &f, &err);
+        if (rc == 1)
+            live_await_time(l, &f);
         pthread_mutex_lock(&l->lock);
         if (rc == 1)
             rc = live_deliver(l, &f, &err);

@@ -26,6 +26,8 @@ struct live_follow {
     void (*away)(void *ctx, const struct error *why);   /* it is gone; called
                                                          * by the thread */
     void *ctx;
+    bool paced;                 /* a frame comes when its time does, not when
+                                 * it can be read: a file plays */
     double patience;            /* seconds without a frame, then it has ended */
     const _Atomic bool *stop;   /* set, also by a signal's handler: no more
                                  * frames */

@@ -72,6 +72,23 @@ pictures() { grep -ao FRAME "$1" | wc -l; }
     grep -q 'face found again' said
 }
 
+@test "a file plays once, each frame at its time" {
+    ffmpeg -v error -stream_loop 20 -i drive.y4m -pix_fmt yuv420p long.mkv
+    length=$(ffprobe -v error -show_entries format=duration -of csv=p=0 long.mkv)
+    total=$(ffprobe -v error -count_packets -show_entries stream=nb_read_packets \
+        -of csv=p=0 long.mkv)
+    begun=$EPOCHREALTIME
+    live long.mkv -o long.y4m
+    took=$(awk "BEGIN { print $EPOCHREALTIME - $begun }")
+    cat said
+    echo "$total frames, $length seconds, played in $took"
+    awk "BEGIN { exit !($took > $length * ($total - 1) / $total) }"
+    read -r n dropped < <(sed -n \
+        's/^spid-live: \([0-9]*\) frame.* \([0-9]*\) dropped.*/\1 \2/p' said)
+    [ $((n + dropped)) -eq "${total%,}" ]
+    [[ $(<said) != *waiting* ]]
+}
+
 @test "an address; an interrupt ends it with a complete video" {
     ffmpeg -v error -stream_loop 20 -i drive.y4m -pix_fmt yuv420p clip.mkv
     live "file://$PWD/clip.mkv" --patience 100 -o out.mp4 &
