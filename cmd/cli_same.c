@@ -23,7 +23,10 @@ void cli_name_file(const char *option, const char *value, bool written)
 /* Each that is written against each other. */
 void cli_check_files(void)
 {
-    for (size_t i = 0; i < count; i++)
+    for (size_t i = 0; i < count; i++) {
+        if (names[i].written && !names[i].value[0])
+            die(EX_USAGE, "--%s=: no name (expected a file's)",
+                names[i].option);
         for (size_t k = 0; k < count; k++) {
             const struct named *out = &names[i], *in = &names[k];
 
@@ -34,4 +37,5 @@ void cli_check_files(void)
                 in->option ? "--" : "", in->option ? in->option : "",
                 in->option ? "" : in->value);
         }
+    }
 }

@@ -98,10 +98,9 @@ void option_animation_done(const struct animation *a);
 /* Say that pictures go without the sound of a clip that is not there. */
 struct framesink;
 void option_sound_tell(const struct framesink *s);
-/* Say that a source's picture is damaged, how many of the face's landmarks lie
- * beyond it, and that its matte is a guess. */
-void option_source_tell(const char *name, bool damaged, size_t outside,
-                        bool guessed);
+/* Say what is to be said of a source's picture. */
+struct source_notes;
+void option_source_tell(const char *name, const struct source_notes *n);
 /* Say where the faces of an input are, when there are several, and which was
  * taken; `option` takes another. */
 void option_faces_tell(const char *name, const struct track_faces *faces,

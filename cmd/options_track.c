@@ -2,6 +2,7 @@
 #include "cmd/options.h"
 
 #include "lib/track/driver.h"
+#include "lib/track/source.h"
 
 void option_faces_tell(const char *name, const struct track_faces *faces,
                        const char *option)
@@ -19,17 +20,20 @@ void option_faces_tell(const char *name, const struct track_faces *faces,
            name, faces->n, at, faces->chosen + 1, option);
 }
 
-void option_source_tell(const char *name, bool damaged, size_t outside,
-                        bool guessed)
+void option_source_tell(const char *name, const struct source_notes *n)
 {
-    if (damaged)
+    option_faces_tell(name, &n->faces, "face");
+    if (n->damaged)
         warn("%s: the picture is damaged or cut short: what is missing is grey",
              name);
-    if (outside)
+    if (n->rotated)
+        warn("%s: the face lay on its side or upside down: turned by %d "
+             "degrees clockwise", name, 90 * n->rotated);
+    if (n->outside)
         warn("%s: the picture's edge cuts the face (%zu of %d landmarks lie "
-             "beyond it): what is missing is made up", name, outside,
+             "beyond it): what is missing is made up", name, n->outside,
              HEAD_LANDMARKS);
-    if (guessed)
+    if (n->how == SOURCE_HEAD)
         warn("%s: the matte is by the head's outline and the colours alone "
              "(--mask FILE gives a better one)", name);
 }

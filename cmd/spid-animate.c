@@ -68,7 +68,8 @@ static void animate_check_usage(char **operand, int operands)
     const struct framing_options *f = &opt.framing;
 
     if (operands != (list_path ? 0 : 2))
-        die(EX_USAGE, "%d operands (expected %s)", operands,
+        die(EX_USAGE, "%d operand%s (expected %s)", operands,
+            plural((unsigned)operands),
             list_path ? "none with --list" : "SOURCE and DRIVER");
     if (operands == 2 && !strcmp(operand[0], "-") && !strcmp(operand[1], "-"))
         die(EX_USAGE, "-: SOURCE and DRIVER (expected standard input for one "
@@ -85,8 +86,7 @@ static void animate_check_usage(char **operand, int operands)
 /* What is to be said of a source that was read. */
 static void animate_report_source(const struct prepared *s, const char *name)
 {
-    option_faces_tell(name, &s->faces, "face");
-    option_source_tell(name, s->damaged, s->outside, s->guessed);
+    option_source_tell(name, &s->notes);
     if (cli.stats) {
         stats_end("A: shape", stats_begin() - s->shape_s);
         stats_end("A: branches", stats_begin() - s->bake_s);

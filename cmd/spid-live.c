@@ -105,7 +105,7 @@ static int live_open_driver(struct program *p, const char *source,
 
     if (animation_open_source(&p->animation, source, NULL, err))
         return -1;
-    option_faces_tell(source, &p->animation.source.faces, "face");
+    option_source_tell(source, &p->animation.source.notes);
     sigaction(SIGINT, &action, NULL);
     sigaction(SIGTERM, &action, NULL);
     return animation_open_camera(&p->animation, p->camera, &follow, err);
@@ -139,8 +139,8 @@ int main(int argc, char **argv)
     cli_run_networks();
     first = cli_parse(&usage, argc, argv);
     if (argc - first != 2)
-        die(EX_USAGE, "%d operands (expected SOURCE and CAMERA)",
-            argc - first);
+        die(EX_USAGE, "%d operand%s (expected SOURCE and CAMERA)",
+            argc - first, plural((unsigned)(argc - first)));
     p.camera = argv[first + 1];
     opt.animate.frames = (uint64_t)frames;
     models.once = true;

@@ -74,7 +74,6 @@ static void shape_read_pictures(struct program *p, const char *path)
     if (image_read(&p->picture, path, &err)
         || (mask_path && image_read(&p->mask, mask_path, &err)))
         die_error(&err);
-    option_source_tell(path, p->picture.damaged, 0, false);
     stats_end("decode", begun);
 }
 
@@ -110,7 +109,6 @@ static void shape_make_identity(struct program *p, char **path, int paths)
         error_prefix(&err, "%s", path[0]);
         die_error(&err);
     }
-    option_faces_tell(path[0], &s->faces, "face");
     if (views_init(&p->views, s, &p->head, &p->nets, &track_options, &err))
         die_error(&err);
     for (int i = 1; i < paths; i++)
@@ -125,10 +123,7 @@ static void shape_make_identity(struct program *p, char **path, int paths)
     stats_end("motion", now - s->motion_s);
     stats_end("shape", now - s->shape_s);
     stats_end("matte", now - s->matte_s);
-    if (s->rotated)
-        warn("%s: the face lay on its side or upside down: turned by %d "
-             "degrees clockwise", path[0], 90 * s->rotated);
-    option_source_tell(path[0], false, s->outside, s->how == SOURCE_HEAD);
+    option_source_tell(path[0], &s->notes);
 }
 
 /* CONF, SRCI, SHAP and MOTN. */
@@ -189,7 +184,7 @@ static void shape_write_overlay(const struct program *p)
         shape_dim_background(dim, p);
         drawn = overlay_draw(&o, dim, W, H, &p->source.person.source, false,
                              p->source.window, track_options.size,
-                             source_matte_name(p->source.how));
+                             source_matte_name(p->source.notes.how));
     }
     if (!drawn)
         die(EX_OSERR, "no memory for the overlay");

@@ -54,7 +54,8 @@ int background_parse(const char *value, void *dest, struct error *err)
     }
     if (image_read(&im, value, err) != 0)
         return error_prefix(err, "not a colour (expected R,G,B with 0 to 255,"
-                            " #RRGGBB or a name) and not a picture");
+                            " #RRGGBB, black, white, grey, green or blue) and "
+                            "not a picture");
     background_release(bg);
     free(im.alpha);
     bg->rgb = im.rgb;

@@ -243,8 +243,8 @@ int main(int argc, char **argv)
         die(EX_USAGE, "--format=%s: unknown (expected text, tsv, json or "
             "latex)", opt.format);
     if (argc - first != need)
-        die(EX_USAGE, "%d operands (expected %d; see --help)", argc - first,
-            need);
+        die(EX_USAGE, "%d operand%s (expected %d; see --help)", argc - first,
+            plural((unsigned)(argc - first)), need);
     if (opt.source && !opt.arcface)
         die(EX_USAGE, "--source is for --arcface");
     eval_open_comparison(&j);

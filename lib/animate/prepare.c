@@ -13,7 +13,6 @@
 #include "lib/base/cpu.h"
 #include "lib/base/kept.h"
 #include "lib/base/parallel.h"
-#include "lib/track/source.h"
 
 /* The head and its edges; in time that is left to a thread the detector, too. */
 static void *prepare_run_head(void *prepare)
@@ -173,11 +172,8 @@ static int prepare_read_picture(struct prepared *s, struct prepare *p,
         error_prefix(err, "%s", path);
         goto out;
     }
-    s->guessed = src.how == SOURCE_HEAD;
-    s->outside = src.outside;
-    s->faces = src.faces;
+    s->notes = src.notes;
     s->person = source_move_person(&src);
-    s->damaged = s->picture.damaged;
 out:
     source_release(&src);
     image_release(&mask);

@@ -13,7 +13,7 @@
 #include "lib/avatar/prune.h"
 #include "lib/net/model.h"
 #include "lib/head/person.h"
-#include "lib/track/track.h"
+#include "lib/track/source.h"
 #include "lib/track/encoders.h"
 #include "lib/photo/texture.h"
 
@@ -60,10 +60,7 @@ struct prepared {
     struct image picture;       /* all of it, as it was read; of a stream:
                                  * none */
     double shape_s, bake_s;     /* Phase A: crop to beta; branches */
-    struct track_faces faces;   /* of the picture, by the one that was taken */
-    size_t outside;             /* landmarks, see struct source */
-    bool guessed;               /* the matte: SOURCE_HEAD */
-    bool damaged;               /* the picture is, see struct image */
+    struct source_notes notes;  /* of the picture */
 };
 
 /* Open the files of a model and its head; of one source the head is only there

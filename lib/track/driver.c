@@ -147,7 +147,7 @@ static void driver_no_face(const struct driver *d, struct error *err)
         error_set(err, EX_DATAERR, "no frames");
     else if (d->track->opt.face > 1)
         error_set(err, EX_DATAERR, "%zu face%s seen in %zu frame%s of %zu "
-                  "x %zu pixels (expected %ld for --face)", d->track->max_faces,
+                  "x %zu pixels (expected %ld)", d->track->max_faces,
                   plural(d->track->max_faces), d->early_count,
                   plural(d->early_count), f->width, f->height,
                   d->track->opt.face);
@@ -159,8 +159,8 @@ static void driver_no_face(const struct driver *d, struct error *err)
     else
         error_set(err, EX_DATAERR,
                   "no face in %zu frame%s of %zu x %zu pixels (looked for "
-                  "upright faces from a twelfth of the picture up; --crop "
-                  "X,Y,SIZE says where it is)", d->early_count,
+                  "upright faces from a twelfth of the picture up; "
+                  "spid-motion --crop X,Y,SIZE says where it is)", d->early_count,
                   plural(d->early_count), f->width, f->height);
 }
 

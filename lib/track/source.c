@@ -59,11 +59,11 @@ static int source_find_upright(struct source *s, struct track *t,
                                struct image *mask, struct error *err)
 {
     struct frame f = source_frame(im);
-    const int found = rotated_start(t, r, &s->rotated, &f, err);
+    const int found = rotated_start(t, r, &s->notes.rotated, &f, err);
 
-    if (!s->rotated)
+    if (!s->notes.rotated)
         return found;
-    if (source_turn(im, mask, s->rotated, err))
+    if (source_turn(im, mask, s->notes.rotated, err))
         return -1;
     f = source_frame(im);
     return track_start(t, r, &f, NULL, err);
@@ -102,9 +102,10 @@ static int source_find_face(struct source *s, struct track *t,
                          plural(t->max_faces), im->width, im->height,
                          t->opt.face);
     if (!found)
-        return error_set(err, EX_DATAERR, "no face in a picture of %zu x %zu "
-                         "pixels (looked for faces from a twelfth of the "
+        return error_set(err, EX_DATAERR, "no face in a %spicture of %zu x "
+                         "%zu pixels (looked for faces from a twelfth of the "
                          "picture up%s; --crop X,Y,SIZE says where it is)",
+                         im->damaged ? "damaged or cut short " : "",
                          im->width, im->height,
                          t->tta.net->confidence.ps ? ", upright and turned" : "");
     s->person.source = r.motion;
@@ -113,9 +114,9 @@ static int source_find_face(struct source *s, struct track *t,
     calm_face(&s->person.calm, &t->calm);
     s->person.has_source = true;
     s->confidence = r.confidence;
-    s->outside = source_count_outside(t, &r.motion, im);
+    s->notes.outside = source_count_outside(t, &r.motion, im);
     s->window = t->window;
-    s->faces = t->faces;
+    s->notes.faces = t->faces;
     s->person.crop[0] = (float)t->window.x;
     s->person.crop[1] = (float)t->window.y;
     s->person.crop[2] = (float)t->window.size;
@@ -243,7 +244,7 @@ static int source_find_matte(struct source *s, const struct head *head,
         rc = matte_find(&m, &seen, silhouette,
                         nets->has_matte ? &nets->matte : NULL, known, err);
     if (!known)
-        s->how = seen ? SOURCE_NETWORK : SOURCE_HEAD;
+        s->notes.how = seen ? SOURCE_NETWORK : SOURCE_HEAD;
     free(silhouette);
     return rc;
 }
@@ -255,7 +256,7 @@ static int source_matte_given(struct source *s, const struct image *im,
     const bool grey = mask && !mask->alpha;
     const uint8_t *plane = grey ? mask->rgb : mask ? mask->alpha : im->alpha;
 
-    s->how = mask ? SOURCE_MASK : SOURCE_ALPHA;
+    s->notes.how = mask ? SOURCE_MASK : SOURCE_ALPHA;
     return source_matte_plane(s, plane, im->width, im->height, grey ? 3 : 1,
                               err);
 }
@@ -311,6 +312,7 @@ int source_find(struct source *s, struct image *im, struct image *mask,
     struct track t = {0};
 
     memset(s, 0, sizeof *s);
+    s->notes.damaged = im->damaged;
     s->size = (size_t)opt->size;
     s->finest = opt->finest ? opt->finest : PERSON_MAX;
     whole.whole = true;

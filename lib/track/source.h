@@ -17,20 +17,25 @@ enum source_matte {
     SOURCE_HEAD                 /* the head's outline and the colours */
 };
 
+/* What whoever gave a picture should hear of it. */
+struct source_notes {
+    struct track_faces faces;   /* in it, as it stands upright */
+    size_t outside;             /* of the face's landmarks, past its edges */
+    int rotated;                /* quarter turns clockwise that it was given to
+                                 * stand upright, 0 to 3 */
+    enum source_matte how;      /* the matte's origin */
+    bool damaged;               /* see struct image */
+};
+
 struct source {
     struct person person;       /* picture of the portrait window, matte,
                                  * shape and motion; no hashes */
-    enum source_matte how;
     struct square window;       /* in the picture */
     size_t size, finest;        /* pixels along it that the networks see, and
                                  * that are kept at most */
-    struct track_faces faces;   /* in it, as it stands upright */
+    struct source_notes notes;
     struct extent inside;       /* the window's pixels that show it */
     float confidence;           /* of E_m that it shows a face, 0 to 1 */
-    size_t outside;             /* of the face's landmarks, past the
-                                 * picture's edges */
-    int rotated;                 /* quarter turns clockwise that the picture
-                                 * was given to stand upright, 0 to 3 */
     double crop_s, motion_s, shape_s, matte_s, detect_s;
 };
 

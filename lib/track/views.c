@@ -178,7 +178,7 @@ static int views_take(struct views *v, struct views_report *r,
         image_release(im);
         return -1;
     }
-    r->faces = s->faces;
+    r->faces = s->notes.faces;
     if (views_likeness(&r->likeness, v, s, err)) {
         source_release(s);
         image_release(im);

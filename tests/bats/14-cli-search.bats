@@ -51,6 +51,14 @@ prepare() {
     has '-Z is not an option'
 }
 
+@test "an output without a name is refused before anything is done" {
+    for option in output stats; do
+        status 64 spid-dump --$option= motion.spid
+        one_line
+        has "--$option=: no name"
+    done
+}
+
 @test "a message is one line whatever is in a name" {
     status 66 spid-dump $'two\nlines.spid'
     one_line

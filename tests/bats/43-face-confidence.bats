@@ -36,6 +36,11 @@ END
         [ "$status" -eq 0 ]
         has "turned by $((90 * q)) degrees clockwise"
     done
+    for program in animate live; do
+        run "spid-$program" -s b.ppm a.ppm -o b.y4m
+        [ "$status" -eq 0 ]
+        has "b.ppm: the face lay on its side or upside down: turned by 180"
+    done
     cmp <(spid-dump --json --values --only SHAP a.spid) \
         <(spid-dump --json --values --only SHAP b.spid)
 }

@@ -109,7 +109,7 @@ static int clip_add_frame(struct clip_state *s, struct clip_report *r,
     s->width = f->width;
     s->height = f->height;
     s->good++;
-    s->outlined += src.how != SOURCE_HEAD;
+    s->outlined += src.notes.how != SOURCE_HEAD;
     s->face += face;
     s->time[r->kept] = f->time;
     s->index[r->kept] = f->index;
