@@ -26,9 +26,13 @@ struct facedetect {
     cv::CascadeClassifier frontal;
 };
 
-/* The longest side a picture is searched at: small for a portrait's large
- * face, then larger for whatever else there may be. */
-static const double QUICK_SIDE = 240, SEARCH_SIDE = 480;
+/* The longest side a picture is searched at, and the part of its shorter one that
+ * the smallest face is: for a portrait, for whatever else there may be, and for
+ * people in a landscape. */
+static const struct {
+    double side;
+    int part;
+} LEVEL[] = {{240, 5}, {480, 12}, {960, 24}};
 
 /* Windows of the cascade that agree on a face.  A large upright one has 20 and
  * more in 171 of 172 portraits, and is not found in the other; what passes for one
@@ -161,19 +165,19 @@ static double facedetect_shrink_grey(cv::Mat &grey, struct mipmap *picture,
 }
 
 size_t facedetect_find(struct facedetect *d, struct square *face, size_t max,
-                       bool all, bool certain, struct mipmap *picture)
+                       enum facedetect_size size, bool certain,
+                       struct mipmap *picture)
 {
+    const int last = std::max<int>(size, FACEDETECT_ALL);
     size_t n = 0;
 
     try {
         cv::Mat grey;
         std::vector<cv::Rect> found;
-        double k = facedetect_shrink_grey(grey, picture, QUICK_SIDE);
-        if (!all)
-            found = facedetect_search(d->frontal, grey, 5, certain);
-        if (found.empty()) {
-            k = facedetect_shrink_grey(grey, picture, SEARCH_SIDE);
-            found = facedetect_search(d->frontal, grey, 12, certain);
+        double k = 1;
+        for (int i = size; i <= last && found.empty(); i++) {
+            k = facedetect_shrink_grey(grey, picture, LEVEL[i].side);
+            found = facedetect_search(d->frontal, grey, LEVEL[i].part, certain);
         }
         for (const cv::Rect &box : found) {
             if (n == max)

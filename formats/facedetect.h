@@ -16,12 +16,19 @@ struct facedetect;
 struct facedetect *facedetect_open(struct error *err);
 void facedetect_close(struct facedetect *d);     /* NULL is allowed */
 
+/* Which faces are looked for.  Each half as large takes four times as long. */
+enum facedetect_size {
+    FACEDETECT_LARGEST,         /* from a fifth of the shorter side up, or if
+                                 * there is none from a twelfth */
+    FACEDETECT_ALL,             /* from a twelfth */
+    FACEDETECT_SMALL            /* from a twenty-fourth */
+};
+
 /* Upright, frontal faces of the picture, the largest first, at most `max`: face
  * (the detector's boxes, in picture pixels).
- * Returns how many; certain: 0 unless one of them is surely upright.  Small ones
- * are looked for when there is no large one, or when all are wanted, which takes
- * four times as long. */
+ * Returns how many; certain: 0 unless one of them is surely upright. */
 size_t facedetect_find(struct facedetect *d, struct square *face, size_t max,
-                       bool all, bool certain, struct mipmap *picture);
+                       enum facedetect_size size, bool certain,
+                       struct mipmap *picture);
 
 #endif

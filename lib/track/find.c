@@ -72,17 +72,17 @@ static bool track_open_detector(struct track *t, struct error *err)
 }
 
 /* The detector's face, where E_m agrees: 1, 0, -1 no detector. */
-static int track_detect(struct track *t, struct track_result *r, bool certain,
+static int track_detect(struct track *t, struct track_result *r,
+                        enum facedetect_size size, bool certain,
                         struct error *err)
 {
     const double begun = cpu_seconds();
-    const bool all = t->opt.face > 1 || t->faces.n > 1;
     struct square face[TRACK_FACES];
     struct track_faces faces;
 
     if (!track_open_detector(t, err))
         return -1;
-    const size_t n = facedetect_find(t->detector, face, TRACK_FACES, all,
+    const size_t n = facedetect_find(t->detector, face, TRACK_FACES, size,
                                      certain, &t->picture);
     r->detect_s += cpu_seconds() - begun;
     if (n == 1 && t->opt.face <= 1)
@@ -133,10 +133,14 @@ int track_find(struct track *t, struct track_result *r,
 {
     const struct motion last = t->last;
     const struct square crop = t->crop;
-    int found = track_detect(t, r, effort.certain, err);
+    const enum facedetect_size size = t->opt.face > 1 || t->faces.n > 1
+                                          ? FACEDETECT_ALL : FACEDETECT_LARGEST;
+    int found = track_detect(t, r, size, effort.certain, err);
 
     if (found == 0 && (t->started || t->opt.face <= 1))
         found = track_search(t, r, effort.levels);
+    if (found == 0 && effort.levels > TRACK_QUICK)
+        found = track_detect(t, r, FACEDETECT_SMALL, false, err);
     if (found != 1) {
         t->last = last;
         t->crop = crop;

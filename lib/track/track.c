@@ -73,8 +73,9 @@ static bool track_is_other(struct track *t)
 
     thumb_make(thumb, t->input);
     const double similar = thumb_correlate(t->first_thumb, thumb);
-    n = facedetect_find(t->detector, face, TRACK_FACES, t->faces.n > 1, false,
-                        &t->picture);
+    n = facedetect_find(t->detector, face, TRACK_FACES,
+                        t->faces.n > 1 ? FACEDETECT_ALL : FACEDETECT_LARGEST,
+                        false, &t->picture);
     for (size_t i = 0; i < n && !other; i++) {
         const struct square c = crop_from_detection(face[i]);
 

@@ -45,6 +45,23 @@ END
         <(spid-dump --json --values --only SHAP b.spid)
 }
 
+@test "a person far away in a photograph is found" {
+    need_sure
+    command -v ffmpeg >/dev/null || skip "no ffmpeg (apt: ffmpeg)"
+    # a face of 80 pixels, a seventeenth of the shorter side
+    ffmpeg -v error -i "$TOP/examples/photo.jpg" -frames:v 1 \
+        -vf scale=200:-1,pad=2100:1400:900:700:gray far.png
+    run spid-shape far.png -o far.spid
+    [ "$status" -eq 0 ]
+    [ -z "$output" ]
+    read -r x y size < <(spid-dump --json --values --only MOTN far.spid |
+        sed 's/.*"crop"[^]]*][^[]*"data":\[\([0-9.]*\),\([0-9.]*\),\([0-9.]*\).*/\1 \2 \3/')
+    echo "$x $y $size in the window"
+    window=$(spid-dump --json --values --only SRCI far.spid |
+        sed 's/.*"crop"[^]]*][^[]*"data":\[\([0-9.,]*\)].*/\1/')
+    awk -F, '{ exit !($1 > 960 && $1 < 1040 && $2 > 780 && $2 < 880 && $3 < 300) }' <<<"$window"
+}
+
 # tilted DEGREES IN OUT: a PPM rolled about its middle, edges drawn out.
 tilted() {
     "$PYTHON" - "$@" <<'END'

@@ -29,7 +29,7 @@ static void count_picture(struct count *c, struct facedetect *d,
         REQUIRE(rotated_copy(&turned, &im, q, &err) == 0, "%s", err.text);
         REQUIRE(mipmap_take(&picture, turned.rgb, turned.width, turned.height,
                             &err) == 0, "%s", err.text);
-        c->certain[q] += facedetect_find(d, &face, 1, false, true, &picture) > 0;
+        c->certain[q] += facedetect_find(d, &face, 1, FACEDETECT_LARGEST, true, &picture) > 0;
         image_release(&turned);
     }
     mipmap_release(&picture);

@@ -25,13 +25,14 @@ void facedetect_close(struct facedetect *d)
 }
 
 size_t facedetect_find(struct facedetect *d, struct square *face, size_t max,
-                       bool all, bool certain, struct mipmap *picture)
+                       enum facedetect_size size, bool certain,
+                       struct mipmap *picture)
 {
     const struct mipmap_level *l = picture->level;
 
     _Static_assert(sizeof *face == 3 * sizeof(double), "x, y, size");
     (void)d;
-    (void)all;
+    (void)size;
     (void)certain;
     return (size_t)faces_find(&face->x, (int)max, l->rgb, (int)l->W, (int)l->H);
 }
