@@ -50,13 +50,13 @@ int avatar_init(struct avatar *a, struct params *ps,
                          "(expected the list lip_inner)");
     if (densify_init(&a->dense, head->f, head->F, head->V, err) ||
         avatar_check_template(a, err) ||
-        backbone_init(&a->backbone, ps, "backbone.", &config->backbone, err) ||
-        static_branch_init(&a->plane, ps, config, err) ||
-        mouth_branch_init(&a->mouth, ps, config, err) ||
-        dynamic_branch_init(&a->dynamic, ps, config, head, &a->dense, err)) {
+        backbone_init(&a->backbone, ps, "backbone.", &config->backbone, err)) {
         avatar_release(a);
         return -1;
     }
+    static_branch_init(&a->plane, ps, config);
+    mouth_branch_init(&a->mouth, ps, config);
+    dynamic_branch_init(&a->dynamic, ps, config, head, &a->dense);
     return 0;
 }
 

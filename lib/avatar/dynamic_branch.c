@@ -48,9 +48,9 @@
 
 /* ---- the branch -------------------------------------------------------- */
 
-int dynamic_branch_init(struct dynamic_branch *b, struct params *ps,
-                        const struct avatar_config *c, const struct head *h,
-                        const struct densify *d, struct error *err)
+void dynamic_branch_init(struct dynamic_branch *b, struct params *ps,
+                         const struct avatar_config *c, const struct head *h,
+                         const struct densify *d)
 {
     struct gaussian_head points = {.colors = c->channels,
                                    .colors_only = c->rgb_skip,
@@ -70,8 +70,8 @@ int dynamic_branch_init(struct dynamic_branch *b, struct params *ps,
                 (b->prior ? DYNAMIC_BRANCH_EXTRA : 0);
     b->head_base = params_add(ps, "dynamic.head_base", 2, rows, PARAM_NORMAL,
                               0.1f);
-    return mlp_decoder_init(&b->decoder, ps, "dynamic.", b->inputs,
-                            c->dynamic_width, c->dynamic_hidden, points, err);
+    mlp_decoder_init(&b->decoder, ps, "dynamic.", b->inputs, c->dynamic_width,
+                     c->dynamic_hidden, points);
 }
 
 /* Last layers a tenth as large; opaque, unrotated, for a spacing of 4 mm, where

@@ -76,9 +76,9 @@ struct dynamic_branch {
 };
 
 /* Declare "dynamic." in ps.  h and d (of its faces) are borrowed. */
-int dynamic_branch_init(struct dynamic_branch *b, struct params *ps,
-                        const struct avatar_config *c, const struct head *h,
-                        const struct densify *d, struct error *err);
+void dynamic_branch_init(struct dynamic_branch *b, struct params *ps,
+                         const struct avatar_config *c, const struct head *h,
+                         const struct densify *d);
 /* After params_randomise: see avatar_init_weights. */
 void dynamic_branch_init_weights(struct params *ps);
 /* points: how many the decoder computes, V + E or V. */

@@ -59,8 +59,8 @@ void mouth_branch_clamp_backward(float *dq, const float *raw, size_t N,
 
 /* ---- the branch -------------------------------------------------------- */
 
-int mouth_branch_init(struct mouth_branch *b, struct params *ps,
-                      const struct avatar_config *c, struct error *err)
+void mouth_branch_init(struct mouth_branch *b, struct params *ps,
+                       const struct avatar_config *c)
 {
     struct gaussian_head head = {.colors = c->channels,
                                  .position = GAUSSIAN_POSITION_OFFSET,
@@ -73,8 +73,8 @@ int mouth_branch_init(struct mouth_branch *b, struct params *ps,
     b->feature = c->feature;
     b->prior = c->rgb_skip;
     b->inputs = c->feature + 2 + (b->prior ? MOUTH_BRANCH_EXTRA : 0);
-    return conv_decoder_init(&b->decoder, ps, "mouth.", b->inputs,
-                             c->mouth_width, head, err);
+    conv_decoder_init(&b->decoder, ps, "mouth.", b->inputs, c->mouth_width,
+                      head);
 }
 
 /* As the static branch's; without the prior also behind the lips. */

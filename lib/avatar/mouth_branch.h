@@ -61,8 +61,8 @@ struct mouth_branch {
 };
 
 /* Declare "mouth." in ps. */
-int mouth_branch_init(struct mouth_branch *b, struct params *ps,
-                      const struct avatar_config *c, struct error *err);
+void mouth_branch_init(struct mouth_branch *b, struct params *ps,
+                       const struct avatar_config *c);
 /* After params_randomise: see avatar_init_weights. */
 void mouth_branch_init_weights(struct params *ps,
                                const struct avatar_config *c);

@@ -25,8 +25,8 @@
 
 /* ---- the branch -------------------------------------------------------- */
 
-int static_branch_init(struct static_branch *b, struct params *ps,
-                       const struct avatar_config *c, struct error *err)
+void static_branch_init(struct static_branch *b, struct params *ps,
+                        const struct avatar_config *c)
 {
     struct gaussian_head head = {.colors = c->channels,
                                  .position = GAUSSIAN_POSITION_DEPTH,
@@ -38,13 +38,10 @@ int static_branch_init(struct static_branch *b, struct params *ps,
     b->feature = c->feature;
     b->prior = c->rgb_skip;
     b->inputs = c->feature + 2 + (b->prior ? STATIC_BRANCH_EXTRA : 0);
-    return (c->init_width > 0 &&
-            plane_init_init(&b->init, ps, "init.", c->feature + 1,
-                            c->init_width, err)) ||
-                   conv_decoder_init(&b->decoder, ps, "static.", b->inputs,
-                                     c->static_width, head, err)
-               ? -1
-               : 0;
+    if (c->init_width)
+        plane_init_init(&b->init, ps, "init.", c->feature + 1, c->init_width);
+    conv_decoder_init(&b->decoder, ps, "static.", b->inputs, c->static_width,
+                      head);
 }
 
 /* Last layer a tenth as large; opaque, unrotated, as large as their

@@ -64,8 +64,8 @@ struct static_branch {
 };
 
 /* Declare "static." in ps, and "init." if it has a width. */
-int static_branch_init(struct static_branch *b, struct params *ps,
-                       const struct avatar_config *c, struct error *err);
+void static_branch_init(struct static_branch *b, struct params *ps,
+                        const struct avatar_config *c);
 /* After params_randomise: see avatar_init_weights. */
 void static_branch_init_weights(struct params *ps,
                                 const struct avatar_config *c);

@@ -6,24 +6,19 @@
 #define SPID_NET_CONV_DECODER_H
 
 #include "lib/net/gaussian_head.h"
-#include "lib/nn/graph.h"
-#include "lib/nn/nn.h"
-#include "lib/nn/params.h"
-
-struct conv_decoder_impl;
+#include "lib/nn/tape.h"
 
 struct conv_decoder {
     struct gaussian_head head;
-    size_t in;                    /* channels without gamma */
-    size_t width;                 /* 128 in the paper */
-    size_t batch, height, image_w;
-    struct conv_decoder_impl *impl;
+    struct tape tape;
+    int gamma;                   /* the map of features with gamma behind */
 };
 
-/* Declare the tensors; head says what comes out. */
-int conv_decoder_init(struct conv_decoder *d, struct params *ps,
-                      const char *prefix, size_t in, size_t width,
-                      struct gaussian_head head, struct error *err);
+/* Declare the tensors: features' channels, the layers' width (128 in the
+ * paper); head says what comes out. */
+void conv_decoder_init(struct conv_decoder *d, struct params *ps,
+                       const char *prefix, size_t in, size_t width,
+                       struct gaussian_head head);
 /* For features of height x width. */
 int conv_decoder_plan(struct conv_decoder *d, size_t batch, size_t height,
                       size_t width, struct nn_options opt, struct error *err);

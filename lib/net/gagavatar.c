@@ -31,14 +31,13 @@ int gagavatar_init(struct gagavatar *g, struct params *ps,
         return error_set(err, EX_CONFIG, "gagavatar with a small backbone "
                          "(expected \"dinov2\", whose first token it takes)");
     g->base = params_add(ps, "head_base", 2, base, PARAM_NORMAL, 1);
-    if (backbone_init(&g->backbone, ps, "base_model.", &c->backbone, err) ||
-        mlp_decoder_init(&g->vertex, ps, "gs_generator_g.", in,
-                         c->dynamic_width, c->dynamic_hidden, on_vertex,
-                         err) ||
-        conv_decoder_init(&g->plane[0], ps, "gs_generator_l0.", c->feature,
-                          c->static_width, on_plane, err) ||
-        conv_decoder_init(&g->plane[1], ps, "gs_generator_l1.", c->feature,
-                          c->static_width, on_plane, err)) {
+    mlp_decoder_init(&g->vertex, ps, "gs_generator_g.", in, c->dynamic_width,
+                     c->dynamic_hidden, on_vertex);
+    conv_decoder_init(&g->plane[0], ps, "gs_generator_l0.", c->feature,
+                      c->static_width, on_plane);
+    conv_decoder_init(&g->plane[1], ps, "gs_generator_l1.", c->feature,
+                      c->static_width, on_plane);
+    if (backbone_init(&g->backbone, ps, "base_model.", &c->backbone, err)) {
         gagavatar_release(g);
         return -1;
     }
@@ -60,7 +59,7 @@ static int gagavatar_allocate(struct gagavatar *g, struct error *err)
 
     g->features = nn_plan_floats(p, n2 * c->feature);
     g->token = nn_plan_floats(p, c->backbone.embed);
-    g->rows = nn_plan_floats(p, g->V * g->vertex.in);
+    g->rows = nn_plan_floats(p, g->V * g->vertex.tape.picture.channels);
     g->points = nn_plan_floats(p, 3 * n2);
     g->position[0] = nn_plan_floats(p, n2);
     g->position[1] = nn_plan_floats(p, n2);

@@ -2,13 +2,9 @@
  * each attribute. */
 #include "lib/net/mlp_decoder.h"
 
-#include <stdlib.h>
 #include <string.h>
-#include <sysexits.h>
 
-#include "lib/base/parallel.h"
 #include "lib/net/harmonic.h"
-#include "lib/nn/conv.h"
 #include "lib/nn/image.h"
 
 #define ATTRIBUTES 4
@@ -16,21 +12,46 @@
 static const char *const attribute[ATTRIBUTES] = { "color", "opacity", "scale",
                                                    "rotation" };
 
-struct mlp_decoder_impl {
-    struct nn_plan plan;
-    struct conv trunk[4], inner[ATTRIBUTES], outer[ATTRIBUTES];
-    int heads;                   /* of inner and outer: 4, or colours' alone */
-    size_t padded;               /* width + gamma, a multiple of 16 */
-    const float *features;
+/* ---- its own step: gamma behind every point's numbers ------------------------- */
+
+struct mlp_gamma {
     float *gamma, *dgamma;       /* (B,27) */
-    float *y[4];                 /* (B,N,width) */
-    float *x;                    /* (B,N,padded) */
-    float *h[ATTRIBUTES];        /* (B,N,hidden) */
-    float *o[ATTRIBUTES];        /* (B,N,attribute) */
-    float *raw, *draw;           /* (B,N,width of the head) */
-    float *grad[2];
-    float *dx, *dsum;
 };
+
+/* In memory a multiple of 16, the rest zero. */
+static void mlp_gamma_plan(struct tape_step *s, struct nn_plan *p)
+{
+    struct mlp_gamma *l = s->layer;
+
+    s->channels = (s->of[0]->channels + HARMONIC_OUT + 15) / 16 * 16;
+    l->gamma = nn_plan_floats(p, s->batch * HARMONIC_OUT);
+    if (nn_plan_backward(p))
+        l->dgamma = nn_plan_floats(p, s->batch * HARMONIC_OUT);
+}
+
+static void mlp_gamma_forward(struct tape_step *s)
+{
+    const struct mlp_gamma *l = s->layer;
+
+    concat_forward(s->out, s->of[0]->x, l->gamma, s->batch * s->h,
+                   s->of[0]->channels, HARMONIC_OUT, s->channels, s->h);
+}
+
+static void mlp_gamma_backward(float *to, struct tape_step *s, int k)
+{
+    const struct mlp_gamma *l = s->layer;
+
+    memset(l->dgamma, 0, s->batch * HARMONIC_OUT * sizeof *l->dgamma);
+    concat_backward(to, l->dgamma, s->d, s->batch * s->h, s->of[k]->channels,
+                    HARMONIC_OUT, s->channels, s->h);
+}
+
+static const struct tape_op gamma_op = {
+    sizeof(struct mlp_gamma), 0, false, mlp_gamma_plan, mlp_gamma_forward,
+    mlp_gamma_backward, NULL
+};
+
+/* ---- the network ---------------------------------------------------------------- */
 
 /* Numbers of attribute i. */
 static size_t mlp_decoder_width(const struct mlp_decoder *d, int i)
@@ -38,206 +59,104 @@ static size_t mlp_decoder_width(const struct mlp_decoder *d, int i)
     return i == 0 ? d->head.colors : i == 1 ? 1 : i == 2 ? 3 : 4;
 }
 
-int mlp_decoder_init(struct mlp_decoder *d, struct params *ps,
-                     const char *prefix, size_t in, size_t width,
-                     size_t hidden, struct gaussian_head head,
-                     struct error *err)
+/* A linear layer, its act and its weights' gain. */
+static int mlp_decoder_linear(struct mlp_decoder *d, int x, const char *name,
+                              size_t out, enum nn_act act, float gain)
 {
+    const int map = tape_linear(&d->tape, x, name, out);
+    struct conv *c = tape_layer(&d->tape, map);
+
+    c->act = act;
+    c->ps->tensor[c->weight].gain = gain;
+    return map;
+}
+
+/* Attribute i of the map of points with gamma. */
+static int mlp_decoder_attribute(struct mlp_decoder *d, int x, int i,
+                                 size_t hidden, const char *prefix)
+{
+    const size_t in = tape_channels(&d->tape, x);
     char name[120];
 
+    nn_name(name, "%s%s_layers.0", prefix, attribute[i]);
+    x = mlp_decoder_linear(d, x, name, hidden, ACT_RELU, 1.4142135f);
+    tape_layer(&d->tape, x)->in_data = (in + 15) / 16 * 16;
+    nn_name(name, "%s%s_layers.2", prefix, attribute[i]);
+    return mlp_decoder_linear(d, x, name, mlp_decoder_width(d, i), ACT_NONE,
+                              0.3f);
+}
+
+void mlp_decoder_init(struct mlp_decoder *d, struct params *ps,
+                      const char *prefix, size_t in, size_t width,
+                      size_t hidden, struct gaussian_head head)
+{
+    const int heads = head.colors_only ? 1 : ATTRIBUTES;
+    char name[120];
+    int x = 0, raw;
+
     memset(d, 0, sizeof *d);
-    d->impl = calloc(1, sizeof *d->impl);
-    if (!d->impl)
-        return error_set(err, EX_OSERR, "out of memory");
-    struct mlp_decoder_impl *im = d->impl;
     d->head = head;
-    d->in = in;
-    d->width = width;
-    d->hidden = hidden;
-    im->heads = head.colors_only ? 1 : ATTRIBUTES;
+    tape_init(&d->tape, ps, in, false);
     for (int i = 0; i < 4; i++) {
         nn_name(name, "%sfeature_layers.%d", prefix, 2 * i);
-        linear_init(&im->trunk[i], ps, name, i ? width : in, width);
-        im->trunk[i].act = i < 3 ? ACT_RELU : ACT_NONE;
-        ps->tensor[im->trunk[i].weight].gain = i < 3 ? 1.4142135f : 1;
+        x = mlp_decoder_linear(d, x, name, width, i < 3 ? ACT_RELU : ACT_NONE,
+                               i < 3 ? 1.4142135f : 1);
     }
-    for (int i = 0; i < im->heads; i++) {
-        nn_name(name, "%s%s_layers.0", prefix, attribute[i]);
-        linear_init(&im->inner[i], ps, name, width + HARMONIC_OUT, hidden);
-        im->inner[i].act = ACT_RELU;
-        ps->tensor[im->inner[i].weight].gain = 1.4142135f;
-        nn_name(name, "%s%s_layers.2", prefix, attribute[i]);
-        linear_init(&im->outer[i], ps, name, hidden, mlp_decoder_width(d, i));
-        ps->tensor[im->outer[i].weight].gain = 0.3f;
-    }
-    return 0;
-}
-
-/* What the backward needs besides the activations. */
-static void mlp_decoder_plan_gradients(struct mlp_decoder *d, size_t rows)
-{
-    struct mlp_decoder_impl *im = d->impl;
-    struct nn_plan *p = &im->plan;
-    size_t max = d->width > d->hidden ? d->width : d->hidden;
-
-    max = max > d->head.colors ? max : d->head.colors;
-    im->grad[0] = nn_plan_floats(p, rows * max);
-    im->grad[1] = nn_plan_floats(p, rows * max);
-    im->dx = nn_plan_floats(p, rows * im->padded);
-    im->dsum = nn_plan_floats(p, rows * im->padded);
-    im->draw = nn_plan_floats(p, rows * gaussian_head_width(&d->head));
-    im->dgamma = nn_plan_floats(p, d->batch * HARMONIC_OUT);
-}
-
-/* The heads, one after another. */
-static void mlp_decoder_plan_heads(struct mlp_decoder *d, size_t rows)
-{
-    struct mlp_decoder_impl *im = d->impl;
-    struct nn_plan *p = &im->plan;
-
-    im->x = nn_plan_map(p, rows * im->padded);
-    for (int i = 0; i < im->heads; i++) {
-        im->inner[i].in_data = im->padded;
-        im->h[i] = nn_plan_map(p, rows * d->hidden);
-        linear_plan(&im->inner[i], p, rows);
-        im->o[i] = nn_plan_map(p, rows * mlp_decoder_width(d, i));
-        linear_plan(&im->outer[i], p, rows);
-        nn_plan_recycle(p, im->h[i]);
-    }
+    d->trunk = x;
+    d->gamma = x = TAPE_STEP(&d->tape, &gamma_op, x);
+    d->tape.map[x]->channels = width + HARMONIC_OUT;
+    raw = mlp_decoder_attribute(d, x, 0, hidden, prefix);
+    for (int i = 1; i < heads; i++)
+        raw = tape_concat(&d->tape, raw,
+                          mlp_decoder_attribute(d, x, i, hidden, prefix));
 }
 
 int mlp_decoder_plan(struct mlp_decoder *d, size_t batch, size_t points,
                      struct nn_options opt, struct error *err)
 {
-    struct mlp_decoder_impl *im = d->impl;
-    struct nn_plan *p = &im->plan;
-    size_t rows = batch * points;
-
-    nn_plan_release(p);
-    nn_plan_init(p, opt);
-    d->batch = batch;
-    d->points = points;
-    im->padded = (d->width + HARMONIC_OUT + 15) / 16 * 16;
-    im->gamma = nn_plan_floats(p, batch * HARMONIC_OUT);
-    im->raw = nn_plan_map(p, rows * gaussian_head_width(&d->head));
-    for (int i = 0; i < 4; i++) {
-        im->y[i] = nn_plan_map(p, rows * d->width);
-        linear_plan(&im->trunk[i], p, rows);
-        if (i)
-            nn_plan_recycle(p, im->y[i - 1]);
-    }
-    mlp_decoder_plan_heads(d, rows);
-    if (nn_plan_backward(p))
-        mlp_decoder_plan_gradients(d, rows);
-    return nn_plan_finish(p, err);
+    return tape_plan(&d->tape, batch, points, 1, opt, err);
 }
 
 void mlp_decoder_release(struct mlp_decoder *d)
 {
-    if (!d->impl)
-        return;
-    nn_plan_release(&d->impl->plan);
-    free(d->impl);
+    tape_release(&d->tape);
     memset(d, 0, sizeof *d);
 }
 
-/* One row. */
-PARALLEL(mlp_decoder_gather_part, r, struct mlp_decoder_impl *, im,
-         _Bool, back, int, i, size_t, n, size_t, row, size_t, at)
+/* The map of all attributes' raw numbers, (B,N,width of the head). */
+static const struct tape_step *mlp_decoder_raw(const struct mlp_decoder *d)
 {
-    if (back)
-        memcpy(im->o[i] + r * n, im->draw + r * row + at, n * sizeof(float));
-    else
-        memcpy(im->raw + r * row + at, im->o[i] + r * n, n * sizeof(float));
-}
-
-/* raw (rows,width of the head) <-> the attributes' own arrays. */
-static void mlp_decoder_gather(struct mlp_decoder *d, bool back)
-{
-    struct mlp_decoder_impl *im = d->impl;
-    size_t rows = d->batch * d->points, at = 0;
-    const size_t row = gaussian_head_width(&d->head);
-
-    for (int i = 0; i < im->heads; i++) {
-        size_t n = mlp_decoder_width(d, i);
-
-        parallel_each(mlp_decoder_gather_part, rows, 1, im, back, i, n, row, at);
-        at += n;
-    }
-}
-
-/* raw from y[3] and gamma. */
-static void mlp_decoder_heads(struct mlp_decoder *d)
-{
-    struct mlp_decoder_impl *im = d->impl;
-
-    concat_forward(im->x, im->y[3], im->gamma, d->batch * d->points, d->width,
-                   HARMONIC_OUT, im->padded, d->points);
-    for (int i = 0; i < im->heads; i++) {
-        conv_forward(im->h[i], im->x, &im->inner[i]);
-        conv_forward(im->o[i], im->h[i], &im->outer[i]);
-    }
-    mlp_decoder_gather(d, false);
-}
-
-/* Reverse of mlp_decoder_heads: dy (B,N,width) from draw; b is scratch. */
-static void mlp_decoder_heads_backward(float *dy, float *b, bool dir,
-                                       struct mlp_decoder *d)
-{
-    struct mlp_decoder_impl *im = d->impl;
-    size_t rows = d->batch * d->points;
-
-    mlp_decoder_gather(d, true);              /* o[i] holds its gradient now */
-    for (int i = 0; i < im->heads; i++) {
-        conv_backward(b, im->o[i], im->o[i], im->h[i], &im->outer[i]);
-        conv_backward(i ? im->dx : im->dsum, b, im->h[i], im->x,
-                      &im->inner[i]);
-        if (i)
-            image_add(im->dsum, im->dx, rows * im->padded);
-    }
-    concat_backward(dy, dir ? im->dgamma : NULL, im->dsum, rows, d->width,
-                    HARMONIC_OUT, im->padded, d->points);
+    return d->tape.map[d->tape.count - 1];
 }
 
 void mlp_decoder_forward(struct gaussian_out *out, const float *features,
                          const float *dir, const float *rgb_logit,
                          struct mlp_decoder *d)
 {
-    struct mlp_decoder_impl *im = d->impl;
+    const struct tape_step *raw = mlp_decoder_raw(d);
+    const struct mlp_gamma *l = d->tape.map[d->gamma]->layer;
 
-    im->features = features;
-    conv_forward(im->y[0], features, &im->trunk[0]);
-    for (int i = 1; i < 4; i++)
-        conv_forward(im->y[i], im->y[i - 1], &im->trunk[i]);
-    harmonic_forward(im->gamma, dir, d->batch);
-    mlp_decoder_heads(d);
-    gaussian_head_forward(out, im->raw, rgb_logit, &d->head, d->batch,
-                          d->points, gaussian_head_width(&d->head), d->points);
+    harmonic_forward(l->gamma, dir, raw->batch);
+    tape_forward(NULL, features, &d->tape);
+    gaussian_head_forward(out, raw->x, rgb_logit, &d->head, raw->batch, raw->h,
+                          raw->channels, raw->h);
 }
 
 void mlp_decoder_backward(float *dfeatures, float *ddir,
                           const struct gaussian_out *dout, const float *dir,
                           const float *rgb_logit, struct mlp_decoder *d)
 {
-    struct mlp_decoder_impl *im = d->impl;
-    float *a = im->grad[0], *b = im->grad[1];
+    const struct tape_step *raw = mlp_decoder_raw(d);
+    const struct mlp_gamma *l = d->tape.map[d->gamma]->layer;
 
-    gaussian_head_backward(im->draw, NULL, dout, im->raw, rgb_logit,
-                           &d->head, d->batch, d->points,
-                           gaussian_head_width(&d->head), d->points);
-    memset(im->dgamma, 0, d->batch * HARMONIC_OUT * sizeof *im->dgamma);
-    mlp_decoder_heads_backward(a, b, ddir != NULL, d);
-    if (ddir) {
-        memset(ddir, 0, 3 * d->batch * sizeof *ddir);
-        harmonic_backward(ddir, im->dgamma, dir, d->batch);
-    }
-    for (int i = 3; i > 0; i--) {
-        conv_backward(b, a, im->y[i], im->y[i - 1], &im->trunk[i]);
-        float *swap = a;
-        a = b;
-        b = swap;
-    }
-    conv_backward(dfeatures, a, im->y[0], im->features, &im->trunk[0]);
+    gaussian_head_backward(raw->d, NULL, dout, raw->x, rgb_logit, &d->head,
+                           raw->batch, raw->h, raw->channels, raw->h);
+    tape_backward(dfeatures, &(struct tape_seed){d->tape.count - 1, raw->d}, 1,
+                  &d->tape);
+    if (!ddir)
+        return;
+    memset(ddir, 0, 3 * raw->batch * sizeof *ddir);
+    harmonic_backward(ddir, l->dgamma, dir, raw->batch);
 }
 
 /* ---- as a graph ---------------------------------------------------------- */
@@ -245,20 +164,14 @@ void mlp_decoder_backward(float *dfeatures, float *ddir,
 void mlp_decoder_graph(struct graph *g, size_t N,
                        const struct mlp_decoder *d)
 {
-    const struct mlp_decoder_impl *im = d->impl;
-    int x = GRAPH_INPUT(g, "features", N, d->in), part[ATTRIBUTES];
+    const struct tape *t = &d->tape;
+    int x = GRAPH_INPUT(g, "features", N, t->picture.channels);
     int gamma = harmonic_graph(g, GRAPH_INPUT(g, "direction", 1, 3));
     int logit = GRAPH_INPUT(g, "rgb_logit", N, 3);
 
-    for (int i = 0; i < 4; i++)
-        x = graph_linear(g, x, &im->trunk[i]);
+    x = tape_graph(g, x, 0, d->trunk, t);
     gamma = GRAPH_NODE(g, "Expand", gamma,
                        GRAPH_INTS(g, (int64_t)N, HARMONIC_OUT));
-    x = graph_concat(g, x, gamma);
-    for (int i = 0; i < im->heads; i++)
-        part[i] = graph_linear(g, graph_linear(g, x, &im->inner[i]),
-                               &im->outer[i]);
-    int raw = graph_node(g, "Concat", part, (size_t)im->heads);
-    graph_set_int(g, "axis", 1);
-    gaussian_head_graph(g, raw, logit, N, &d->head);
+    x = tape_graph(g, graph_concat(g, x, gamma), d->gamma, t->count - 1, t);
+    gaussian_head_graph(g, x, logit, N, &d->head);
 }

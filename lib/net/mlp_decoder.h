@@ -6,26 +6,19 @@
 #define SPID_NET_MLP_DECODER_H
 
 #include "lib/net/gaussian_head.h"
-#include "lib/nn/graph.h"
-#include "lib/nn/nn.h"
-#include "lib/nn/params.h"
-
-struct mlp_decoder_impl;
+#include "lib/nn/tape.h"
 
 struct mlp_decoder {
     struct gaussian_head head;    /* position is GAUSSIAN_POSITION_NONE */
-    size_t in;                    /* numbers per point: [h_k, d_k, ...] */
-    size_t width;                 /* 256 in the paper */
-    size_t hidden;                /* 128 in the paper: of each attribute */
-    size_t batch, points;
-    struct mlp_decoder_impl *impl;
+    struct tape tape;
+    int trunk, gamma;             /* maps: of the trunk, with gamma behind */
 };
 
-/* Declare the tensors; the sizes are the fields of these names. */
-int mlp_decoder_init(struct mlp_decoder *d, struct params *ps,
-                     const char *prefix, size_t in, size_t width,
-                     size_t hidden, struct gaussian_head head,
-                     struct error *err);
+/* Declare the tensors: numbers per point [h_k, d_k, ...]; the trunk's width,
+ * 256 in the paper, and each attribute's hidden one, 128. */
+void mlp_decoder_init(struct mlp_decoder *d, struct params *ps,
+                      const char *prefix, size_t in, size_t width,
+                      size_t hidden, struct gaussian_head head);
 /* For batch items of `points` rows each. */
 int mlp_decoder_plan(struct mlp_decoder *d, size_t batch, size_t points,
                      struct nn_options opt, struct error *err);

@@ -372,3 +372,9 @@ void mobilenet_backward(float *drgb, const float *dpooled,
     tape_backward(drgb, &(struct tape_seed){m->tape.count - 1, dpooled}, 1,
                   &m->tape);
 }
+
+int mobilenet_graph(struct graph *g, int picture, const struct mobilenet *m)
+{
+    return tape_graph(g, graph_maps(g, picture), 0, m->tape.count - 1,
+                      &m->tape);
+}

@@ -33,4 +33,7 @@ void mobilenet_forward(float *pooled, const float *rgb, struct mobilenet *m);
 void mobilenet_backward(float *drgb, const float *dpooled,
                         struct mobilenet *m);
 
+/* pooled (1,features) of a picture (1,H,W,3). */
+int mobilenet_graph(struct graph *g, int picture, const struct mobilenet *m);
+
 #endif

@@ -173,7 +173,7 @@ void motion_encoder_graph(struct graph *g, const struct motion_encoder *m)
 {
     const size_t S = MOTION_ENCODER_SIZE;
     int picture = GRAPH_INPUT(g, "picture", 1, S, S, 3);
-    int pooled = tape_graph(g, graph_maps(g, picture), 0, &m->net.tape);
+    int pooled = mobilenet_graph(g, picture, &m->net);
     int part[6];
 
     for (int i = 0; i < 6; i++) {

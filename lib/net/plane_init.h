@@ -4,26 +4,19 @@
 #ifndef SPID_NET_PLANE_INIT_H
 #define SPID_NET_PLANE_INIT_H
 
-#include "lib/nn/graph.h"
-#include "lib/nn/nn.h"
-#include "lib/nn/params.h"
+#include "lib/nn/tape.h"
 
 #define PLANE_INIT_MAX 0.05f
 
-struct plane_init_impl;
-
 struct plane_init {
-    size_t in;                    /* features + 1 */
+    struct tape tape;
     size_t width;                 /* of the two hidden layers */
-    size_t height, image_w;
-    struct plane_init_impl *impl;
 };
 
-/* Declare the tensors: in channels of the input, width of the hidden
- * layers. */
-int plane_init_init(struct plane_init *p, struct params *ps,
-                    const char *prefix, size_t in, size_t width,
-                    struct error *err);
+/* Declare the tensors: in channels of the input (features + 1), width of the
+ * hidden layers. */
+void plane_init_init(struct plane_init *p, struct params *ps,
+                     const char *prefix, size_t in, size_t width);
 /* Inputs of height x width cells. */
 int plane_init_plan(struct plane_init *p, size_t height, size_t width,
                     struct nn_options opt, struct error *err);

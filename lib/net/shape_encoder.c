@@ -72,7 +72,7 @@ void shape_encoder_graph(struct graph *g, const struct shape_encoder *s)
 {
     const size_t S = SHAPE_ENCODER_SIZE;
     int picture = GRAPH_INPUT(g, "picture", 1, S, S, 3);
-    int pooled = tape_graph(g, graph_maps(g, picture), 0, &s->net.tape);
+    int pooled = mobilenet_graph(g, picture, &s->net);
     GRAPH_OUTPUT(g, graph_dense(g, pooled, &s->head), "shape", 1,
                  SHAPE_ENCODER_OUT);
 }

@@ -131,5 +131,5 @@ int small_backbone_graph(struct graph *g, int picture, size_t input,
                    "ONNX form here");
     if (input != side)
         x = graph_resize(g, x, 3, side, side);
-    return tape_graph(g, x, 1, &s->tape);
+    return tape_graph(g, x, 1, s->tape.count - 1, &s->tape);
 }

@@ -214,12 +214,13 @@ void tape_backward(float *dpicture, const struct tape_seed *seed, size_t n,
         memset(dpicture, 0, tape_count(&t->picture) * sizeof *dpicture);
 }
 
-int tape_graph(struct graph *g, int x, int from, const struct tape *t)
+int tape_graph(struct graph *g, int x, int from, int last,
+               const struct tape *t)
 {
     int value[TAPE_MAPS], in[TAPE_READS];
 
     value[from] = x;
-    for (int i = from + 1; i < t->count; i++) {
+    for (int i = from + 1; i <= last; i++) {
         const struct tape_step *s = t->map[i];
 
         for (int k = 0; k < s->reads; k++)

@@ -52,6 +52,7 @@ struct tape_step {
                                  * between its readers' backward and its own */
     bool begun;                 /* some of it is there */
     bool constant;              /* no gradient goes back to it */
+    bool half;                  /* where it may be it is bfloat16 */
     int readers, left;          /* steps that read it; that are not planned */
 };
 
@@ -72,8 +73,8 @@ struct tape_seed {
     const float *d;             /* (batch,h,w,channels) */
 };
 
-/* No steps yet, on a picture of so many channels.  frozen: what steps declare
- * does not learn. */
+/* No steps yet, on a picture of so many channels; t stays where it is from here
+ * on.  frozen: what steps declare does not learn. */
 void tape_init(struct tape *t, struct params *ps, size_t channels, bool frozen);
 /* Free what it holds; zeroed then. */
 void tape_release(struct tape *t);
@@ -99,10 +100,13 @@ int tape_conv(struct tape *t, int of, const char *name, size_t out,
 /* onto + the convolution, then its act. */
 int tape_conv_onto(struct tape *t, int onto, int of, const char *name,
                    size_t out, size_t kernel, bool bias);
-/* A linear layer of (batch,1,1,channels). */
+/* A linear layer of each pixel. */
 int tape_linear(struct tape *t, int of, const char *name, size_t out);
 /* Of a step of these three what may be set before the plan. */
 struct conv *tape_layer(struct tape *t, int map);
+/* That step's map lies in memory as bfloat16 where it may (conv.h, half_out);
+ * one convolution reads it. */
+void tape_halve_map(struct tape *t, int map);
 /* A batch norm by its running statistics, folded into that convolution. */
 void tape_fold_norm(struct tape *t, int map, const char *name, float eps);
 /* Channels of a, then b's. */
@@ -111,6 +115,8 @@ int tape_concat(struct tape *t, int a, int b);
 int tape_add(struct tape *t, int a, int b, enum nn_act act);
 /* act of it; those of act_backward_out. */
 int tape_act(struct tape *t, int of, enum nn_act act);
+/* So many times it. */
+int tape_scale(struct tape *t, int of, float times);
 /* Of h x w pixels. */
 int tape_rescale(struct tape *t, int of, enum rescale_mode mode, size_t h,
                  size_t w);
@@ -136,8 +142,9 @@ const float *tape_map(size_t shape[4], const struct tape *t, int map);
 /* dpicture is written, or NULL, from the gradients of n maps. */
 void tape_backward(float *dpicture, const struct tape_seed *seed, size_t n,
                    struct tape *t);
-/* The last map's value in a graph where that of map `from` is x: those after
+/* Map last's value in a graph where that of map `from` is x, by the steps after
  * it, planned or not. */
-int tape_graph(struct graph *g, int x, int from, const struct tape *t);
+int tape_graph(struct graph *g, int x, int from, int last,
+               const struct tape *t);
 
 #endif

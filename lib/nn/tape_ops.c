@@ -18,8 +18,10 @@ static void tape_conv_plan(struct tape_step *s, struct nn_plan *p)
     const struct tape_step *x = s->of[s->reads - 1];
 
     c->no_din = x->constant;
-    if (x->h * x->w == 1) {
-        linear_plan(c, p, s->batch);
+    c->half_in = x->half && conv_halves(p);
+    c->half_out = s->half && conv_halves(p);
+    if (c->ps->tensor[c->weight].ndim == 2) {
+        linear_plan(c, p, s->batch * s->h * s->w);
         return;
     }
     conv_plan(c, p, s->batch, x->h, x->w);
@@ -106,6 +108,11 @@ int tape_conv_onto(struct tape *t, int onto, int of, const char *name,
     conv_init(c, t->ps, name, in, out, kernel, 1, bias);
     c->add = true;
     return tape_conv_declared(t, map);
+}
+
+void tape_halve_map(struct tape *t, int map)
+{
+    t->map[map]->half = true;
 }
 
 int tape_linear(struct tape *t, int of, const char *name, size_t out)
@@ -199,6 +206,48 @@ int tape_act(struct tape *t, int of, enum nn_act act)
     const int map = TAPE_STEP(t, &act_op, of);
 
     *(enum nn_act *)t->map[map]->layer = act;
+    return map;
+}
+
+/* ---- products with a number ------------------------------------------------- */
+
+static void tape_scale_to(float *y, const float *x, const struct tape_step *s)
+{
+    const float *times = s->layer;
+
+    for (size_t i = 0; i < tape_count(s); i++)
+        y[i] = x[i] * *times;
+}
+
+static void tape_scale_forward(struct tape_step *s)
+{
+    tape_scale_to(s->out, s->of[0]->x, s);
+}
+
+static void tape_scale_backward(float *to, struct tape_step *s, int k)
+{
+    (void)k;
+    tape_scale_to(to, s->d, s);
+}
+
+static int tape_scale_graph(struct graph *g, const int *in,
+                            const struct tape_step *s)
+{
+    const float *times = s->layer;
+
+    return GRAPH_NODE(g, "Mul", in[0], graph_real(g, *times));
+}
+
+static const struct tape_op scale_op = {
+    sizeof(float), 1, false, NULL, tape_scale_forward, tape_scale_backward,
+    tape_scale_graph
+};
+
+int tape_scale(struct tape *t, int of, float times)
+{
+    const int map = TAPE_STEP(t, &scale_op, of);
+
+    *(float *)t->map[map]->layer = times;
     return map;
 }
 

@@ -96,9 +96,9 @@ static void run_conv(struct golden *g, struct params *ps,
     struct error err = { 0 };
     struct nn_options opt = { NN_TRAIN, NN_F32 };
 
+    conv_decoder_init(&d, ps, "", 256, 128, head);
     if (generators_failed(g,
-                          conv_decoder_init(&d, ps, "", 256, 128, head, &err)
-                              || params_allocate(ps, &err)
+                          params_allocate(ps, &err)
                               || params_allocate_gradients(ps, &err),
                           &err))
         return;
@@ -157,10 +157,10 @@ static void run_linear(struct golden *g, struct params *ps,
     struct error err = { 0 };
     struct nn_options opt = { NN_TRAIN, NN_F32 };
 
+    mlp_decoder_init(&d, ps, "", 1024, 256, 128, head);
     if (generators_failed(
             g,
-            mlp_decoder_init(&d, ps, "", 1024, 256, 128, head, &err)
-                || params_allocate(ps, &err)
+            params_allocate(ps, &err)
                 || params_allocate_gradients(ps, &err),
             &err))
         return;

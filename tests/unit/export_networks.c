@@ -149,8 +149,8 @@ static void run_plane(void)
     float delta[2 * CELLS * CELLS];
 
     params_init(&ps);
-    REQUIRE(plane_init_init(&p, &ps, "p.", IN, 8, &err) == 0 &&
-            params_allocate(&ps, &err) == 0, "%s", err.text);
+    plane_init_init(&p, &ps, "p.", IN, 8);
+    REQUIRE(params_allocate(&ps, &err) == 0, "%s", err.text);
     for (size_t t = 0; t < ps.count; t++)
         ps.tensor[t].init = PARAM_HE;
     params_randomise(&ps, 4);
@@ -212,7 +212,7 @@ static void run_conv_decoder(struct networks *n, enum network which,
     struct error err = {0};
     struct attributes a;
     size_t N = side * side;
-    float *features = noise(net, N * d->in, false);
+    float *features = noise(net, N * d->tape.picture.channels, false);
     float *logit = noise("logit", 3 * N, false);
 
     REQUIRE(conv_decoder_plan(d, 1, side, side, plain, &err) == 0, "%s",
@@ -220,7 +220,7 @@ static void run_conv_decoder(struct networks *n, enum network which,
     attributes_init(&a, N, &d->head);
     conv_decoder_forward(&a.out, features, direction, logit, d);
     save_network(n, which);
-    save(net, "features", features, N * d->in);
+    save(net, "features", features, N * d->tape.picture.channels);
     save(net, "direction", direction, 3);
     save(net, "rgb_logit", logit, 3 * N);
     attributes_save(&a, net);
@@ -235,14 +235,14 @@ static void run_mlp_decoder(struct networks *n)
     struct error err = {0};
     struct attributes a;
     size_t N = n->avatar.dynamic.count;
-    float *features = noise("points", N * d->in, false);
+    float *features = noise("points", N * d->tape.picture.channels, false);
     float *logit = noise("logit", 3 * N, false);
 
     REQUIRE(mlp_decoder_plan(d, 1, N, plain, &err) == 0, "%s", err.text);
     attributes_init(&a, N, &d->head);
     mlp_decoder_forward(&a.out, features, direction, logit, d);
     save_network(n, NETWORK_DYNAMIC);
-    save("dynamic", "features", features, N * d->in);
+    save("dynamic", "features", features, N * d->tape.picture.channels);
     save("dynamic", "direction", direction, 3);
     save("dynamic", "rgb_logit", logit, 3 * N);
     attributes_save(&a, "dynamic");

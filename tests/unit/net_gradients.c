@@ -232,7 +232,8 @@ static void small_nets(void)
 
     struct plane_init plane_init;
     params_init(&ps);
-    net_ready(&ps, plane_init_init(&plane_init, &ps, "p.", 9, 16, &err));
+    plane_init_init(&plane_init, &ps, "p.", 9, 16);
+    net_ready(&ps, 0);
     net_planned(plane_init_plan(&plane_init, 11, 13, train, &err));
     RUN(plane_init, -1, 1, 11 * 13 * 9, 11 * 13 * 2);
 }

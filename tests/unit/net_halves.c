@@ -82,8 +82,7 @@ static void halves_plane(struct halves_result *r, struct nn_options opt,
     struct gaussian_out back = halves_views(copy);
     r->outs = PIXELS * RAW;
     r->ins = PIXELS * INPUTS;
-    if (conv_decoder_init(&d, &r->ps, "", INPUTS, WIDTH, head, &err))
-        exit(1);
+    conv_decoder_init(&d, &r->ps, "", INPUTS, WIDTH, head);
     halves_weights(&r->ps);
     if (conv_decoder_plan(&d, 1, SIDE, SIDE, opt, &err))
         exit(1);
@@ -100,8 +99,7 @@ static void halves_init(struct halves_result *r, struct nn_options opt,
 
     r->outs = PIXELS * 2;
     r->ins = PIXELS * 33;
-    if (plane_init_init(&d, &r->ps, "", 33, 16, &err))
-        exit(1);
+    plane_init_init(&d, &r->ps, "", 33, 16);
     halves_weights(&r->ps);
     if (plane_init_plan(&d, SIDE, SIDE, opt, &err))
         exit(1);
