@@ -74,6 +74,20 @@ assert (m[:60, :40] < 64).all() and (m[:60, -40:] < 64).all()
 PY
 }
 
+@test "a mask the wrong way round is refused" {
+    command -v ffmpeg >/dev/null || skip "no ffmpeg (apt: ffmpeg)"
+    photo=$TOP/examples/photo.jpg
+    for inside in 255 0; do         # an ellipse about the face
+        ffmpeg -v error -y -i "$photo" -frames:v 1 -vf "format=gray,geq=lum='\
+            if(lt(hypot((X-384)/200,(Y-480)/300),1),$inside,255-$inside)'" mask$inside.png
+    done
+    status 0 spid-shape -q -m "$TOP/examples/model" --mask mask255.png "$photo" -o right.spid
+    status 65 spid-shape -q -m "$TOP/examples/model" --mask mask0.png "$photo" -o wrong.spid
+    one_line
+    has 'the mask file shows nobody where the face is'
+    [ ! -e wrong.spid ]
+}
+
 @test "a mask of another size is refused" {
     ppm 100 80 abcdefg >me.ppm
     ppm 50 80 a >mask.ppm
