@@ -1,6 +1,6 @@
 /* A network as a graph of ONNX operators (formats/onnx.h), for other people's
- * engines.  Every network X has beside its X_forward an X_graph that says the
- * same layers in this vocabulary, from its declared tensors; it needs no plan.
+ * engines, from its declared tensors; it needs no plan.  A list of steps
+ * (tape.h) says itself so; other networks have an X_graph beside X_forward.
  *
  * Values are ints.  The graph remembers the first thing that went wrong, like
  * a plan.  Inputs and outputs are rows of channels (B,h,w,C), as at every
