@@ -120,17 +120,6 @@ static void finite_differences(enum splat_rules rules)
 
 /* ---- kernels against the reference --------------------------------------- */
 
-static double splat_relative(const float *x, const double *t, size_t n)
-{
-    double d = 0, s = 0;
-
-    for (size_t i = 0; i < n; i++) {
-        d += (x[i] - t[i]) * (x[i] - t[i]);
-        s += t[i] * t[i];
-    }
-    return sqrt(d / fmax(s, 1e-300));
-}
-
 /* All gradients in one array: mean scale quat opacity color rt. */
 static float *kernel_gradients(const struct testscene *t, size_t n, size_t C,
                                int threads, const float *d_image,

@@ -422,18 +422,6 @@ static double *reference_gradients_of(const struct testscene *t, size_t C,
     return all;
 }
 
-/* ||x - t|| / ||t|| */
-static double places_relative(const float *x, const double *t, size_t n)
-{
-    double d = 0, s = 0;
-
-    for (size_t i = 0; i < n; i++) {
-        d += (x[i] - t[i]) * (x[i] - t[i]);
-        s += t[i] * t[i];
-    }
-    return sqrt(d / fmax(s, 1e-300));
-}
-
 static void places_backward(size_t C)
 {
     static const char *const name[] = {"mean", "scale", "quat", "opacity",
@@ -456,7 +444,7 @@ static void places_backward(size_t C)
 
         snprintf(what, sizeof what, "C %zu %s: relative L2", C, name[k]);
         check(what,
-              places_relative(one + at[k], want + at[k], at[k + 1] - at[k]),
+              splat_relative(one + at[k], want + at[k], at[k + 1] - at[k]),
               1e-3);
     }
     check_that("the same bits for 7 threads",

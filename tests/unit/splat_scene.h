@@ -22,6 +22,18 @@ __attribute__((unused)) static void *scene_grab(size_t n, size_t size)
     return p;
 }
 
+/* ||x - t|| / ||t|| */
+__attribute__((unused)) static double splat_relative(const float *x, const double *t, size_t n)
+{
+    double d = 0, s = 0;
+
+    for (size_t i = 0; i < n; i++) {
+        d += (x[i] - t[i]) * (x[i] - t[i]);
+        s += t[i] * t[i];
+    }
+    return sqrt(d / fmax(s, 1e-300));
+}
+
 /* n Gaussians that fill a small picture, a few pixels wide. */
 __attribute__((unused)) static void small_scene(struct testscene *t, size_t n,
                                                 uint64_t seed)

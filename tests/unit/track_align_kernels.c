@@ -156,6 +156,17 @@ static void reference_row(double row[U], const struct scene *s,
     row[7] = 1;
 }
 
+/* One row (n) more in normal equations a x = b. */
+static void reference_add(double *a, double *b, const double *row, int n,
+                          double weight, double r)
+{
+    for (int m = 0; m < n; m++) {
+        b[m] += weight * row[m] * r;
+        for (int k = 0; k <= m; k++)
+            a[n * m + k] += weight * row[m] * row[k];
+    }
+}
+
 static void reference_sum(struct align_sums *to, const struct scene *s,
                           const double *picture)
 {
@@ -177,12 +188,27 @@ static void reference_sum(struct align_sums *to, const struct scene *s,
         to->xy += w * level[0] * y;
         to->yy += w * y * y;
         reference_row(row, s, x, level);
-        for (int m = 0; m < U; m++) {
-            to->b[m] += narrow * row[m] * r;
-            for (int n = 0; n <= m; n++)
-                to->a[U * m + n] += narrow * row[m] * row[n];
-        }
+        reference_add(to->a, to->b, row, U, narrow, r);
     }
+}
+
+/* Largest difference of normal equations a x = b in n unknowns from true ones,
+ * each number by its own size, b's by `square`, and at least `least`. */
+static double align_equations_difference(const double *a, const double *b,
+                                         const double *ta, const double *tb,
+                                         int n, double square, double least)
+{
+    double worst = 0;
+
+    for (int m = 0; m < n; m++) {
+        const double own = sqrt(ta[n * m + m]);
+
+        for (int k = 0; k <= m; k++)
+            worst = fmax(worst, fabs(a[n * m + k] - ta[n * m + k]) /
+                                    (own * sqrt(ta[n * k + k]) + least));
+        worst = fmax(worst, fabs(b[m] - tb[m]) / (own * sqrt(square) + least));
+    }
+    return worst;
 }
 
 /* Largest difference of the sums, each by its own size. */
@@ -195,16 +221,8 @@ static double align_sums_difference(const struct align_sums *a,
 
     for (int k = 0; k < 7; k++)
         worst = fmax(worst, fabs(one[k] - two[k]) / two[k]);
-    for (int m = 0; m < U; m++) {
-        const double own = sqrt(b->a[U * m + m]);
-
-        for (int n = 0; n <= m; n++)
-            worst = fmax(worst, fabs(a->a[U * m + n] - b->a[U * m + n]) /
-                                    (own * sqrt(b->a[U * n + n])));
-        worst = fmax(worst, fabs(a->b[m] - b->b[m]) /
-                                (own * sqrt(b->yy)));
-    }
-    return worst;
+    return fmax(worst, align_equations_difference(a->a, a->b, b->a, b->b, U,
+                                                  b->yy, 0));
 }
 
 /* s's points, moved by its directions. */
@@ -255,11 +273,7 @@ static void reference_face(struct align_face_sums *to, const struct scene *s,
         to->weight += w;
         to->off += w * fabs(r);
         reference_face_row(row, s, x, level, i);
-        for (int m = 0; m < FACE; m++) {
-            to->b[m] += narrow * row[m] * r;
-            for (int n = 0; n <= m; n++)
-                to->a[FACE * m + n] += narrow * row[m] * row[n];
-        }
+        reference_add(to->a, to->b, row, FACE, narrow, r);
     }
 }
 
@@ -270,17 +284,8 @@ static double align_face_sums_difference(const struct align_face_sums *a,
     double worst = fmax(fabs(a->weight - b->weight) / b->weight,
                         fabs(a->off - b->off) / b->off);
 
-    for (int m = 0; m < FACE; m++) {
-        const double own = sqrt(b->a[FACE * m + m]);
-
-        for (int n = 0; n <= m; n++)
-            worst = fmax(worst, fabs(a->a[FACE * m + n] -
-                                     b->a[FACE * m + n]) /
-                                    (own * sqrt(b->a[FACE * n + n]) + 1e-9));
-        worst = fmax(worst, fabs(a->b[m] - b->b[m]) /
-                                (own * sqrt(b->a[0]) + 1e-9));
-    }
-    return worst;
+    return fmax(worst, align_equations_difference(a->a, a->b, b->a, b->b, FACE,
+                                                  b->a[0], 1e-9));
 }
 
 static double show_apart(const struct align_kernels *k, const struct scene *s,

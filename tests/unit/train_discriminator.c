@@ -11,6 +11,7 @@
 #include "lib/lab/train/discriminator.h"
 #include "tests/check.h"
 #include "tests/reference/act.h"
+#include "tests/unit/noise.h"
 
 static struct nn_plans plans;
 
@@ -172,17 +173,6 @@ static void reference_learn(double terms[2], struct reference *r,
 
 /* ---- checks ------------------------------------------------------------- */
 
-static void smooth_picture(float *x, double phase, uint64_t seed)
-{
-    struct random r;
-
-    random_init(&r, seed, "discriminator");
-    for (size_t i = 0; i < N; i++)
-        x[i] = (float)(0.5 + 0.3 * sin((double)(i / 3 % S) / 7 + phase) *
-                                 cos((double)(i / 3 / S) / 9) +
-                       random_range(&r, -0.1, 0.1));
-}
-
 /* Biases that are not 0, and verdicts large enough for hinges to matter. */
 static void shake(struct discriminator *d)
 {
@@ -341,8 +331,8 @@ int main(void)
     nn_plans_use(&plans);
     check_error("init", !discriminator_init(&d, S, 11, &err), &err);
     shake(&d);
-    smooth_picture(a, 0, 1);
-    smooth_picture(b, 0.7, 2);
+    noise_waves(a, "discriminator", N, 1, S, 0);
+    noise_waves(b, "discriminator", N, 2, S, 0.7);
     reference_init(&r, &d);
     expect("the window's side", (double)d.side, 40, 0);
     check_fool(&d, &r, &face, 10, 12);

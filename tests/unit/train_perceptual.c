@@ -11,6 +11,7 @@
 #include "lib/base/random.h"
 #include "lib/lab/train/perceptual.h"
 #include "tests/check.h"
+#include "tests/unit/noise.h"
 
 #define H 70
 #define W 90
@@ -67,17 +68,6 @@ static void write_lpips(const char *path)
     params_release(&ps);
 }
 
-static void smooth_picture(float *x, double phase, uint64_t seed)
-{
-    struct random r;
-
-    random_init(&r, seed, "perceptual");
-    for (size_t i = 0; i < N; i++)
-        x[i] = (float)(0.5 + 0.3 * sin((double)(i / 3 % W) / 7 + phase) *
-                                 cos((double)(i / 3 / W) / 9) +
-                       random_range(&r, -0.1, 0.1));
-}
-
 /* Along a smooth direction, so that few units change sign. */
 static void check_gradient(struct perceptual *p, const struct box *box,
                            const char *what)
@@ -112,8 +102,8 @@ static void check_network(const char *path)
     struct error err = { 0 };
 
     check_error("open", !perceptual_open(&p, path, 64, &err), &err);
-    smooth_picture(a, 0, 1);
-    smooth_picture(b, 0.7, 2);
+    noise_waves(a, "perceptual", N, 1, W, 0);
+    noise_waves(b, "perceptual", N, 2, W, 0.7);
     perceptual_target(&p, a, H, W, NULL);
     check("the picture itself", perceptual_loss(NULL, a, H, W, NULL, 1, &p),
           1e-12);
