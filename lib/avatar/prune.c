@@ -5,8 +5,8 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sysexits.h>
 
+#include "lib/base/arena.h"
 #include "lib/base/cpu.h"
 #include "lib/base/sort.h"
 #include "lib/base/camera.h"
@@ -19,6 +19,7 @@ enum { YAWS = 5, NODS = 3, POSES = 2, VIEWS = YAWS * NODS * POSES };
 #define JAW_OPEN 0.35f      /* radians, of the second pose */
 
 struct prune {
+    struct arena memory;
     const struct baked *b;
     size_t size;
     float *verts;           /* (POSES, V, 3) */
@@ -143,30 +144,17 @@ static int prune_allocate(struct prune *p, size_t V, struct error *err)
 {
     size_t pixels = p->size * p->size;
 
-    p->verts = malloc(POSES * 3 * V * sizeof(float));
-    p->full = malloc(VIEWS * 3 * pixels * sizeof(float));
-    p->image = malloc(3 * pixels * sizeof(float));
-    p->ones = malloc(pixels * sizeof(float));
-    p->weight = malloc((p->b->N + 1) * sizeof(float));
-    p->max = calloc(p->b->N + 1, sizeof(double));
-    if (!p->verts || !p->full || !p->image || !p->ones ||
-        !p->weight || !p->max)
-        return error_set(err, EX_OSERR, "no memory for %d views", VIEWS);
+    p->verts = arena_take(&p->memory, POSES * 3 * V, sizeof *p->verts);
+    p->full = arena_take(&p->memory, VIEWS * 3 * pixels, sizeof *p->full);
+    p->image = arena_take(&p->memory, 3 * pixels, sizeof *p->image);
+    p->ones = arena_take(&p->memory, pixels, sizeof *p->ones);
+    p->weight = arena_take(&p->memory, p->b->N, sizeof *p->weight);
+    p->max = arena_take(&p->memory, p->b->N, sizeof *p->max);
+    if (arena_check(&p->memory, "the views", err))
+        return -1;
     for (size_t i = 0; i < pixels; i++)
         p->ones[i] = 1;
     return baked_move_init(&p->move, p->b, err);
-}
-
-/* Free what it holds. */
-static void prune_release(struct prune *p)
-{
-    free(p->verts);
-    baked_move_release(&p->move);
-    free(p->full);
-    free(p->image);
-    free(p->ones);
-    free(p->weight);
-    free(p->max);
 }
 
 /* Gaussians of each branch. */
@@ -184,14 +172,10 @@ int prune_views(struct baked *b, struct prune_report *r,
 {
     struct prune p = {.b = b, .size = size};
     struct head_motion open = {.jaw = {JAW_OPEN, 0, 0}}, rest = {0};
-    uint8_t *keep = malloc(b->N + 1);
+    uint8_t *keep = arena_take(&p.memory, b->N, sizeof *keep);
     int rc = -1;
 
     *r = (struct prune_report){.views = VIEWS, .psnr = INFINITY};
-    if (!keep) {
-        error_set(err, EX_OSERR, "no memory for %zu Gaussians", b->N);
-        goto out;
-    }
     if (prune_allocate(&p, id->head->V, err))
         goto out;
     head_pose(p.verts, id, &rest);
@@ -206,7 +190,7 @@ int prune_views(struct baked *b, struct prune_report *r,
     prune_count(r->after, b);
     rc = prune_draw_all(&p, d, id->head, r, &r->ms_kept, err);
 out:
-    free(keep);
-    prune_release(&p);
+    baked_move_release(&p.move);
+    arena_release(&p.memory);
     return rc;
 }

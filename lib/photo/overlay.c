@@ -5,7 +5,6 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sysexits.h>
 
 #include "formats/draw.h"
 #include "lib/base/camera.h"
@@ -18,22 +17,19 @@ int overlay_init(struct overlay *o, const struct identity *id,
 
     memset(o, 0, sizeof *o);
     o->id = id;
-    o->verts = malloc(3 * h->V * sizeof *o->verts);
-    o->uv = malloc(2 * h->V * sizeof *o->uv);
-    o->z = malloc(h->V * sizeof *o->z);
-    o->segments = malloc(12 * h->F * sizeof *o->segments);
-    if (o->verts && o->uv && o->z && o->segments)
+    o->verts = arena_take(&o->memory, 3 * h->V, sizeof *o->verts);
+    o->uv = arena_take(&o->memory, 2 * h->V, sizeof *o->uv);
+    o->z = arena_take(&o->memory, h->V, sizeof *o->z);
+    o->segments = arena_take(&o->memory, 12 * h->F, sizeof *o->segments);
+    if (arena_check(&o->memory, "the overlay", err) == 0)
         return 0;
     overlay_release(o);
-    return error_set(err, EX_OSERR, "no memory for the overlay");
+    return -1;
 }
 
 void overlay_release(struct overlay *o)
 {
-    free(o->verts);
-    free(o->uv);
-    free(o->z);
-    free(o->segments);
+    arena_release(&o->memory);
     free(o->rgb);
     memset(o, 0, sizeof *o);
 }

@@ -4,12 +4,13 @@
 
 #include <stdint.h>
 
-#include "lib/base/error.h"
+#include "lib/base/arena.h"
 #include "lib/base/crop.h"
 #include "lib/head/lbs.h"
 #include "lib/head/motion.h"
 
 struct overlay {
+    struct arena memory;
     const struct identity *id;  /* borrowed */
     float *verts;               /* (V,3) */
     float *uv, *z;              /* (V,2), (V) */

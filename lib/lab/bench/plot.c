@@ -9,6 +9,7 @@
 #include <sysexits.h>
 
 #include "lib/base/cpu.h"
+#include "lib/base/file.h"
 
 enum { PANELS = 4, STAGES = 16, GROUPS = 64 };
 #define FLOOR 1e-9      /* RMS error at which smaller ones, and none, are drawn */
@@ -128,11 +129,9 @@ static void plot_put_curves(FILE *f, const struct panel *p)
 /* gnuplot's terminal for the name's ending. */
 static const char *plot_terminal(const char *file)
 {
-    const char *dot = strrchr(file, '.');
-
-    if (dot && !strcmp(dot, ".svg"))
+    if (file_ends(file, ".svg"))
         return "svg size 1800,1200 background \"white\" font \"Sans,11\"";
-    if (dot && !strcmp(dot, ".pdf"))
+    if (file_ends(file, ".pdf"))
         return "pdfcairo size 18,12 font \"Sans,11\" fontscale 1.35";
     return "pngcairo size 1800,1200 font \"Sans,11\"";
 }
