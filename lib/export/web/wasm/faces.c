@@ -32,7 +32,8 @@ size_t facedetect_find(struct facedetect *d, struct square *face, size_t max,
 
     _Static_assert(sizeof *face == 3 * sizeof(double), "x, y, size");
     (void)d;
-    (void)size;
     (void)certain;
+    if (size == FACEDETECT_SMALL)       /* its one search was made */
+        return 0;
     return (size_t)faces_find(&face->x, (int)max, l->rgb, (int)l->W, (int)l->H);
 }
