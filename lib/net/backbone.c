@@ -45,21 +45,18 @@ int backbone_init(struct backbone *b, struct params *ps, const char *prefix,
         return error_set(err, EX_CONFIG, "backbone image %zu, patch %zu "
                          "(expected a multiple)", config->image,
                          config->patch);
-    return dino_base_init(&b->impl->dino, ps, prefix, &vit, config->features,
-                          err);
+    return dino_base_init(&b->impl->dino, ps, prefix, &vit, config->image,
+                          config->image, config->size, config->features, err);
 }
 
 int backbone_plan(struct backbone *b, size_t batch, size_t input,
                   struct nn_options opt, struct error *err)
 {
-    size_t image = b->config.image;
-
     b->batch = batch;
     b->input = input;
     if (backbone_is_small(b))
         return small_backbone_plan(&b->impl->small, batch, input, opt, err);
-    return dino_base_plan(&b->impl->dino, batch, input, input, image, image,
-                          b->config.size, opt, err);
+    return dino_base_plan(&b->impl->dino, batch, input, input, opt, err);
 }
 
 void backbone_release(struct backbone *b)
@@ -74,12 +71,15 @@ void backbone_release(struct backbone *b)
     memset(b, 0, sizeof *b);
 }
 
+/* Either is a list of steps. */
+static struct tape *backbone_tape(struct backbone *b)
+{
+    return backbone_is_small(b) ? &b->impl->small.tape : &b->impl->dino.tape;
+}
+
 void backbone_forward(float *features, const float *rgb, struct backbone *b)
 {
-    if (backbone_is_small(b))
-        small_backbone_forward(features, rgb, &b->impl->small);
-    else
-        dino_base_forward(features, rgb, &b->impl->dino);
+    tape_forward(features, rgb, backbone_tape(b));
 }
 
 void backbone_token(float *token, const struct backbone *b)
@@ -100,10 +100,9 @@ const struct dino_base *backbone_dino(const struct backbone *b)
 
 void backbone_backward(const float *dfeatures, struct backbone *b)
 {
-    if (backbone_is_small(b))
-        small_backbone_backward(dfeatures, &b->impl->small);
-    else
-        dino_base_backward(dfeatures, &b->impl->dino);
+    struct tape *t = backbone_tape(b);
+
+    tape_backward(NULL, &(struct tape_seed){t->count - 1, dfeatures}, 1, t);
 }
 
 /* ---- as a graph ---------------------------------------------------------- */

@@ -102,7 +102,9 @@ int tape_conv_onto(struct tape *t, int onto, int of, const char *name,
                    size_t out, size_t kernel, bool bias);
 /* A linear layer of each pixel. */
 int tape_linear(struct tape *t, int of, const char *name, size_t out);
-/* Of a step of these three what may be set before the plan. */
+/* Any layer that adds to nothing, as conv.h declares it. */
+int tape_declared(struct tape *t, int of, const struct conv *c);
+/* Of a step of these four what may be set before the plan. */
 struct conv *tape_layer(struct tape *t, int map);
 /* That step's map lies in memory as bfloat16 where it may (conv.h, half_out);
  * one convolution reads it. */

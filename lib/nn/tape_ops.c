@@ -76,11 +76,13 @@ struct conv *tape_layer(struct tape *t, int map)
     return t->map[map]->layer;
 }
 
-/* That step's layer is declared; its tensors learn or not. */
-static int tape_conv_declared(struct tape *t, int map)
+/* Steps on so many maps that are the layer c; its tensors learn or not. */
+static int tape_conv_step(struct tape *t, const struct tape_op *op,
+                          const int *of, int n, const struct conv *c)
 {
-    struct conv *c = tape_layer(t, map);
+    const int map = tape_step(t, op, of, n);
 
+    *tape_layer(t, map) = *c;
     t->ps->tensor[c->weight].frozen = t->frozen;
     if (c->bias != NN_NONE)
         t->ps->tensor[c->bias].frozen = t->frozen;
@@ -88,40 +90,41 @@ static int tape_conv_declared(struct tape *t, int map)
     return map;
 }
 
+int tape_declared(struct tape *t, int of, const struct conv *c)
+{
+    return tape_conv_step(t, &conv_op, &of, 1, c);
+}
+
 int tape_conv(struct tape *t, int of, const char *name, size_t out,
               size_t kernel, bool bias)
 {
-    const size_t in = tape_channels(t, of);
-    const int map = TAPE_STEP(t, &conv_op, of);
+    struct conv c;
 
-    conv_init(tape_layer(t, map), t->ps, name, in, out, kernel, 1, bias);
-    return tape_conv_declared(t, map);
+    conv_init(&c, t->ps, name, tape_channels(t, of), out, kernel, 1, bias);
+    return tape_declared(t, of, &c);
 }
 
 int tape_conv_onto(struct tape *t, int onto, int of, const char *name,
                    size_t out, size_t kernel, bool bias)
 {
-    const size_t in = tape_channels(t, of);
-    const int map = TAPE_STEP(t, &conv_onto_op, onto, of);
-    struct conv *c = tape_layer(t, map);
+    struct conv c;
 
-    conv_init(c, t->ps, name, in, out, kernel, 1, bias);
-    c->add = true;
-    return tape_conv_declared(t, map);
+    conv_init(&c, t->ps, name, tape_channels(t, of), out, kernel, 1, bias);
+    c.add = true;
+    return tape_conv_step(t, &conv_onto_op, (int[]){onto, of}, 2, &c);
+}
+
+int tape_linear(struct tape *t, int of, const char *name, size_t out)
+{
+    struct conv c;
+
+    linear_init(&c, t->ps, name, tape_channels(t, of), out);
+    return tape_declared(t, of, &c);
 }
 
 void tape_halve_map(struct tape *t, int map)
 {
     t->map[map]->half = true;
-}
-
-int tape_linear(struct tape *t, int of, const char *name, size_t out)
-{
-    const size_t in = tape_channels(t, of);
-    const int map = TAPE_STEP(t, &conv_op, of);
-
-    linear_init(tape_layer(t, map), t->ps, name, in, out);
-    return tape_conv_declared(t, map);
 }
 
 void tape_fold_norm(struct tape *t, int map, const char *name, float eps)

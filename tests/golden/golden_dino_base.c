@@ -6,20 +6,20 @@
 #include "lib/net/dino_base.h"
 #include "tests/golden/layout.h"
 
-static void compare_stages(struct golden *g, const struct dino_base *d)
+static void compare_stages(struct golden *g, struct dino_base *d)
 {
-    static const struct {
+    const struct {
         const char *name;
-        enum dino_stage stage;
-    } kinds[3] = { { "cat", DINO_CAT }, { "layer_rn", DINO_RN },
-                   { "refine", DINO_REFINE } };
+        const int *map;
+    } kinds[3] = { { "cat", d->cat }, { "layer_rn", d->rn },
+                   { "refine", d->refine } };
     char name[32];
     size_t s[4];
 
     for (size_t k = 0; k < DINO_LEVELS; k++)
         for (int i = 0; i < 3; i++) {
-            const float *x = dino_base_stage(s, d, kinds[i].stage, k);
-            size_t C = i ? s[3] : d->level[k].channels + 3;
+            const float *x = tape_map(s, &d->tape, kinds[i].map[k]);
+            size_t C = i ? s[3] : tape_layer(&d->tape, d->rn[k])->in;
             /* cat is stored with its channels padded */
             float *tight = malloc(s[0] * s[1] * s[2] * C * sizeof *tight);
 
@@ -41,13 +41,11 @@ static void dino_gradients(struct golden *g, struct dino_base *d,
     };
     size_t s[4];
 
-    dino_base_stage(s, d, DINO_FEATURE, 0);
+    tape_map(s, &d->tape, d->feature);
     float *probe = golden_probe_array(g->seed, s[0] * s[1] * s[2] * s[3]);
     float *dout = layout_rows(probe, s[0], s[1] * s[2], s[3]);
-    bool resize = d->resize_out;
-    d->resize_out = false;        /* the loss is of `feature` itself */
-    dino_base_backward(dout, d);
-    d->resize_out = resize;
+    /* the loss is of `feature` itself */
+    tape_backward(NULL, &(struct tape_seed){d->feature, dout}, 1, &d->tape);
     for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
         char name[80];
         size_t t = params_find(ps, names[i]);
@@ -68,24 +66,21 @@ static void run_mode(struct golden *g, struct dino_base *d, struct params *ps,
     struct error err = { 0 };
     char name[32];
 
-    if (dino_base_plan(d, 1, h, wide, h, wide, size, opt, &err)) {
+    if (dino_base_plan(d, 1, h, wide, opt, &err)) {
         golden_fail(g, &err);
         return;
     }
-    size_t E = d->vit.config.embed, n = size * size * d->out, s[4];
+    size_t E = d->vit.config.embed, s[4];
+    size_t C = tape_channels(&d->tape, d->feature), n = size * size * C;
     float *features = malloc(n * sizeof *features);
-    dino_base_forward(features, rgb, d);
+    tape_forward(features, rgb, &d->tape);
     snprintf(name, sizeof name, "feature_size%zu", size);
-    layout_compare(g, name, features, 1, size * size, d->out, false);
+    layout_compare(g, name, features, 1, size * size, C, false);
     if (mode != NN_INFER) {
         golden_compare(g, "global", dinov2_tokens(&d->vit, 3) + E, E);
         compare_stages(g, d);
-        const float *x = dino_base_stage(s, d, DINO_FEATURE, 0);
-        if (d->resize_out)
-            layout_compare(g, "feature", x, 1, s[1] * s[2], s[3], false);
-        else
-            layout_compare(g, "feature", features, 1, s[1] * s[2], s[3],
-                           false);
+        const float *x = tape_map(s, &d->tape, d->feature);
+        layout_compare(g, "feature", x, 1, s[1] * s[2], s[3], false);
         if (golden_has(g, "grad.output_conv.bias"))
             dino_gradients(g, d, ps, w);
     }
@@ -108,7 +103,7 @@ static void run_dino_base(struct golden *g)
     cJSON_Delete(shape);
     cJSON_Delete(sizes);
     params_init(&ps);
-    if (dino_base_init(&d, &ps, "", &vit, 256, &err) ||
+    if (dino_base_init(&d, &ps, "", &vit, h, wide, size, 256, &err) ||
         params_allocate(&ps, &err) || params_allocate_gradients(&ps, &err)) {
         golden_fail(g, &err);
         return;
