@@ -27,12 +27,14 @@ void matte_net_release(struct matte_net *m)
 
 void matte_net_forward(float *logit, const float *rgb, struct matte_net *m)
 {
-    small_backbone_forward(logit, rgb, &m->net);
+    tape_forward(logit, rgb, &m->net.tape);
 }
 
 void matte_net_backward(const float *dlogit, struct matte_net *m)
 {
-    small_backbone_backward(dlogit, &m->net);
+    struct tape *t = &m->net.tape;
+
+    tape_backward(NULL, &(struct tape_seed){t->count - 1, dlogit}, 1, t);
 }
 
 double matte_net_alpha(float logit)

@@ -106,18 +106,6 @@ void small_backbone_release(struct small_backbone *s)
     tape_release(&s->tape);
 }
 
-void small_backbone_forward(float *features, const float *rgb,
-                            struct small_backbone *s)
-{
-    tape_forward(features, rgb, &s->tape);
-}
-
-void small_backbone_backward(const float *dfeatures, struct small_backbone *s)
-{
-    tape_backward(NULL, &(struct tape_seed){s->tape.count - 1, dfeatures}, 1,
-                  &s->tape);
-}
-
 /* ---- as a graph ---------------------------------------------------------- */
 
 int small_backbone_graph(struct graph *g, int picture, size_t input,

@@ -7,7 +7,8 @@
 #include "lib/nn/tape.h"
 
 struct small_backbone {
-    struct tape tape;
+    struct tape tape;             /* of pictures (B,input,input,3) in [0,1]; last
+                                   * the features (B,size,size,C_f) */
     size_t size;
 };
 
@@ -15,18 +16,11 @@ struct small_backbone {
 void small_backbone_init(struct small_backbone *s, struct params *ps,
                          const char *prefix, size_t features, size_t size,
                          size_t width);
-/* Pictures of input x input pixels. */
+/* For pictures of input x input pixels; its passes are the tape's. */
 int small_backbone_plan(struct small_backbone *s, size_t batch, size_t input,
                         struct nn_options opt, struct error *err);
 /* Free what _init and _plan allocated; zeroed then. */
 void small_backbone_release(struct small_backbone *s);
-/* features (B,size,size,features) from rgb (B,input,input,3) in [0,1]; they
- * stay until the backward. */
-void small_backbone_forward(float *features, const float *rgb,
-                            struct small_backbone *s);
-/* The weights' gradients; the picture has none. */
-void small_backbone_backward(const float *dfeatures,
-                             struct small_backbone *s);
 
 /* The same as a graph: maps of the features from a picture (1,input,input,3),
  * which must not be larger than twice the features. */

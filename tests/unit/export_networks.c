@@ -302,7 +302,7 @@ static void run_untrained(void)
     REQUIRE(shape_encoder_plan(&s, 1, plain, &err) == 0 &&
             small_backbone_plan(&b, 1, 64, plain, &err) == 0, "%s", err.text);
     shape_encoder_forward(beta, rgb, &s);
-    small_backbone_forward(features, rgb, &b);
+    tape_forward(features, rgb, &b.tape);
     graph_init(&g, "minimal", "");
     shape_encoder_graph(&g, &s);
     save_graph("minimal", &g);
