@@ -16,7 +16,7 @@ struct facedetect;
 struct facedetect *facedetect_open(struct error *err);
 void facedetect_close(struct facedetect *d);     /* NULL is allowed */
 
-/* Which faces are looked for.  Each half as large takes four times as long. */
+/* Which faces are looked for.  Half as large are four times the pixels. */
 enum facedetect_size {
     FACEDETECT_LARGEST,         /* from a fifth of the shorter side up, or if
                                  * there is none from a twelfth */

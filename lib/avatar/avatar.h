@@ -131,9 +131,9 @@ int avatar_plan(struct avatar *a, struct nn_options opt, struct error *err);
 void avatar_release(struct avatar *a);
 
 /* offset (V,3): how far the mesh of src, at rest, is to stand off the head where hair
- * does (relief.h), and its closed lips to meet where the picture's do (lip_lining.h);
- * 0 without the prior.  Before avatar_bake of the same pictures, which need not be
- * read again. */
+ * does, its neck to be drawn in (relief.h), and its closed lips to meet where the
+ * picture's do (lip_lining.h); 0 without the prior.  Before avatar_bake of the same
+ * pictures, which need not be read again. */
 void avatar_relief(float *offset, struct avatar *a,
                    const struct avatar_source *src);
 

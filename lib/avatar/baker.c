@@ -226,7 +226,7 @@ static int baker_bake_spid(struct baker *b, const struct avatar_source *s,
     p->noffset = b->head->V;
     p->offset = malloc(3 * p->noffset * sizeof *p->offset);
     if (!p->offset)
-        return error_set(err, EX_OSERR, "no memory for hair");
+        return error_set(err, EX_OSERR, "no memory for a relief");
     avatar_relief(p->offset, &b->avatar, s);
     if (person_fold(&id, b->head, p, err))
         return -1;

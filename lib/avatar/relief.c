@@ -1,4 +1,4 @@
-/* Hidden hair's height over the mesh (relief.h). */
+/* Heights over the bare mesh: of hair, and below 0 of a neck (relief.h). */
 #include "lib/avatar/relief.h"
 
 #include <math.h>
@@ -134,6 +134,19 @@ void relief_limit(float *relief, const float *front,
                   mesh);
 }
 
+/* What the picture shows (4) where vertex v, raised by `height`, is; whether it does. */
+static bool relief_sample(float rgba[4], const struct source_picture *picture,
+                          const struct source_mesh *mesh, size_t v, float height)
+{
+    float place[2];
+
+    relief_place(place, mesh, v, height);
+    if (!source_picture_contains(picture, place))
+        return false;
+    source_picture_sample(rgba, picture, place, 1);
+    return true;
+}
+
 /* How far from vertex v along its normal the picture shows hair. */
 static float relief_follow(const struct source_picture *picture,
                            const struct source_mesh *mesh,
@@ -142,12 +155,11 @@ static float relief_follow(const struct source_picture *picture,
     int part = 0;
 
     for (; part < PARTS; part++) {
-        float place[2], rgba[4], odds[MATERIALS];
+        float rgba[4], odds[MATERIALS];
 
-        relief_place(place, mesh, v, TALL * (float)(part + 1) / PARTS);
-        if (!source_picture_contains(picture, place))
+        if (!relief_sample(rgba, picture, mesh, v,
+                           TALL * (float)(part + 1) / PARTS))
             break;
-        source_picture_sample(rgba, picture, place, 1);
         material_odds(odds, rgba, colors);
         if (rgba[3] < 0.5f || odds[MATERIAL_HAIR] < 1)
             break;
@@ -162,12 +174,10 @@ static float relief_draw_in(const struct source_picture *picture,
 {
     for (int part = 0; part < PARTS; part++) {
         const float height = -TALL * (float)part / PARTS;
-        float place[2], rgba[4];
+        float rgba[4];
 
-        relief_place(place, mesh, v, height);
-        if (!source_picture_contains(picture, place))
+        if (!relief_sample(rgba, picture, mesh, v, height))
             return 0;
-        source_picture_sample(rgba, picture, place, 1);
         if (rgba[3] >= 0.5f)
             return height;
     }

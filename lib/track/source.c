@@ -103,7 +103,7 @@ static int source_find_face(struct source *s, struct track *t,
                          t->opt.face);
     if (!found)
         return error_set(err, EX_DATAERR, "no face in a %spicture of %zu x "
-                         "%zu pixels (looked for faces from a twenty-fourth of the "
+                         "%zu pixels (looked for faces from a 24th of the "
                          "picture up%s; --crop X,Y,SIZE says where it is)",
                          im->damaged ? "damaged or cut short " : "",
                          im->width, im->height,
